@@ -6,6 +6,8 @@ STUDY := studies/mace-1993.toml
 # docs/decisions/0004-one-blas-thread.md; before any plugin of pytest imports numpy.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# Else every process of the tests would compile the package and the asserts anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: study pictures test test-all kernels check docs bench lock clean
 

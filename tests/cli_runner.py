@@ -6,13 +6,15 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
+from middeck.cli.fitting import identify
 from middeck.cli.main import execute
 
 ROOT = Path(__file__).parents[1]
+FITTED: dict[str, Any] = {}
 
 
 class Ended(NamedTuple):
@@ -25,6 +27,14 @@ def middeck(capfd: pytest.CaptureFixture[str], *arguments: object) -> Ended:
     """``middeck ARGUMENTS`` in this process."""
     code = execute([str(a) for a in arguments], lambda: False)
     return Ended(code, *capfd.readouterr())
+
+
+def identify_once(*asked: Any) -> Any:
+    """For `middeck.cli.fitting.identify`: what examples of several verbs ask for alike is fitted once."""
+    known = str(asked[:3])
+    if known not in FITTED:
+        FITTED[known] = identify(*asked)
+    return FITTED[known]
 
 
 def script(*arguments: object) -> list[str]:

@@ -15,27 +15,26 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 from middeck.files.studies import load_study  # noqa: E402
+from repeats import LONG  # noqa: E402
 
 # Tests make many values and few cycles; what was imported has none to be looked for.
 gc.freeze()
 gc.set_threshold(50_000, 20, 20)
 
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 SEED = 1993
-SHARE = 20  # `make test` runs a twentieth of each campaign
+SHARE = 40  # `make test` runs a fortieth of each campaign
 
 # Independent programs with environments of their own; nothing here imports them.
 collect_ignore = ["cross/sheet_by_autodiff", "cross/suspended_bus", "cross/uff"]
 collect_ignore_glob = ["cross/*/make_*.py"]
 
-settings.register_profile("short", max_examples=20, derandomize=True, deadline=None)
-settings.register_profile("long", max_examples=20 * SHARE, derandomize=True, deadline=None)
-settings.load_profile("long" if LONG else "short")
+settings.register_profile("ours", max_examples=400 if LONG else 15, derandomize=True, deadline=None)
+settings.load_profile("ours")
 
 
 @pytest.fixture(scope="session")
 def campaign():
-    """``campaign(whole)``: seeds of ``whole`` runs, of which the first twentieth unless all are asked for."""
+    """``campaign(whole)``: seeds of ``whole`` runs, of which the first fortieth unless all are asked for."""
 
     def seeds(whole: int) -> range:
         return range(SEED, SEED + (whole if LONG else max(1, whole // SHARE)))
@@ -45,6 +44,8 @@ def campaign():
 
 # They take the paper's study, and stay on one worker so that it runs once.
 PAPER = {"tests/edges/test_numbers.py", "tests/edges/test_report.py", "tests/paper/test_study_claims.py"}
+# They fit the mirror's records alike, once (`cli_runner.identify_once`).
+MIRROR = {"tests/docs/test_examples.py", "tests/edges/test_cli_hygiene.py"}
 # They fit the same simulated gimbals, once (`gimbal_fits`, `two_modes`).
 GIMBAL = {f"tests/truth/test_{n}.py" for n in ("drift", "model_set", "uncertainty", "uncertainty_campaign")}
 
@@ -57,7 +58,7 @@ def pytest_xdist_make_scheduler(config, log):
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition("::")[0]
-            return "paper" if file in PAPER else "gimbal" if file in GIMBAL else file
+            return next((min(group) for group in (PAPER, MIRROR, GIMBAL) if file in group), file)
 
     return ByFile(config, log)
 

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from conftest import LONG
 from middeck.files.studies import Study, load_study
 from middeck.structure.gravity.comparison import ModeComparison, compare_modes
 from middeck.structure.modes.solve import solve_modes
@@ -25,6 +24,7 @@ from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from middeck.study.chapters.zero_g_control.computation import SUB_MODELS, ZeroGControl, study_zero_g_control
 from middeck.study.shared import find_modes
 from middeck.systems.response import evaluate_plant
+from repeats import LONG
 
 HERE = Path(__file__).parent
 STUDY = HERE.parents[1] / "studies" / "mace-1993.toml"

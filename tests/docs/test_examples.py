@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from doc_pages import ROOT, Block, blocks
 
+from cli_runner import identify_once
 from middeck.cli.main import execute
 
 PAGES = [
@@ -286,6 +287,7 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder that looks like the repository to what a page reads."""
     for folder in ("articles", "environments", "studies", "data"):
         (tmp_path / folder).symlink_to(ROOT / folder)
+    monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

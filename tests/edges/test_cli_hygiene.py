@@ -9,14 +9,13 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import middeck as package
-from cli_runner import ROOT, as_process, middeck, script
+from cli_runner import ROOT, as_process, identify_once, middeck, script
 from middeck.cli.app import VERBS
-from middeck.cli.fitting import identify
+from repeats import repeats
 
 Capture = pytest.CaptureFixture[str]
 HEAVY = ("numpy", "scipy", "pydantic", "matplotlib", "rich")
@@ -59,17 +58,6 @@ def examples(text: str) -> list[list[str]]:
     """The commands below "Examples:", continued lines joined, without the name of the program."""
     below = text.partition("Examples:\n")[2].partition("\n\n")[0].replace("\\\n", " ")
     return [shlex.split(line)[1:] for line in below.splitlines() if line.strip().startswith("middeck")]
-
-
-FITTED: dict[str, Any] = {}
-
-
-def identify_once(*asked: Any) -> Any:
-    """What examples of several verbs ask for alike is fitted once."""
-    known = str(asked[:3])
-    if known not in FITTED:
-        FITTED[known] = identify(*asked)
-    return FITTED[known]
 
 
 @pytest.fixture
@@ -145,7 +133,7 @@ def test_escape_codes_only_on_a_terminal_that_wants_them() -> None:
     fancy = on_a_terminal(*ask)
     assert "\x1b[" in fancy
     assert "translation x" in fancy
-    for variables in ({"NO_COLOR": "1"}, {"TERM": "dumb"}):
+    for variables in repeats(({"NO_COLOR": "1"}, {"TERM": "dumb"})):
         assert on_a_terminal(*ask, **variables).replace("\r\n", "\n") == piped.out
 
 

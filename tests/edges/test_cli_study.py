@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import time
@@ -16,6 +15,7 @@ import pytest
 from cli_runner import ROOT, middeck, script
 from middeck.cli.progress import follow
 from middeck.study.mission import CHAPTERS
+from repeats import LONG, repeats
 
 NAMES = [chapter.name for chapter in CHAPTERS]
 STUDY = ROOT / "studies/mace-1993.toml"
@@ -74,7 +74,7 @@ def interrupted(out: Path, number: int, *, after: str | float) -> tuple[int, str
 
 
 # The first moments are spent importing, the later ones computing and drawing.
-@pytest.mark.parametrize("after", [0.0, 0.1, 0.5, 1.2, 2.0, "figures 4 and 5", "figure 6"])
+@pytest.mark.parametrize("after", repeats(["figures 4 and 5", 0.1, 1.2, 0.0, 0.5, 2.0, "figure 6"], 3))
 def test_ctrl_c_leaves_whole_files_and_code_130(tmp_path: Path, after: str | float) -> None:
     code, said = interrupted(tmp_path / "out", signal.SIGINT, after=after)
     assert code == 130, said
@@ -86,19 +86,18 @@ def test_ctrl_c_leaves_whole_files_and_code_130(tmp_path: Path, after: str | flo
         assert "figure-4.svg" in names
 
 
-def test_sigterm_ends_it_alike(tmp_path: Path) -> None:
-    code, said = interrupted(tmp_path / "out", signal.SIGTERM, after="figures 4 and 5")
+@pytest.mark.parametrize("after", repeats([0.5, "figures 4 and 5"]))
+def test_sigterm_ends_it_alike(tmp_path: Path, after: str | float) -> None:
+    code, said = interrupted(tmp_path / "out", signal.SIGTERM, after=after)
     assert (code, said.rstrip().splitlines()[-1]) == (130, "interrupted")
-    assert "figure-4.svg" in whole_files_only(tmp_path / "out")
+    assert ("figure-4.svg" in whole_files_only(tmp_path / "out")) == isinstance(after, str)
 
 
 def test_a_campaign_of_interruptions(tmp_path: Path, campaign) -> None:
     import numpy as np
 
     for seed in campaign(20):
-        after = float(
-            np.random.default_rng(seed).uniform(0.0, 20.0 if os.environ.get("MIDDECK_LONG") else 3.0)
-        )
+        after = float(np.random.default_rng(seed).uniform(0.0, 20.0 if LONG else 3.0))
         out = tmp_path / str(seed)
         code, said = interrupted(out, signal.SIGINT, after=after)
         # A machine so fast that all was done is no failure.

@@ -26,6 +26,7 @@ from middeck.structure.correlation.profiles import (
 )
 from middeck.structure.correlation.reduction import Reduction
 from middeck.structure.modes.solve import Modes
+from repeats import repeats
 
 ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
 SURVEY = ROOT / "data/virtual-survey/mace-simple-lab.json"
@@ -268,7 +269,7 @@ def test_the_verb_prints_what_the_room_computes(capfd: Capture, lab: Modes):
         assert entry["probability_of_a_correct_model"]["low_95"] == finding.probability.interval[0]
 
 
-@pytest.mark.parametrize("profile", PROFILE_NAMES)
+@pytest.mark.parametrize("profile", repeats(PROFILE_NAMES, 2))
 def test_every_output_says_which_limits_are_recalled(capfd: Capture, profile: str):
     ask = ("correlate", ARTICLE, SURVEY, "--profile", profile, "--runs", 2)
     document = json.loads(middeck(capfd, *ask, "--json").out)

@@ -33,6 +33,7 @@ from middeck.files.study_form import StudyForm
 from middeck.files.toml_lines import key_lines
 from middeck.structure.model.article import JointState
 from middeck.structure.model.environment import Environment
+from repeats import LONG
 
 ROOT = Path(__file__).parents[2]
 DM = ROOT / "articles/mace-dm.toml"
@@ -744,7 +745,7 @@ DOCUMENTS = [
 ]
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=600 if LONG else 60)
 @given(st.data())
 def test_no_junk_breaks_the_checks(data: st.DataObject) -> None:
     """Whatever stands at one or two places, the checks end with faults that have words, or with none."""

@@ -11,6 +11,7 @@ from middeck.identification import estimate_response, fit_response, natural_hz, 
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
+from repeats import repeats
 
 U, V, Y = Port("torque", "N m"), Port("wheel", "N m"), Port("angle", "rad")
 
@@ -190,7 +191,9 @@ UNUSUAL = {
 }
 
 
-@pytest.mark.parametrize("options", [{"states": 2}, {"states": 8}, {"states": 4, "constants": "complex"}])
+@pytest.mark.parametrize(
+    "options", repeats([{"states": 8}, {"states": 4, "constants": "complex"}, {"states": 2}], 2)
+)
 @pytest.mark.parametrize("measured", UNUSUAL.values(), ids=UNUSUAL.keys())
 def test_no_nan_leaves_a_fit(measured, options):
     """More modes than there are, no noise at all, unlike scales: refused, or finite in every number."""

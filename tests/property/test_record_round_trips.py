@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -66,7 +66,6 @@ def streamed(path: Path, record: Record, size: int) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat", ".uff"])
-@settings(max_examples=30)
 @given(record=records(), size=st.integers(1, 7))
 def test_every_bit_comes_back(
     tmp_path_factory: pytest.TempPathFactory, suffix: str, record: Record, size: int
@@ -78,7 +77,6 @@ def test_every_bit_comes_back(
     streamed(path, record, size)
 
 
-@settings(max_examples=30)
 @given(record=records(experiments=1), size=st.integers(1, 7))
 def test_csv_keeps_every_digit(tmp_path_factory: pytest.TempPathFactory, record: Record, size: int) -> None:
     path = tmp_path_factory.mktemp("records") / "r.csv"
@@ -94,7 +92,6 @@ def test_csv_keeps_every_digit(tmp_path_factory: pytest.TempPathFactory, record:
     ]
 
 
-@settings(max_examples=30)
 @given(record=records())
 def test_ascii_universal_files_keep_thirteen_digits(
     tmp_path_factory: pytest.TempPathFactory, record: Record
@@ -108,7 +105,6 @@ def test_ascii_universal_files_keep_thirteen_digits(
     assert (found.inputs, found.outputs, found.sample_hz) == (record.inputs, record.outputs, record.sample_hz)
 
 
-@settings(max_examples=30)
 @given(record=records(), size=st.integers(1, 7))
 def test_a_stream_is_written_as_the_record_is(
     tmp_path_factory: pytest.TempPathFactory, record: Record, size: int

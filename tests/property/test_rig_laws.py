@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from middeck.joints.attachment import JointElements
@@ -55,7 +55,6 @@ def run(rig, u):
     return block
 
 
-@settings(max_examples=50, deadline=None)
 @given(seeds, st.floats(-0.9, 0.9), st.booleans(), st.booleans())
 def test_a_motor_keeps_its_limits_whatever_is_commanded(seed, holding, slews, turns):
     rng = np.random.default_rng(seed)
@@ -87,7 +86,6 @@ def test_a_motor_keeps_its_limits_whatever_is_commanded(seed, holding, slews, tu
         assert np.all(torque * u >= -motor.resolution * np.abs(u))
 
 
-@settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_limits_and_converters_change_nothing_the_second_time(seed):
     """What a motor gives is what it gives when asked for that; a converter's limit lies on its steps."""
@@ -106,7 +104,6 @@ def test_limits_and_converters_change_nothing_the_second_time(seed):
         np.testing.assert_allclose(again, once, rtol=0.0, atol=1e-13 * limit)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_an_encoder_is_right_to_half_a_step_and_odd(seed):
     rng = np.random.default_rng(seed)
@@ -146,7 +143,6 @@ def random_element(rng):
     return Deadband(float(10.0 ** rng.uniform(-4.0, -1.0)), float(10.0 ** rng.uniform(-1.0, 4.0)))
 
 
-@settings(max_examples=25, deadline=None)
 @given(seeds, st.integers(1, 3), st.integers(1, 3))
 def test_left_alone_a_rig_never_gains_energy(seed, joints, steps):
     """Modes, presliding springs and flanks together, tick by tick, at any stiffness against the step."""

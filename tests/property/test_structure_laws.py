@@ -18,6 +18,7 @@ from middeck.structure.model.environment import AnchoredSpring, Environment, Sus
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.statics import static_coordinates
+from repeats import repeats
 from structure_builders import GRAVITY, body, member, node, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=90.0, EI_z=110.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=2e-4)
@@ -144,7 +145,7 @@ def rotated_lab(env: Environment, R: np.ndarray) -> Environment:
     return dataclasses.replace(env, gravity=R @ env.gravity, springs=springs)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", repeats(range(4)))
 def test_rotating_article_gravity_and_springs_together_changes_nothing(seed: int):
     parts = random_tree(seed, 3, 2, (JointState.SPRUNG,))
     env = Environment(title="lab", gravity=GRAVITY, suspension=None, springs=springs_from(parts, seed))

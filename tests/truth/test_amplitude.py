@@ -19,6 +19,7 @@ from middeck.structure.gimbals.damped import follow_damped, pair_undamped
 from middeck.structure.model.article import Joint, JointState
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
+from repeats import repeats
 from rig_checks import run_through
 from structure_builders import body, node, structure
 
@@ -41,7 +42,7 @@ def article():
     return md.load_structure("articles/mace-simple.toml")
 
 
-@pytest.fixture(scope="module", params=["lab", "orbit"])
+@pytest.fixture(scope="module", params=repeats(["lab", "orbit"]))
 def modes(request, article):
     return md.solve_modes(
         md.solve_equilibrium(article, md.load_environment(f"environments/{request.param}.toml"))
@@ -233,7 +234,7 @@ def test_modes_that_hardly_couple_cross_and_those_that_do_veer():
 
 
 @pytest.mark.parametrize(
-    ("name", "stiffness"), [("mace-simple", 20.0), ("mace-simple", 2.0), ("mace-dm", 20.0)]
+    ("name", "stiffness"), repeats([("mace-simple", 20.0), ("mace-simple", 2.0), ("mace-dm", 20.0)])
 )
 def test_damping_is_continuous_along_the_amplitude(name, stiffness):
     """Twice as fine a grid, half the step: a hop from one mode's damping to another's would not shrink."""

@@ -17,6 +17,7 @@ from middeck.structure.elements.beam import beam_properties, beam_state, beam_we
 from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.elements.rotations import rotation_exp, skew
 from middeck.structure.model.article import Section
+from repeats import repeats
 from structure_builders import TUBE, clamped_matrices, member, newton, node, straight_beam, structure
 
 L = 2.0
@@ -69,7 +70,7 @@ def moved(x, T, q):
 
 
 @pytest.mark.parametrize("which", ["strain", "weight"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", repeats(range(4)))
 def test_gradient_and_hessian_are_derivatives_of_the_energy(which: str, seed: int):
     beams, x, T = bent_element(seed)
     gravity = np.array([1.0, -9.0, 2.0])

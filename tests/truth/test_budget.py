@@ -26,6 +26,7 @@ from middeck.structure.model.article import AttachPoint, Joint, Section, Spring
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
+from repeats import repeats
 from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, spin, structure
 
 G = 9.80665
@@ -250,7 +251,7 @@ def with_devices(environment: Environment, kind: DeviceKind) -> Environment:
     return dataclasses.replace(environment, suspension=dataclasses.replace(environment.suspension, kind=kind))
 
 
-@pytest.mark.parametrize("article", ["bus", "mace-simple"])
+@pytest.mark.parametrize("article", repeats(["bus", "mace-simple"]))
 def test_springs_and_constant_forces_of_the_same_frequencies_have_one_budget(article: str):
     """At rest both hang in the same shape, on cables of one length; the springs let it sink by 3 to 4 m."""
     parts, environment = hung_bus(), cables()

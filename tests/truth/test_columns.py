@@ -13,6 +13,7 @@ from middeck.structure.model.article import AttachPoint, Section
 from middeck.structure.model.environment import AnchoredSpring
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
+from repeats import repeats
 from structure_builders import body, lab, member, node, structure
 
 G, EI = 9.80665, 10.0
@@ -79,7 +80,9 @@ def upright(ratio: float) -> tuple[float, float]:
     return 2.0 * np.sqrt(m) / K, 2.0 - 2.0 * ellipe(m) / K
 
 
-@pytest.mark.parametrize(("ratio", "tilt"), [(1.001, 1e-6), (1.01, 1e-5), (1.1, 1e-7), (2.0, 1e-6)])
+@pytest.mark.parametrize(
+    ("ratio", "tilt"), repeats([(1.001, 1e-6), (2.0, 1e-6), (1.01, 1e-5), (1.1, 1e-7)], 2)
+)
 def test_a_column_beyond_its_critical_load_settles_on_the_bent_branch(ratio: float, tilt: float):
     rest = clamped((0, 1, 0), ratio * EULER, tilt)
     assert rest.converged
@@ -92,7 +95,7 @@ def test_a_column_beyond_its_critical_load_settles_on_the_bent_branch(ratio: flo
     assert np.abs(moved(rest)) == pytest.approx((side, drop), rel=rel)
 
 
-@pytest.mark.parametrize(("EA", "ratio"), [(1e7, 1.001), (1e8, 1.2), (1e8, 2.0)])
+@pytest.mark.parametrize(("EA", "ratio"), repeats([(1e8, 2.0), (1e7, 1.001), (1e8, 1.2)]))
 def test_a_column_that_is_stiff_along_settles_too(EA: float, ratio: float):
     """EA L^2/EI to 1e7: its nodes are carried by one of them, and keep their forces in its tangent."""
     rest = clamped((0, 1, 0), ratio * EULER, 1e-6, EA=EA)
@@ -104,7 +107,7 @@ def test_a_column_that_is_stiff_along_settles_too(EA: float, ratio: float):
     assert np.abs(moved(rest)) == pytest.approx((side, drop), rel=rel)
 
 
-@pytest.mark.parametrize("ratio", [0.99, 1.0, 1.05])
+@pytest.mark.parametrize("ratio", repeats([1.0, 0.99, 1.05]))
 def test_a_column_out_of_plumb(ratio: float):
     rest = clamped((0, 1, 0), ratio * EULER, 1e-2)
     assert len(rest.history) <= TENS
@@ -112,7 +115,7 @@ def test_a_column_out_of_plumb(ratio: float):
     assert np.abs(moved(rest)) == pytest.approx(elastica(ratio * EULER, 1e-2), rel=2e-3)
 
 
-@pytest.mark.parametrize("ratio", [1.001, 1.1, 2.0])
+@pytest.mark.parametrize("ratio", repeats([1.001, 2.0, 1.1], 2))
 def test_a_mast_beyond_its_critical_weight_settles_bent(ratio: float):
     """Moments balance about the foot of what stands there; the branch leaves with the root of ratio - 1."""
     rest = clamped((0, 1, 0), ratio * GREENHILL, 1e-6, own=True)

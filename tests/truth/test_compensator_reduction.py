@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from pathlib import Path
 
 import numpy as np
@@ -34,9 +33,9 @@ from middeck.systems.peak_gain import peak_gain
 from middeck.systems.plant import Plant, delay_plant, subsystem
 from middeck.systems.resolvent import by_solving
 from middeck.systems.statespace import StateSpace, gain_system, poles, series
+from repeats import LONG, repeats
 
 ROOT = Path(__file__).parents[2]
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 INTENSITY = 4.1e-6  # of each disturbance [(N m)^2/Hz]: the study's
 GIVEN = {"weights": WEIGHTS, "authority": AUTHORITY}
 
@@ -103,7 +102,7 @@ def test_the_loop_seen_from_u_is_the_closed_plant(plant, law):
 # --- Stability kept -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [8, 6, 4])
+@pytest.mark.parametrize("order", repeats([4, 8, 6]))
 @pytest.mark.parametrize("method", ["performance", "stability", "coprime", "balanced"])
 def test_the_papers_compensator_keeps_its_loop_stable(plant, law, order, method):
     found = reduce_compensator(law, plant, order, method=method, **GIVEN)
@@ -129,7 +128,7 @@ def test_plain_cuts_do_not_keep_it_and_say_so(plant, law):
     assert held.bound is None  # the bound was of the cut
 
 
-@pytest.mark.parametrize(("order", "most_db"), [(8, 0.05), (6, 0.2), (4, 0.8)])
+@pytest.mark.parametrize(("order", "most_db"), repeats([(4, 0.8), (8, 0.05), (6, 0.2)]))
 def test_the_best_of_all_costs_little(plant, law, order, most_db):
     # Reached: 0.008, 0.13 and 0.67 dB of E[z^2 + rho u^2] (a descent; its last digits are the machine's).
     found = reduce_compensator(law, plant, order, method="best", polish=True, **GIVEN)

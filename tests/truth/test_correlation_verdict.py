@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 
 import numpy as np
 import pytest
@@ -31,6 +30,7 @@ from middeck.structure.correlation.reduction import Reduction
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
+from repeats import LONG, repeats
 from structure_builders import straight_beam
 
 ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
@@ -40,7 +40,7 @@ WITH_ROLL = [(f"n{i}", d) for i in range(1, 6) for d in ("x", "y", "z", "rx")] +
 FLEXIBLE = range(10, 18)
 PERFECT = MeasurementNoise(0.0, 0.0)
 ORION = find_profile("orion-adequate")
-RUNS = 2000 if os.environ.get("MIDDECK_LONG") == "1" else 500  # in whose deviations chances are judged
+RUNS = 2000 if LONG else 400  # in whose deviations chances are judged
 
 
 def solved(*overrides: str) -> Modes:
@@ -195,8 +195,9 @@ def within(probability: Probability, expected: float) -> bool:
     return abs(probability.value - expected) < 4.0 * deviation
 
 
-@pytest.mark.parametrize("modes", [1, 4])
-@pytest.mark.parametrize("noise", [0.005, 0.02, 0.04])
+@pytest.mark.parametrize(
+    ("noise", "modes"), repeats([(0.02, 4), (0.04, 1), (0.02, 1), (0.04, 4), (0.005, 1), (0.005, 4)], 2)
+)
 def test_probability_of_one_frequency_criterion_in_closed_form(lab: Modes, noise: float, modes: int):
     """f_test = f (1 + s n), n standard normal: |f / f_test - 1| <= L is 1/(1+L) <= 1 + s n <= 1/(1-L)."""
     limit = 0.03
@@ -302,17 +303,17 @@ def test_irs_passes_true_shapes_without_noise_and_fails_them_with_little(lab: Mo
 
 def test_measured_with_noise_passes_as_often_as_predicted(lab: Modes):
     """The prediction from one test holds for other tests of the same article with their own noise."""
-    noise = MeasurementNoise(0.001, 0.05)
+    noise, draws = MeasurementNoise(0.001, 0.05), 100 if LONG else 50
     first = measure_modes(lab, WITH_ROLL, chosen=FLEXIBLE, noise=noise, rng=np.random.default_rng(0))
-    predicted = correlate(lab, first, noise=None, runs=1000).probability
+    predicted = correlate(lab, first, noise=None, runs=1000 if LONG else 400).probability
     rng = np.random.default_rng(1)
     passed = sum(
         correlate(
             lab, measure_modes(lab, WITH_ROLL, chosen=FLEXIBLE, noise=noise, rng=rng), noise=None, runs=1
         ).passed
-        for _ in range(100)
+        for _ in range(draws)
     )
     # The first test's own scatter changes by 5 % what its noise is relative to: a tenth of the probability.
-    low, high = Probability(passed, 100).interval
+    low, high = Probability(passed, draws).interval
     assert low - 0.1 < predicted.value < high + 0.1
     assert 0.1 < predicted.value < 0.9

@@ -1,7 +1,6 @@
 """What a fit may be told about the article: exact data of such an article give it back, noise its bound."""
 
 import dataclasses
-import os
 
 import numpy as np
 import pytest
@@ -16,11 +15,11 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.signals.ports import Port
 from middeck.systems.response import FrequencyResponse, ResponseCovariance
+from repeats import LONG
 
 INPUTS = (Port("torque", "N m"), Port("wheel", "N m"))
 OUTPUTS = (Port("payload", "rad"), Port("bus", "rad"))
 F = np.arange(0.2, 20.0, 0.05)
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 HZ, ZETA = np.array([1.2, 3.1, 8.9]), 0.01
 PHI = np.array([[1.0, 0.8, -0.5], [-0.3, 0.6, 0.9]])
 PSI = np.array([[1.0, 0.7, 0.6], [0.4, -0.5, 0.9]])

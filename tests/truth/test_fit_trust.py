@@ -1,7 +1,6 @@
 """What a fit says of its modes: hum, noise, blows that scatter, clipping, growth; against exact truth."""
 
 import dataclasses
-import os
 
 import numpy as np
 import pytest
@@ -19,8 +18,8 @@ from middeck.identification.record_fit import continuous
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.record import Record
 from middeck.systems.response import FrequencyResponse
+from repeats import repeats
 
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 HZ, ZETA, DELAY = np.array([6.3, 27.0]), np.array([0.012, 0.008]), 0.007
 PLANT = (HZ, ZETA, [300.0, -2500.0], DELAY)
 RATE, COUNT = 100.0, 768
@@ -47,7 +46,9 @@ def with_hum(record, hz, size, growth=0.0):
     return dataclasses.replace(record, y=record.y + sine[None, None, :, None])
 
 
-@pytest.mark.parametrize(("hz", "size", "name"), [(24.973, 0.3, "steady line"), (6.9, 0.03, "steady line")])
+@pytest.mark.parametrize(
+    ("hz", "size", "name"), repeats([(24.973, 0.3, "steady line"), (6.9, 0.03, "steady line")])
+)
 def test_a_sine_that_no_input_makes_is_no_mode(hz, size, name):
     record = shaken(PLANT, COUNT, RATE, (1.0, 40.0), noise=1e-3)
     fit = fit_record(with_hum(record, hz, size))
@@ -117,7 +118,7 @@ def test_no_delay_is_off_in_silence(kind, campaign):
     assert kind != "clean" or np.sum(doubted) <= 0.02 * len(doubted)
 
 
-@pytest.mark.parametrize("at", [40, 384, 730])
+@pytest.mark.parametrize("at", repeats([40, 384, 730]))
 def test_a_lost_sample_leaves_no_deviation_that_holds(at):
     """One sample, too near an end or in too short a record to be found in the record itself."""
     clean = shaken(PLANT, COUNT + 1, RATE, (1.0, 40.0), noise=3e-3)

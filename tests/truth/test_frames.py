@@ -14,6 +14,7 @@ from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import frame_poses, move, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.model.article import AttachPoint, Body, Joint, JointState, Section, Spring
+from repeats import repeats
 from structure_builders import (
     GRAVITY,
     body,
@@ -93,7 +94,7 @@ def energy_along(model: Model, config, loads, direction):
     return lambda s: assemble(model, move(model.tree, config, s * direction), loads).energy
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", repeats(range(3)))
 def test_gradient_is_the_slope_of_the_energy(seed: int):
     model, rng = gimballed_model(), np.random.default_rng(seed)
     config, loads = random_configuration(model, rng, 0.15), loads_of(model)

@@ -1,6 +1,5 @@
 """Real 3 x 3 hardware: the held-out error meets its levels, and so does the order."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.spectra.weights import spread_of
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from repeats import repeats
 
 DATA = Path(__file__).parents[2] / "data" / "cubespec-fsm"
 
@@ -34,7 +34,6 @@ def load(part):
 
 
 LEVELS = [(28, [0.042, 0.056, 0.048]), (40, [0.036, 0.040, 0.035])]
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +41,7 @@ def measured():
     return estimate_response(load("train"), band_hz=(1.0, 3000.0))
 
 
-@pytest.mark.parametrize(("states", "level"), LEVELS if LONG else LEVELS[:1])
+@pytest.mark.parametrize(("states", "level"), repeats(LEVELS))
 def test_held_out_error_of_a_stated_order(measured, states, level):
     """The published error of the data set's own notebook is 4.54 / 7.02 / 5.35 % at 28 states."""
     fitted = fit_response(measured, states=states, sample_hz=6400.0)

@@ -5,6 +5,7 @@ import pytest
 from middeck.identification import estimate_response, response_scatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from repeats import repeats
 
 
 def test_recovers_the_closed_form_without_noise():
@@ -22,7 +23,7 @@ def test_band_keeps_its_edges():
     assert (found.frequency_hz[0], found.frequency_hz[-1], len(found.frequency_hz)) == (1.0, 2.0, 65)
 
 
-@pytest.mark.parametrize("inputs", [1, 2])
+@pytest.mark.parametrize("inputs", repeats([2, 1]))
 def test_noise_variance_is_the_scatter_of_the_estimate(inputs):
     draws = [
         response_scatter(gimbal_record.multisine(s, outputs=2, inputs=inputs, samples=512))

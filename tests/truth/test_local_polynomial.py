@@ -129,7 +129,7 @@ def test_the_stated_variance_is_that_of_the_error(campaign):
     """Sum of squared errors over sum of stated variances, band by band, the data choose windows."""
     bands = [(0.3, 1.1), (1.1, 2.0), (2.0, 6.0), (6.0, 10.0), (10.0, 20.0), (20.0, 60.0)]
     ratios = []
-    for seed in campaign(60):
+    for seed in campaign(120):
         found = response_scatter(cut_record(seed, samples=16384, noise=0.01), band_hz=(0.25, 60.0))
         squared = np.abs(found.H - gimbal_record.response(found.frequency_hz)) ** 2
         inside = [(found.frequency_hz >= a) & (found.frequency_hz < b) for a, b in bands]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 
 import numpy as np
 import pytest
@@ -21,10 +20,10 @@ from middeck.systems.plant import Plant, delay_plant, remove_delays
 from middeck.systems.sampling import sample_dynamics
 from middeck.systems.stability import growth_rates, is_stable
 from middeck.systems.statespace import SampledStateSpace, StateSpace
+from repeats import LONG, repeats
 
 pytestmark = pytest.mark.kernels
 
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 
 
@@ -66,7 +65,7 @@ def weigh(delayed: Plant) -> LQGWeights:
     )
 
 
-@pytest.mark.parametrize("seed", range(200 if LONG else 3))
+@pytest.mark.parametrize("seed", repeats(range(200), 3))
 def test_a_free_body_in_mixed_states_is_the_body(seed: int) -> None:
     """Its design, its verdict and its rms from zero: those of the modal form."""
     rng = np.random.default_rng([11, seed])
@@ -124,7 +123,7 @@ def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> No
     assert rms[0] >= rms[1]
 
 
-@pytest.mark.parametrize("seed", range(300 if LONG else 20))
+@pytest.mark.parametrize("seed", repeats(range(300), 20))
 def test_a_body_that_drifts_is_stable_in_whatever_coordinates(seed: int) -> None:
     """Rounding parts a double pole to both sides of the axis by 1e-8; that is no verdict."""
     rng = np.random.default_rng([5, seed])

@@ -37,6 +37,7 @@ from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.response import statespace_response
 from middeck.systems.statespace import StateSpace
+from repeats import repeats
 
 
 def random_plant(seed, states=6, w=2, u=2, z=2, y=3):
@@ -147,7 +148,7 @@ def test_three_models_hold_the_whole_grid_at_little_loss(three_models):
     assert three_models.cost == pytest.approx(three_models.costs.mean())
 
 
-@pytest.mark.parametrize(("order", "loss"), [(8, 0.1), (4, 0.6)])  # the levels
+@pytest.mark.parametrize(("order", "loss"), repeats([(4, 0.6), (8, 0.1)]))  # the levels
 def test_smaller_orders_lose_little(three_models, order, loss):
     small = design_multimodel(
         reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, structure=Structure(order),
@@ -210,7 +211,7 @@ def test_order_one_is_as_good_as_all_laws_of_one_state():
         }
         return min(costs, key=costs.__getitem__), min(costs.values())
 
-    wide = np.geomspace(0.01, 100.0, 14)  # a factor of two from one to the next
+    wide = np.geomspace(0.01, 100.0, 8)  # a factor of four from one to the next
     (a, g), coarse = best(wide, np.concatenate([-wide, wide]))
     near = np.geomspace(0.45, 2.2, 9)
     _, fine = best(a * near, g * near)

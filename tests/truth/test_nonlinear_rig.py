@@ -19,6 +19,7 @@ from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
+from repeats import repeats
 
 RATE, DELAY = 500.0, 0.0103  # not a whole number of internal steps
 PORTS = (
@@ -86,7 +87,7 @@ def joint_receptances(plant, hz):
 
 
 @pytest.mark.parametrize("element", [BEARING, GEAR], ids=["friction", "deadband"])
-@pytest.mark.parametrize("torque", [0.7, 3.0])
+@pytest.mark.parametrize("torque", repeats([3.0, 0.7]))
 def test_a_dwell_has_the_response_of_the_describing_function(plant, element, torque):
     hz, measured, drive = dwell(plant, element, torque)
     A = np.array([abs(measured[1])])

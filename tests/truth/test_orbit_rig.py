@@ -19,6 +19,7 @@ from middeck.systems.response import statespace_response
 from middeck.systems.sampling import tustin
 from middeck.systems.stability import growth_rates
 from middeck.systems.statespace import StateSpace
+from repeats import repeats
 from rig_checks import on_rig
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -76,7 +77,7 @@ def test_it_is_the_same_hardware_about_another_rest_state(rigs):
     assert slowest[1].min() > 2.0 * np.pi * 0.1
 
 
-@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("closed", repeats([True, False]))
 def test_a_record_of_the_orbit_rig_is_its_response(rigs, closed):
     """Noise, friction, steps and all, at the lines where the payload answers."""
     rig, law = rigs["orbit"], pd_loops()

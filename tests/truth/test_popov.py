@@ -27,6 +27,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, name_states
+from repeats import repeats
 
 
 def law_of(compensator):
@@ -105,7 +106,7 @@ def test_bound_of_a_small_box_is_the_cost(posed):
 
 @pytest.fixture(scope="module")
 def design():
-    return design_popov(reference_plant(), WEIGHTS, AUTHORITY, uncertainty=APART, tolerance=1e-4)
+    return design_popov(reference_plant(), WEIGHTS, AUTHORITY, uncertainty=APART, tolerance=1e-3)
 
 
 def costs_in(box, plant, weights, authority, design, rng):
@@ -174,7 +175,8 @@ PLAIN = LQGWeights(
 
 
 @pytest.mark.parametrize(
-    ("plant", "width", "authority"), [(ANGLES, 0.15, 0.1), (RATES, 0.05, 1.0), (as_states(RATES), 0.02, 0.1)]
+    ("plant", "width", "authority"),
+    repeats([(ANGLES, 0.15, 0.1), (as_states(RATES), 0.02, 0.1), (RATES, 0.05, 1.0)], 2),
 )
 def test_the_bound_holds_where_control_leaves_the_damping_to_the_plant(plant, width, authority):
     # A shift takes 2 zeta omega along: at the lower end the cost is higher by half its width for that alone.

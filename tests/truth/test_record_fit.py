@@ -12,9 +12,10 @@ from middeck.identification.model.measurement_model import (
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.signals.record import Record
+from repeats import repeats
 
 
-@pytest.mark.parametrize("experiments", [1, 2])
+@pytest.mark.parametrize("experiments", repeats([2, 1]))
 def test_a_record_without_noise_gives_the_exact_model(experiments):
     record = shaken(0, experiments=experiments)
     fitted = fit_record(record, states=4, sampled=True, weighting="flat")
@@ -43,7 +44,7 @@ def a_structure(seed, samples, *, noise=0.01):
 STRUCTURE_HZ, STRUCTURE_DELAY_S = np.array([2.5, 9.0, 9.6]), 0.007
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", repeats([0, 1]))
 def test_a_record_as_short_as_a_free_decay_is_fitted_from_its_samples(seed):
     # Four seconds: 0.25 Hz from line to line, where the slowest mode is 0.05 Hz wide.
     fitted = fit_record(a_structure(seed, 1024))

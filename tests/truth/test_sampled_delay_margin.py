@@ -1,7 +1,6 @@
 """The least further delay that loses a sampled loop, modes beyond half the rate included."""
 
 import dataclasses
-import os
 
 import numpy as np
 import pytest
@@ -19,10 +18,10 @@ from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace
+from repeats import repeats
 
 pytestmark = pytest.mark.kernels
 
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 U, Y = (Port("u", "N"),), (Port("y", "m"),)
 PERIOD = 0.01
 
@@ -170,7 +169,7 @@ def drawn(seed):
     return delay_plant(plant, rng.uniform(0.0, 2.0 * PERIOD, (n, n))), Compensator(now, y, u, method="gain")
 
 
-@pytest.mark.parametrize("seed", range(400 if LONG else 8))
+@pytest.mark.parametrize("seed", repeats(range(400), 4))
 def test_roots_counted_by_unit_gain_are_the_eigenvalues(seed):
     """Up to the limit no delay is unstable, beyond it one is; past inputs are states."""
     plant, one = drawn(seed)

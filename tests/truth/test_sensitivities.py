@@ -31,6 +31,7 @@ from middeck.structure.sensitivity.plants import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.sensitivity.shapes import differentiate_modes
 from middeck.systems.modal import modal_to_statespace
+from repeats import LONG
 
 ROOT = Path(__file__).parents[2]
 # Sizes that make derivatives in different units comparable: a tenth of a metre, a radian, one g.
@@ -84,6 +85,7 @@ def test_frequencies_of_the_articles(name, names):
     """The whole chain solved again: reactions, devices, rest state, modes."""
     article, lab = lab_article(name)
     parameters = find_parameters(article, lab, names)
+    assert len(parameters) == 25
     found = differentiate_frequencies(solve(article, lab, 20), parameters)
 
     def difference(p: Parameter) -> np.ndarray:
@@ -91,11 +93,12 @@ def test_frequencies_of_the_articles(name, names):
         scheme, step = (richardson, 5e-4) if p.name in BENT else (central, 2.5e-4)
         return scheme(lambda v: solve(*set_parameter(article, lab, p, v), 20).omega ** 2, p, step)
 
-    expected = np.array([difference(p) for p in parameters])
-    sizes = np.array([size(p) for p in parameters])[:, None]
-    error = np.abs(found.d_lambda - expected) * sizes / np.abs(expected * sizes).max(axis=0)
-    worst = int(np.argmax(error.max(axis=1)))
-    assert len(parameters) == 25
+    by_size = found.d_lambda * np.array([size(p) for p in parameters])[:, None]
+    # What both articles have is moved in the first; in both by `make test-all`.
+    moved = [i for i, p in enumerate(parameters) if LONG or name == "mace-dm" or p.name not in BOTH]
+    expected = np.array([difference(parameters[i]) * size(parameters[i]) for i in moved])
+    error = np.abs(by_size[moved] - expected) / np.abs(by_size).max(axis=0)
+    worst = moved[int(np.argmax(error.max(axis=1)))]
     # The issue's: a millionth of the largest derivative of that frequency.
     assert error.max() < 1e-6, parameters[worst].name
 

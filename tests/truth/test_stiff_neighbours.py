@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from stiff_links import BEND, Case, G, article_of, draw, solve
 
-from conftest import LONG
 from middeck.errors import NumericalError
 from middeck.joints.friction import Friction
 from middeck.structure.gravity.budget import GravityBudget, build_budget
@@ -21,8 +20,9 @@ from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.suspension.device_friction import estimate_rest_band
+from repeats import repeats
 
-SEEDS = range(500, 700) if LONG else range(500, 506)
+SEEDS = repeats(range(500, 700), 3)
 SOFTER = 1e7
 # Pendulums are softer than the springs together, by up to this.
 LEAST_REFUSED = 1e8

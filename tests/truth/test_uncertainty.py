@@ -1,7 +1,6 @@
 """Stated deviations, intervals and bounds against differences, closed forms and repeated fits."""
 
 import dataclasses
-import os
 
 import gimbal_record
 import numpy as np
@@ -32,8 +31,8 @@ from middeck.identification.uncertainty.parameters import (
 from middeck.identification.uncertainty.response_bounds import response_bounds
 from middeck.identification.uncertainty.unknowns import Structure, model_at, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse, ResponseCovariance
+from repeats import LONG, repeats
 
-LONG = os.environ.get("MIDDECK_LONG") == "1"
 DRAWS = 60 if LONG else 24
 
 
@@ -266,7 +265,7 @@ def test_a_stated_variance_is_taken_as_known():
     assert quantile(0.95, np.inf) == pytest.approx(1.959964, abs=1e-6)
 
 
-@pytest.mark.parametrize("periods", [2, 3])
+@pytest.mark.parametrize("periods", repeats([3, 2]))
 def test_intervals_of_two_modes_hold_the_truth(periods):
     inside = []
     for fit in two_modes.fits(DRAWS, periods):
@@ -332,7 +331,7 @@ def test_noise_of_another_shape_than_stated():
     rng = np.random.default_rng(4)
     H = two_modes.response(two_modes.LINES)
     values, stated, naive = [], [], []
-    draws = 30 if LONG else 12
+    draws = 30 if LONG else 8
     for _ in range(draws):
         noisy = H + 0.01 * np.abs(H) * two_modes.circular(rng, len(H))
         measured = two_modes.as_response(noisy, np.full(len(H), 1e-8))
