@@ -22,19 +22,19 @@ gc.freeze()
 gc.set_threshold(50_000, 20, 20)
 
 SEED = 1993
-SHARE = 40  # `make test` runs a fortieth of each campaign
+SHARE = 20  # `make test` runs a twentieth of each campaign
 
 # Independent programs with environments of their own; nothing here imports them.
 collect_ignore = ["cross/sheet_by_autodiff", "cross/suspended_bus", "cross/uff"]
 collect_ignore_glob = ["cross/*/make_*.py"]
 
-settings.register_profile("ours", max_examples=400 if LONG else 15, derandomize=True, deadline=None)
+settings.register_profile("ours", max_examples=20 * SHARE if LONG else 20, derandomize=True, deadline=None)
 settings.load_profile("ours")
 
 
 @pytest.fixture(scope="session")
 def campaign():
-    """``campaign(whole)``: seeds of ``whole`` runs, of which the first fortieth unless all are asked for."""
+    """``campaign(whole)``: seeds of ``whole`` runs, of which the first twentieth unless all are asked for."""
 
     def seeds(whole: int) -> range:
         return range(SEED, SEED + (whole if LONG else max(1, whole // SHARE)))
