@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.structure.assembly.carriers import choose_carriers
+from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
 from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
@@ -17,6 +19,7 @@ from middeck.structure.elements.since_drawn import as_drawn
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Structure, held_angle
 from middeck.structure.model.article_checks import check_structure
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.member_mesh import cut_members, member_geometry
 from middeck.values import record
 
@@ -39,6 +42,8 @@ class Model:
         Attach points by name.
     spring_ends:
         Attach-point poses of the structure's own springs.
+    held:
+        What clamps hold; None for a free article.
     """
 
     structure: Structure
@@ -56,6 +61,7 @@ class Model:
     attach_names: tuple[str, ...]
     attach_point: Int[np.ndarray, " attach"]
     spring_ends: Int[np.ndarray, "spring 2"]
+    held: Held | None = None
 
     @functools.cached_property
     def pose_map(self) -> PoseMap:
@@ -74,18 +80,21 @@ class Model:
         return lay_out_pattern(self.pose_map, ends)
 
 
-def mesh_structure(structure: Structure) -> Model:
-    """Mesh every member into its number of elements and lay out coordinates and poses.
+def mesh_structure(structure: Structure, clamps: Sequence[Clamp] = ()) -> Model:
+    """Mesh every member into its number of elements, lay out coordinates and poses, and hold ``clamps``.
 
-    Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible.
+    Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible,
+    and for a clamp of no node or of what is held already.
     """
     check_structure(structure)
     model = lay_out(structure)
-    drawn = as_drawn(model.rest.x, _carriers(model))
-    return dataclasses.replace(model, rest=dataclasses.replace(model.rest, since_drawn=drawn))
+    roots = {node.name: i for i, node in enumerate(structure.nodes)}
+    held = hold_nodes(clamps, roots, model.tree.size, model.tree.roots)
+    drawn = as_drawn(model.rest.x, _carriers(model, {roots[c.node] for c in clamps}))
+    return dataclasses.replace(model, rest=dataclasses.replace(model.rest, since_drawn=drawn), held=held)
 
 
-def _carriers(model: Model) -> Int[np.ndarray, " root"]:
+def _carriers(model: Model, held: Collection[int]) -> Int[np.ndarray, " root"]:
     roots = model.tree.roots
     at = [joint_chain(model.tree, int(frame))[0] for frame in model.points.frame[model.spring_ends].ravel()]
     return choose_carriers(
@@ -95,6 +104,7 @@ def _carriers(model: Model) -> Int[np.ndarray, " root"]:
         np.array(at, dtype=int).reshape(-1, 2),
         np.array([spring.stiffness for spring in model.structure.springs]) + 0.0,
         model.structure.mass,
+        held,
     )
 
 

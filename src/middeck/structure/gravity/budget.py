@@ -169,6 +169,12 @@ def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[s
 
 def _check(orbit: Modes, lab: Modes) -> None:
     free, hung = orbit.equilibrium, lab.equilibrium
+    if free.model.held != hung.model.held:
+        raise ConfigError(
+            "a budget shares a shift out over gravity and suspension; here clamps make one as well",
+            where=f"environments {free.environment.title!r} and {hung.environment.title!r}",
+            hint="give both the same clamps, or compare_modes",
+        )
     if free.model != hung.model:
         raise ConfigError(
             "a budget needs one structure in two environments",

@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError
 from middeck.structure.gravity.pairs import pair_modes, shares_of
 from middeck.structure.modes.kind_warnings import CURE
+from middeck.structure.modes.kinds import HELD
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
@@ -131,7 +132,7 @@ def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
 def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
     """Principal angles in the metric of the orbit mass (Björck and Golub 1973), sine and cosine form."""
     rigid = [i for i, k in enumerate(orbit.kind) if k == "rigid"]
-    hung = [i for i, k in enumerate(lab.kind) if k == "suspension"]
+    hung = [i for i, k in enumerate(lab.kind) if k in HELD]
     if not rigid or not hung:
         return np.zeros(0)
     L = sla.cholesky(_moving(orbit, orbit.mass.toarray()))

@@ -155,7 +155,7 @@ def follow_gravity(
 
     The devices of ``environment`` are tuned in its own gravity; elsewhere they obey ``devices``. On the way
     to a place without gravity they are released at a thousandth of that; on the way from one they take hold
-    there, and the article first settles under them.
+    there, and the article first settles under them. Clamps hold all the way, in orbit too.
 
     An unstable rest state ends the path as a value: the last of ``events`` says where, and which mode. Raises
     `ConfigError` for places that do not differ and `EquilibriumError` where ``environment`` cannot hold the
@@ -163,7 +163,8 @@ def follow_gravity(
     """
     places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
     _check(environment, places)
-    full, free = (solve_equilibrium(structure, e) for e in (environment, Environment.orbit()))
+    orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
+    full, free = (solve_equilibrium(structure, e) for e in (environment, orbit))
     loads_at = loads_in(full, devices)
     at_first = places[0].gravity
     try:

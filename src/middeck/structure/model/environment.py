@@ -11,6 +11,7 @@ from jaxtyping import Inexact
 from middeck.errors import ConfigError
 from middeck.joints.friction import Friction
 from middeck.structure.model.article import Structure
+from middeck.structure.model.clamps import Clamp
 from middeck.values import record
 
 
@@ -164,8 +165,8 @@ class Environment:
     """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
 
     ``suspension`` is one tuned cable per attach point, ``springs`` tie it to the ground, ``devices`` hang it
-    in any other way, any number of them at an attach point. Raises `ConfigError` where two devices have one
-    name.
+    in any other way, any number of them at an attach point, and ``clamps`` hold nodes outright. Raises
+    `ConfigError` where two devices have one name.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -176,6 +177,7 @@ class Environment:
     suspension: Suspension | None = None
     springs: tuple[AnchoredSpring, ...] = ()
     devices: tuple[Device, ...] = ()
+    clamps: tuple[Clamp, ...] = ()
 
     def __post_init__(self) -> None:
         names = [device.name for device in self.hung]
@@ -196,6 +198,15 @@ class Environment:
     def orbit() -> Environment:
         """Zero gravity, no suspension: the free, undeformed structure."""
         return Environment(title="orbit", gravity=np.zeros(3))
+
+    @staticmethod
+    def clamped(*nodes: str, gravity: float = 9.80665) -> Environment:
+        """Gravity along -y, and all six degrees of freedom of ``nodes`` held: a cantilever on the bench."""
+        return Environment(
+            title="clamped",
+            gravity=np.array([0.0, -gravity, 0.0]),
+            clamps=tuple(Clamp(node=name) for name in nodes),
+        )
 
     @staticmethod
     def lab(

@@ -11,7 +11,7 @@ from middeck.structure.assembly.energy import assemble_carried, inner_forces, sp
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.strain import member_energy
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import ROUGH, imbalance_scale, static_coordinates
+from middeck.structure.rest.statics import ROUGH, imbalance_scale, static_freedom
 
 HALF = 0.5
 
@@ -34,7 +34,7 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     last = {factor: residual for factor, residual, _ in equilibrium.history}
     factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
     gradient = assemble_carried(model, equilibrium.config, equilibrium.loads).gradient
-    left = np.where(static_coordinates(model), np.abs(gradient), 0.0)
+    left = np.abs(static_freedom(model).within(gradient))
     worst = int(np.argmax(left / imbalance_scale(model, equilibrium.loads)))
     roots, joint = model.tree.roots, worst - 6 * model.tree.roots
     turns = worst % 6 > 2 if joint < 0 else not model.tree.slides[joint]
@@ -70,8 +70,8 @@ def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordin
 
 
 def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str, ...]:
-    """One sentence for each of the ``rigid`` modes of an article that gravity should hold: its names."""
-    if not np.any(equilibrium.environment.gravity):
+    """One sentence for each of the ``rigid`` modes, by name, of an article that something should hold."""
+    if not np.any(equilibrium.environment.gravity) and equilibrium.model.held is None:
         return ()
     reasons = _neutral_reasons(equilibrium.model.structure)
     return tuple(

@@ -13,6 +13,7 @@ from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.frames import Configuration, frame_poses
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.travel import check_travel
@@ -22,12 +23,21 @@ from middeck.structure.rest.statics import (
     imbalance_scale,
     imbalance_weight,
     settle,
-    static_coordinates,
+    static_freedom,
 )
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
+LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
+
+
+class Reaction(NamedTuple):
+    """Force [N] and moment [N m] in W of a support on the article, the moment about where ``at`` now is."""
+
+    at: str
+    force: np.ndarray
+    moment: np.ndarray
 
 
 @record(kw_only=True)
@@ -48,6 +58,8 @@ class Equilibrium:
         carried body.
     tension:
         Pull [N] of each of ``devices``.
+    reactions:
+        Of every clamped node.
     enough:
         Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves more, and
         Newton's own step shows that nothing is out of place by it.
@@ -66,6 +78,7 @@ class Equilibrium:
     history: tuple[tuple[float, float, float], ...]
     holding_torque: Inexact[np.ndarray, " joint"]
     tension: Inexact[np.ndarray, " device"]
+    reactions: tuple[Reaction, ...] = ()
     enough: float = TOLERANCE
     stable: bool = True
 
@@ -87,8 +100,8 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
     that comes to rest beyond its travel; a state that did not converge is returned with its residual history
     and ``converged`` false.
     """
-    model = mesh_structure(structure)
     check_environment(environment)
+    model = mesh_structure(structure, environment.clamps)
     _check_support(environment)
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
@@ -108,9 +121,19 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
         history=settled.history,
         holding_torque=holding,
         tension=settled.assembly.tension,
+        reactions=_clamp_reactions(model, environment, settled.assembly.gradient),
         enough=settled.enough,
         stable=settled.stable,
     )
+
+
+def _clamp_reactions(model: Model, environment: Environment, gradient: np.ndarray) -> tuple[Reaction, ...]:
+    """At rest dE/dq of a held coordinate is the force that holds it."""
+    taken = static_freedom(model).beyond(gradient)
+    nodes = [node.name for node in model.structure.nodes]
+    held = dict.fromkeys(clamp.node for clamp in environment.clamps)
+    at = {name: taken[6 * nodes.index(name) :][:6] for name in held}
+    return tuple(Reaction(name, load[:3], load[3:]) for name, load in at.items())
 
 
 def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
@@ -127,17 +150,27 @@ def _check_support(environment: Environment) -> None:
     where = f"environment {environment.title!r}"
     heavy = bool(np.any(environment.gravity))
     if heavy and not environment.hung and not environment.springs:
-        raise EquilibriumError(
-            f"gravity of {np.linalg.norm(environment.gravity):.4g} m/s^2 and nothing to hang from",
-            where=where,
-            hint="add a [suspension] table, devices or springs to the environment, or use orbit",
-        )
+        _check_falls(environment, where)
     idle = [device.name for device in environment.hung if device.needs_gravity and not heavy]
     if idle:
         raise EquilibriumError(
             f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
             where=where,
             hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
+        )
+
+
+def _check_falls(environment: Environment, where: str) -> None:
+    """Whether clamps, which alone hold the article, let it fall."""
+    falls = free_translations(environment.clamps)
+    along = falls @ (falls.T @ environment.gravity)
+    size = float(np.linalg.norm(environment.gravity))
+    if np.linalg.norm(along) > LEVEL * size:
+        way = np.round(along / np.linalg.norm(along), 3) + 0.0
+        raise EquilibriumError(
+            f"gravity of {size:.4g} m/s^2 and nothing to hang from: the article falls along {way.tolist()}",
+            where=where,
+            hint="add a [suspension] table, devices, springs or clamps to the environment, or use orbit",
         )
 
 
@@ -175,7 +208,7 @@ def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
     scale = imbalance_scale(model, loads)
     weight = imbalance_weight(model, loads)
     gradient = assemble_carried(model, equilibrium.config, loads).gradient
-    left = np.where(static_coordinates(model), np.abs(gradient) / scale, 0.0)
+    left = np.abs(static_freedom(model).within(gradient)) / scale
     roots = model.tree.roots
     turns = np.concatenate([np.tile(np.repeat([False, True], 3), roots), ~model.tree.slides])
     worst = int(np.argmax(left)) if len(left) else 0

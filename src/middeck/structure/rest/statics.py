@@ -20,11 +20,11 @@ from middeck.structure.assembly.energy import (
     predict_forces,
 )
 from middeck.structure.assembly.factorisation import factorise, positive_factor
+from middeck.structure.assembly.freedom import Freedom, whole_motions
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import (
     Configuration,
-    FrameTree,
     move_carried,
     placed,
     rigid_columns,
@@ -79,7 +79,10 @@ class Settled(NamedTuple):
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in statics: roots and sprung joints; other joints are held."""
+    """Coordinates that move in statics: roots and sprung joints; what clamps and other joints hold does not.
+
+    Of a node that is held along axes of its clamp they are in those axes, see `static_freedom`.
+    """
     return _moving(model, (JointState.SPRUNG,))
 
 
@@ -90,7 +93,18 @@ def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
 
 def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
     joints = [joint.state in states for joint in model.structure.joints]
-    return np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
+    free = np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
+    return free if model.held is None else free & ~model.held.fixed
+
+
+def static_freedom(model: Model) -> Freedom:
+    """What moves in statics, see `static_coordinates`."""
+    return Freedom(static_coordinates(model), None if model.held is None else model.held.axes)
+
+
+def dynamic_freedom(model: Model) -> Freedom:
+    """What moves in dynamics, see `dynamic_coordinates`."""
+    return Freedom(dynamic_coordinates(model), None if model.held is None else model.held.axes)
 
 
 def settle(model: Model, loads: Loads) -> Settled:
@@ -123,8 +137,8 @@ def _by_steps(
         history += [(factor, residual, damping) for residual, damping in steps]
     config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
     history += [(1.0, residual, damping) for residual, damping in steps]
-    active, residual = static_coordinates(model), history[-1][1]
-    held = restrict(at.tangent, active) + LEAST_DAMPING * restrict(mass, active)
+    free, residual = static_freedom(model), history[-1][1]
+    held = free.matrix(at.tangent) + LEAST_DAMPING * free.matrix(mass)
     # Short of convergence stability is unknown: second-order strain of a step may act as tension.
     stable = residual < enough and positive_factor(sp.csr_array(held)) is not None
     return Settled(config, at, residual, enough, tuple(history), stable)
@@ -139,28 +153,28 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
     Comput. Methods Appl. Mech. Eng. 313). Where a motion grows the step is damped, so that it leaves an
     unstable rest state; an article upright to rounding ends in that state, which is marked as unstable.
     """
-    active, scale = static_coordinates(model), imbalance_scale(model, loads)
+    free, scale = static_freedom(model), imbalance_scale(model, loads)
     config, inner, damping, size_of = model.rest, None, 0.0, article_size(model)
-    least = LEAST_DAMPING * restrict(mass, active)
+    least = LEAST_DAMPING * free.matrix(mass)
     history: list[tuple[float, float, float]] = []
     for _ in range(MIXED_ITERATIONS):
         at = assemble_carried(model, config, loads)
-        residual = imbalance(at, active, scale)
+        residual = imbalance(at, free, scale)
         history.append((1.0, residual, damping))
         if not np.isfinite(residual):
             return None
         inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
         bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
-        step = _unfolding_step(restrict(bent.tangent, active), least, at.gradient[active], damping, size_of)
+        step = _unfolding_step(free.matrix(bent.tangent), least, free.part(at.gradient), damping, size_of)
         if step is None:
             return None
         q, damping, upright = step
         size = float(np.abs(q).max(initial=0.0))
         enough = ROUNDED if size < UNMOVED * size_of and (upright or damping == 0.0) else TOLERANCE
         if residual < enough and (upright or damping == 0.0):
-            stable = positive_factor(sp.csr_array(restrict(at.tangent, active) + least)) is not None
+            stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None
             return Settled(config, at, residual, enough, tuple(history), stable)
-        q = spread(q * min(1.0, LONGEST_STEP / size), active)
+        q = free.spread(q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP)))
         inner = predict_forces(model, config, loads, q)
         config = move_carried(model.tree, config, q)
     return None
@@ -272,17 +286,17 @@ def _descend(
 
     ``mass`` need not be exact. A descent of at ``most`` so many iterations ends where it begins to creep.
     """
-    active = static_coordinates(model)
+    free = static_freedom(model)
     at = assemble_carried(model, config, loads)
     damping, crept = 0.0, 0
     history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS if most is None else min(most, MAX_ITERATIONS)):
-        residual = imbalance(at, active, scale)
+        residual = imbalance(at, free, scale)
         history.append((residual, damping))
         if residual < enough:
             break
         q, damping = _damped_step(model, config, at, mass, damping)
-        better = _shorten(_Descent(model, loads, mass, scale, active), config, at, q)
+        better = _shorten(_Descent(model, loads, mass, scale, free), config, at, q)
         if better is None:
             step = np.abs(q * scale).max() / scale.min()
             if damping == 0.0 and step < UNMOVED * article_size(model):
@@ -295,9 +309,9 @@ def _descend(
     return config, at, history, enough
 
 
-def imbalance(at: Assembly, active: np.ndarray, scale: np.ndarray) -> float:
+def imbalance(at: Assembly, free: Freedom, scale: np.ndarray) -> float:
     """Largest residual force or moment at the coordinates that move in statics, over its ``scale``."""
-    return float(np.abs(at.gradient[active] / scale[active]).max(initial=0.0))
+    return float(np.abs(free.part(at.gradient) / scale[free.active]).max(initial=0.0))
 
 
 class _Descent(NamedTuple):
@@ -307,15 +321,15 @@ class _Descent(NamedTuple):
     loads: Loads
     mass: sp.csr_array
     scale: np.ndarray
-    active: np.ndarray
+    free: Freedom
 
     def at(self, config: Configuration) -> Assembly:
         return assemble_carried(self.model, config, self.loads)
 
     def lower(self, new: Assembly, at: Assembly) -> bool:
         """Whether the energy or the imbalance is lower."""
-        return new.energy < at.energy or imbalance(new, self.active, self.scale) < imbalance(
-            at, self.active, self.scale
+        return new.energy < at.energy or imbalance(new, self.free, self.scale) < imbalance(
+            at, self.free, self.scale
         )
 
 
@@ -327,7 +341,7 @@ def _shorten(
     None at rounding level.
     """
     for halvings in range(MAX_HALVINGS):
-        trial = move_whole(way.model.tree, config, q, way.mass)
+        trial = move_whole(way.model, config, q, way.mass)
         new = way.at(trial)
         if way.lower(new, at):
             return trial, new, halvings
@@ -336,16 +350,18 @@ def _shorten(
 
 
 def move_whole(
-    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
 ) -> Configuration:
     """Like `move_carried` to first order, but the rigid motion in ``q`` (by mass) strains nothing.
 
     Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
     member bears, so that a descent with them would have to creep.
     """
-    rigid, rest = split_rigid(tree, config, q, mass)
-    # The rotation is about the world origin: its second-order part must not carry a far structure along.
-    centre = config.x.mean(axis=0)
+    tree, held = model.tree, model.held
+    rigid, rest = split_rigid(model, config, q, mass)
+    # The rotation is about the world origin: its second-order part must not carry a far structure along, nor
+    # what is pinned.
+    centre = config.x.mean(axis=0) if held is None or not len(held.pinned) else config.x[held.pinned[0]]
     turn = turn_of(rigid[3:])
     R = np.eye(3) + turn
     shift = rigid[:3] + cross(rigid[3:], centre)
@@ -362,29 +378,35 @@ def move_whole(
 
 
 def split_rigid(
-    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
 ) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, " coordinate"]]:
-    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried."""
+    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried.
+
+    Of a clamped article such as leave every node in place that is held along any way.
+    """
+    tree = model.tree
     T = rigid_columns(tree, config, np.zeros(3))
+    whole = np.eye(6) if model.held is None else whole_motions(model.held, T)
     if config.since_drawn is not None:
         T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0
+    T = T @ whole if model.held is not None else T
     weighted = mass @ T
     rigid, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ q, rcond=None)
-    return rigid, q - T @ rigid
+    return whole @ rigid, q - T @ rigid
 
 
 def _damped_step(
     model: Model, config: Configuration, at: Assembly, mass: sp.csr_array, damping: float
 ) -> tuple[np.ndarray, float]:
     """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
-    active = static_coordinates(model)
-    stiffness, inertia = restrict(at.tangent, active), restrict(mass, active)
+    free = static_freedom(model)
+    stiffness, inertia = free.matrix(at.tangent), free.matrix(mass)
     damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
     while damping < MOST_DAMPING:
         factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
         if factor is not None:
-            q = spread(-factor.solve(at.gradient[active]), active)
-            rigid, rest = split_rigid(model.tree, config, q, mass)
+            q = free.spread(-factor.solve(free.part(at.gradient)))
+            rigid, rest = split_rigid(model, config, q, mass)
             if max(np.abs(rigid[3:]).max(), np.abs(rest).max()) < LONGEST_STEP:
                 return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
@@ -393,22 +415,3 @@ def _damped_step(
         where=f"structure {model.structure.title!r}",
         hint="a motion without mass that something pushes over? give its frame a mass and an inertia",
     )
-
-
-def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
-    """Rows and columns of the coordinates that move; the matrix itself where all do."""
-    if np.all(active):
-        return K
-    rows = np.repeat(np.arange(len(active)), np.diff(K.indptr))
-    kept = active[rows] & active[K.indices]
-    place = np.cumsum(active) - 1
-    size = int(np.sum(active))
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(place[rows[kept]], minlength=size))])
-    return sp.csr_array((K.data[kept], place[K.indices[kept]], indptr), shape=(size, size))
-
-
-def spread(q: Float[np.ndarray, " active"], active: Bool[np.ndarray, " coordinate"]) -> np.ndarray:
-    """The increment of all coordinates, zero where they are held."""
-    full = np.zeros(len(active))
-    full[active] = q
-    return full

@@ -20,7 +20,7 @@ from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import restrict, static_coordinates
+from middeck.structure.rest.statics import static_freedom
 from middeck.values import record
 
 UNMOVED = 1e-9
@@ -53,21 +53,20 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
     where the rest state is not stable against some motion: friction would then hold it anywhere.
     """
     model, config, loads = equilibrium.model, equilibrium.config, equilibrium.loads
-    active = static_coordinates(model)
+    free = static_freedom(model)
     rows = device_rows(equilibrium)
     friction = np.array([0.0 if f is None else f.slip_torque for f in _frictions(equilibrium)])
     # Beside stiff members only carried coordinates keep the digits of what is soft.
     T = transport(config, model.tree)
     carried = rows @ T
-    factor = positive_factor(restrict(assemble_carried(model, config, loads).tangent, active))
+    factor = positive_factor(free.matrix(assemble_carried(model, config, loads).tangent))
     if factor is None:
         raise EquilibriumError(
             "a motion has no stiffness: with friction the article could rest anywhere along it",
             where="estimate_rest_band",
             hint="look for modes at zero frequency",
         )
-    moved = np.zeros((model.tree.size, len(rows)))
-    moved[active] = factor.solve(carried[:, active].T) * friction
+    moved = free.spread(factor.solve(free.part(carried.T)) * friction)
     M = mass_matrix(model, config)
     whole = rigid_columns(model.tree, config, config.x.mean(axis=0))
     rigid = np.linalg.solve(whole.T @ (M @ whole), whole.T @ (M @ (T @ moved)))
