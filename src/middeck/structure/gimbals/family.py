@@ -355,13 +355,7 @@ def _middle(model: Model, start: _Place, end: _Place, count: int) -> _Place | No
         0.5 * (a.law.stiffness + b.law.stiffness),
         0.5 * (a.law.length + b.law.length),
     )
-    loads = Loads(
-        gravity=a.gravity,
-        anchor=0.5 * (a.anchor + b.anchor),
-        attach_point=a.attach_point,
-        law=law,
-        mass=0.5 * (a.mass + b.mass),
-    )
+    loads = dataclasses.replace(a, anchor=0.5 * (a.anchor + b.anchor), law=law, mass=0.5 * (a.mass + b.mass))
     angle = 0.5 * (start.config.angle + end.config.angle)
     near = rest_near(model, dataclasses.replace(start.config, angle=angle), loads)
     return near and _Place(near[0], loads, _spectrum_at(model, near[0], loads, count))

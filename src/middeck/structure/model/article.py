@@ -172,6 +172,49 @@ class Spring:
     free_length: float
 
 
+@record(kw_only=True)
+class Bushing:
+    """A 6x6 stiffness between two attach points, which strains nothing as drawn.
+
+    Parameters
+    ----------
+    stiffness:
+        Of the displacement [m] and the rotation vector [rad] of ``end`` as ``start`` sees it: N/m, N and
+        N m/rad; symmetric, no eigenvalue negative.
+    axes:
+        Unit vectors of its x, y and z in W as drawn, as columns; they follow the frame of ``start``.
+
+    The law is linear in both, for any displacement and any relative turn below pi (`elements.bushings`); an
+    elastomer's is not beyond some degrees.
+    """
+
+    name: str
+    start: str
+    end: str
+    stiffness: Inexact[np.ndarray, "6 6"]
+    axes: Inexact[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+
+
+@record(kw_only=True)
+class PointLoad:
+    """A dead force [N] and moment [N m] on a frame, in W; the force acts at ``offset``, frame axes [m]."""
+
+    name: str
+    frame: str
+    force: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    moment: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+
+
+@record
+class AddedMass:
+    """A rigid body bolted to a frame, beside the frame's own; place and inertia in the frame's axes."""
+
+    name: str
+    frame: str
+    body: Body
+
+
 class ActuatorKind(Enum):
     """Kind of an actuator."""
 
@@ -333,7 +376,10 @@ class Damping:
 
 @record(kw_only=True)
 class Structure:
-    """A test article, without gravity and without its suspension."""
+    """A test article, without gravity and without its suspension.
+
+    ``masses`` and ``loads`` are those of a load case, see `apply_load_case`; an article by itself has none.
+    """
 
     title: str
     nodes: tuple[Node, ...]
@@ -344,11 +390,14 @@ class Structure:
     actuators: tuple[Actuator, ...]
     sensors: tuple[Sensor, ...]
     damping: Damping
+    bushings: tuple[Bushing, ...] = ()
+    masses: tuple[AddedMass, ...] = ()
+    loads: tuple[PointLoad, ...] = ()
 
     @property
     def mass(self) -> float:
         """Total mass [kg], members included."""
-        rigid = sum(part.body.mass for part in (*self.nodes, *self.joints))
+        rigid = sum(part.body.mass for part in (*self.nodes, *self.joints, *self.masses))
         by_name = {n.name: n for n in self.nodes}
         return rigid + sum(m.section.rho_A * clear_length(m, by_name) for m in self.members)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 from enum import Enum
 
 import numpy as np
@@ -161,12 +162,25 @@ class AnchoredSpring:
 
 
 @record(kw_only=True)
+class GroundBushing:
+    """A 6x6 stiffness from an attach point to the ground, which strains nothing as drawn.
+
+    As a `Bushing` whose first frame is W: ``stiffness`` in the directions of ``axes``, its x, y and z in W.
+    """
+
+    name: str
+    attach: str
+    stiffness: Inexact[np.ndarray, "6 6"]
+    axes: Inexact[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+
+
+@record(kw_only=True)
 class Environment:
     """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
 
-    ``suspension`` is one tuned cable per attach point, ``springs`` tie it to the ground, ``devices`` hang it
-    in any other way, any number of them at an attach point, and ``clamps`` hold nodes outright. Raises
-    `ConfigError` where two devices have one name.
+    ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
+    ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes
+    outright. Raises `ConfigError` where two devices have one name.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -178,6 +192,7 @@ class Environment:
     springs: tuple[AnchoredSpring, ...] = ()
     devices: tuple[Device, ...] = ()
     clamps: tuple[Clamp, ...] = ()
+    bushings: tuple[GroundBushing, ...] = ()
 
     def __post_init__(self) -> None:
         names = [device.name for device in self.hung]

@@ -65,7 +65,8 @@ class Kinds(NamedTuple):
 
 def is_held(equilibrium: Equilibrium) -> bool:
     """Whether gravity or a device acts: else there is no suspension, and no mode of it."""
-    return bool(np.any(equilibrium.environment.gravity)) or len(equilibrium.loads.attach_point) > 0
+    loads = equilibrium.loads
+    return bool(np.any(loads.gravity)) or len(loads.attach_point) + len(loads.ground.point) > 0
 
 
 def find_kinds(
@@ -112,7 +113,8 @@ def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str,
     """
     rigid = kind.count("rigid")
     held = _rigid_in_orbit(equilibrium) - rigid if is_held(equilibrium) else 0
-    hung = equilibrium.model.held is None or len(equilibrium.loads.attach_point) > 0
+    tied = len(equilibrium.loads.attach_point) + len(equilibrium.loads.ground.point) > 0
+    hung = equilibrium.model.held is None or tied
     kinds = ("rigid",) * rigid + ("suspension" if hung else "pendulum",) * held
     return (kinds + ("flexible",) * (len(kind) - len(kinds)))[: len(kind)]
 
@@ -178,8 +180,12 @@ def _null_space(equilibrium: Equilibrium) -> np.ndarray:
 def _in_one_piece(model: Model) -> bool:
     """Whether members join all: then the strainless motions are those of one body and its free joints."""
     structure = model.structure
-    return not structure.springs and all(
-        min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
+    return (
+        not structure.springs
+        and not structure.bushings
+        and all(
+            min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
+        )
     )
 
 

@@ -12,7 +12,13 @@ from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.modes.diagnosis import beyond_travel, buckling_member, loose_motions, where_lost
+from middeck.structure.modes.diagnosis import (
+    beyond_travel,
+    buckling_member,
+    loose_motions,
+    moment_warnings,
+    where_lost,
+)
 from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
 from middeck.structure.modes.kind_warnings import kind_warnings
 from middeck.structure.modes.kinds import SMALL, find_kinds
@@ -98,6 +104,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     warnings = (
         *rest_warnings(equilibrium),
         *loose_motions(equilibrium, rigid_names),
+        *moment_warnings(equilibrium, lam, shapes),
         *kind_warnings(equilibrium, omega, kind, names, rigid_share, share),
     )
     return Modes(

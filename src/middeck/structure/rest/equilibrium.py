@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
-from middeck.structure.assembly.energy import Loads, assemble_carried
+from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_states
 from middeck.structure.assembly.mesh import Model, mesh_structure
-from middeck.structure.elements.frames import Configuration, frame_poses
+from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
+from middeck.structure.model.load_case import LoadCase, apply_load_case
 from middeck.structure.model.travel import check_travel
 from middeck.structure.rest.statics import (
     TOLERANCE,
@@ -59,7 +61,7 @@ class Equilibrium:
     tension:
         Pull [N] of each of ``devices``.
     reactions:
-        Of every clamped node.
+        Of every clamped node, then of every bushing to the ground.
     enough:
         Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves more, and
         Newton's own step shows that nothing is out of place by it.
@@ -93,18 +95,25 @@ class Equilibrium:
         return self.residual < self.enough
 
 
-def solve_equilibrium(structure: Structure, environment: Environment) -> Equilibrium:
+def solve_equilibrium(
+    structure: Structure, environment: Environment, load_case: LoadCase | None = None
+) -> Equilibrium:
     """Rest state under gravity and suspension; `Environment.orbit()` is the undeformed structure.
 
-    Raises `EquilibriumError` for gravity without any support, a slack cable, a mechanism, or a sprung joint
-    that comes to rest beyond its travel; a state that did not converge is returned with its residual history
-    and ``converged`` false.
+    With ``load_case`` under its loads too, with its masses and with its displacements prescribed: see
+    `apply_load_case`.
+
+    Raises `EquilibriumError` for gravity or loads without any support, a slack cable, a mechanism, or a
+    sprung joint that comes to rest beyond its travel; a state that did not converge is returned with its
+    residual history and ``converged`` false.
     """
-    check_environment(environment)
+    structure, environment = apply_load_case(structure, environment, load_case)
     model = mesh_structure(structure, environment.clamps)
-    _check_support(environment)
+    check_environment(environment)
+    _check_idle(environment)
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
+    _check_driven(model, environment, loads)
     settled = settle(model, loads)
     _check_pull(tuned, settled.assembly.tension)
     if settled.residual < settled.enough:
@@ -121,7 +130,10 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
         history=settled.history,
         holding_torque=holding,
         tension=settled.assembly.tension,
-        reactions=_clamp_reactions(model, environment, settled.assembly.gradient),
+        reactions=(
+            *_clamp_reactions(model, environment, settled.assembly.gradient),
+            *_bushing_reactions(model, environment, settled.config, loads),
+        ),
         enough=settled.enough,
         stable=settled.stable,
     )
@@ -136,6 +148,14 @@ def _clamp_reactions(model: Model, environment: Environment, gradient: np.ndarra
     return tuple(Reaction(name, load[:3], load[3:]) for name, load in at.items())
 
 
+def _bushing_reactions(
+    model: Model, environment: Environment, config: Configuration, loads: Loads
+) -> tuple[Reaction, ...]:
+    """What bushings to the ground do to the article, at their attach points."""
+    load = -bushing_states(model, config, loads)[1].gradient[:, 6:]
+    return tuple(Reaction(b.name, f[:3], f[3:]) for b, f in zip(environment.bushings, load, strict=True))
+
+
 def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
     """Torque of sprung axes: part of the balanced gradient, but it is what holds them."""
     return np.array(
@@ -146,31 +166,40 @@ def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
     )
 
 
-def _check_support(environment: Environment) -> None:
-    where = f"environment {environment.title!r}"
+def _check_idle(environment: Environment) -> None:
     heavy = bool(np.any(environment.gravity))
-    if heavy and not environment.hung and not environment.springs:
-        _check_falls(environment, where)
     idle = [device.name for device in environment.hung if device.needs_gravity and not heavy]
     if idle:
         raise EquilibriumError(
             f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
-            where=where,
+            where=f"environment {environment.title!r}",
             hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
         )
 
 
-def _check_falls(environment: Environment, where: str) -> None:
-    """Whether clamps, which alone hold the article, let it fall."""
+def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
+    """Whether weight and loads drive a motion of the whole that nothing can ever stop."""
+    if environment.hung or environment.springs or environment.bushings:
+        return
+    T = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
+    pull = -T.T @ assemble_carried(model, dataclasses.replace(model.rest, since_drawn=None), loads).gradient
     falls = free_translations(environment.clamps)
-    along = falls @ (falls.T @ environment.gravity)
-    size = float(np.linalg.norm(environment.gravity))
-    if np.linalg.norm(along) > LEVEL * size:
-        way = np.round(along / np.linalg.norm(along), 3) + 0.0
+    along = falls @ (falls.T @ pull[:3])
+    scale = LEVEL * imbalance_weight(model, loads)
+    where = f"environment {environment.title!r}"
+    hint = "add a [suspension] table, devices, springs, bushings or clamps to the environment, or use orbit"
+    if np.linalg.norm(along) > scale:
+        way = (np.round(along / np.linalg.norm(along), 3) + 0.0).tolist()
+        size = float(np.linalg.norm(environment.gravity))
+        what = f"gravity of {size:.4g} m/s^2" if size else "loads that do not balance"
         raise EquilibriumError(
-            f"gravity of {size:.4g} m/s^2 and nothing to hang from: the article falls along {way.tolist()}",
+            f"{what} and nothing to hang from: the article falls along {way}", where=where, hint=hint
+        )
+    if not environment.clamps and np.linalg.norm(pull[3:]) > scale * article_size(model):
+        raise EquilibriumError(
+            f"loads turn the free article by a moment of {np.linalg.norm(pull[3:]):.4g} N m",
             where=where,
-            hint="add a [suspension] table, devices, springs or clamps to the environment, or use orbit",
+            hint=hint,
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Inexact, Int
@@ -74,9 +76,7 @@ def solve_pinned(
     iteration does not converge. A free motion that no weight drives is ignored: it changes no force.
     """
     other = no_loads() if others is None else others
-    loads = Loads(
-        gravity=gravity, anchor=other.anchor, attach_point=other.attach_point, law=other.law, mass=other.mass
-    )
+    loads = dataclasses.replace(other, gravity=gravity)
     state = settle_pinned(model, loads, pinned)
     return support_forces(state.supports, state.force, len(pinned.point))
 

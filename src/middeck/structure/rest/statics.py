@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from jaxtyping import Bool, Float
 
 from middeck.errors import NumericalError
@@ -29,7 +31,7 @@ from middeck.structure.elements.frames import (
     placed,
     rigid_columns,
 )
-from middeck.structure.elements.rotations import cross, turn_of
+from middeck.structure.elements.rotations import cross, skew, turn_of
 from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.model.article import JointState
 
@@ -47,6 +49,8 @@ MAX_HALVINGS = 30
 MIXED_ITERATIONS = 100
 # Iterations after which a descent creeps.
 SOON = 30
+# Part of the loads in the first step of following them, and in the least; iterations in one.
+FIRST_PART, LEAST_PART, MAX_NEWTON = 0.25, 1e-3, 20
 # Halvings of a step after which, twice, it does.
 SHORT = 3
 STANDARD_GRAVITY = 9.80665
@@ -59,6 +63,8 @@ AHEAD, NEAR = 1.5, 1.3
 IN_LINE = 1e-9
 # Beyond any omega^2 of a structure: what is still indefinite has no mass.
 MOST_DAMPING = 1e20
+# Turn [rad] of a node in one step of prescribed displacements, and shift over the article's size.
+PRESCRIBED_TURN = 0.1
 # Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
 # the second-order chart follows well. A translation of the whole may be of any length.
 LONGEST_STEP = 0.5
@@ -113,9 +119,22 @@ def settle(model: Model, loads: Loads) -> Settled:
     The tangent is re-formed at every iteration. Damping (Levenberg 1944: a multiple of the mass) keeps each
     step a descent of the potential where the tangent is not positive definite; it is reduced after every
     success and the last step is a pure Newton step. Convergence is on the true residual alone; on the way
-    there a rough one will do.
+    there a rough one will do. Applied loads are followed from none, and descended only where that ends.
     """
     mass = carried_mass(model, model.rest)
+    if model.held is not None and np.any(model.held.moved):
+        steps = _prescribed_steps(model)
+        return _by_steps(model, loads, mass, tuple((np.arange(1, steps) / steps).tolist()))
+    followed = _follow(model, loads, mass) if np.any(loads.push) else None
+    if followed is None:
+        return _descend_by_turns(model, loads, mass)
+    if followed.stable or np.any(loads.push[:, 3:]):  # a moment has no potential to descend
+        return followed
+    fallen = _descend_by_turns(model, loads, mass)
+    return fallen if fallen.residual < fallen.enough else followed
+
+
+def _descend_by_turns(model: Model, loads: Loads, mass: sp.csr_array) -> Settled:
     soon = _by_steps(model, loads, mass, (), SOON)
     if soon.residual < soon.enough:
         return soon
@@ -130,18 +149,131 @@ def _by_steps(
     model: Model, loads: Loads, mass: sp.csr_array, factors: tuple[float, ...], most: int | None = None
 ) -> Settled:
     scale = imbalance_scale(model, loads)
-    config = model.rest
+    config, before = model.rest, 0.0
     history: list[tuple[float, float, float]] = []
     for factor in factors:
-        config, _, steps, _ = _descend(model, config, scale_loads(loads, factor), mass, scale, ROUGH)
+        load = scale_loads(loads, factor)
+        config, before = displace(model, config, load, factor - before), factor
+        config, _, steps, _ = _descend(model, config, load, mass, scale, ROUGH)
         history += [(factor, residual, damping) for residual, damping in steps]
+    config = displace(model, config, loads, 1.0 - before)
     config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
     history += [(1.0, residual, damping) for residual, damping in steps]
-    free, residual = static_freedom(model), history[-1][1]
-    held = free.matrix(at.tangent) + LEAST_DAMPING * free.matrix(mass)
+    residual = history[-1][1]
     # Short of convergence stability is unknown: second-order strain of a step may act as tension.
-    stable = residual < enough and positive_factor(sp.csr_array(held)) is not None
+    stable = residual < enough and _is_stable(model, at, mass)
     return Settled(config, at, residual, enough, tuple(history), stable)
+
+
+def _is_stable(model: Model, at: Assembly, mass: sp.csr_array) -> bool:
+    free = static_freedom(model)
+    held = free.matrix(at.tangent) + LEAST_DAMPING * free.matrix(mass)
+    return positive_factor(sp.csr_array(held)) is not None
+
+
+def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
+    """Along the branch of the drawn state by Newton's method, stable or not, as all loads grow together.
+
+    None where the branch ends. A step is halved until Newton's method converges, and doubled after.
+    """
+    config, at, done, step = model.rest, None, 0.0, FIRST_PART
+    history: list[tuple[float, float, float]] = []
+    while done < 1.0 and step > LEAST_PART:
+        part = min(1.0, done + step)
+        found = _newton(model, config, scale_loads(loads, part), mass)
+        if found is None:
+            step *= 0.5
+            continue
+        config, at, left = found
+        history += [(part, residual, 0.0) for residual in left]
+        done, step = part, 2.0 * step
+    if at is None or done < 1.0:
+        return None
+    enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
+    return Settled(config, at, history[-1][1], enough, tuple(history), _is_stable(model, at, mass))
+
+
+def _newton(
+    model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
+) -> tuple[Configuration, Assembly, list[float]] | None:
+    """Newton's method from nearby, forces inside as unknowns (`_with_forces`); None where it leaves.
+
+    With the residuals on the way.
+    """
+    free, scale, inner = static_freedom(model), imbalance_scale(model, loads), None
+    least, size = LEAST_DAMPING * free.matrix(mass), article_size(model)
+    left: list[float] = []
+    for _ in range(MAX_NEWTON):
+        at = assemble_carried(model, config, loads)
+        left.append(imbalance(at, free, scale))
+        if left[-1] < TOLERANCE:
+            return config, at, left
+        inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
+        bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
+        q = _solve_spun(
+            free.matrix(bent.tangent) + least, _spin(model, at, loads, free), free.part(at.gradient)
+        )
+        if q is None or not np.abs(q).max(initial=0.0) < LONGEST_STEP:
+            return None
+        if left[-1] < ROUNDED and np.abs(q).max(initial=0.0) < UNMOVED * size:
+            return config, at, left
+        q = free.spread(q)
+        inner = predict_forces(model, config, loads, q)
+        config = move_carried(model.tree, config, q)
+    return None
+
+
+def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
+    """What the tangent lacks for moments of fixed direction: -[M]/2 on the turn of each, antisymmetric.
+
+    The rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it.
+    """
+    moved = np.flatnonzero(np.any(loads.push[:, 3:] != 0.0, axis=1))
+    if not len(moved):
+        return None
+    rows = (6 * model.load_point[moved][:, None] + np.arange(3, 6)).ravel()
+    turns = free.columns(at.jacobian[rows])
+    return sp.csr_array(turns.T @ sp.block_diag(list(-0.5 * skew(loads.push[moved, 3:]))) @ turns)
+
+
+def _solve_spun(K: sp.csr_array, spin: sp.csr_array | None, gradient: np.ndarray) -> np.ndarray | None:
+    """Newton's step; None where there is none."""
+    if spin is None:
+        factor = factorise(sp.csr_array(K))
+        return None if factor is None else -factor.solve(gradient)
+    try:
+        q = -spla.splu(sp.csc_array(K + spin)).solve(gradient)
+    except RuntimeError:  # SuperLU: "Factor is exactly singular"
+        return None
+    return q if np.all(np.isfinite(q)) else None
+
+
+def _prescribed_steps(model: Model) -> int:
+    """Steps of prescribed displacements that the tangent predicts well."""
+    moved = np.zeros((1, 6)) if model.held is None else model.held.moved
+    turn = np.linalg.norm(moved[:, 3:], axis=1).max() / PRESCRIBED_TURN
+    shift = np.linalg.norm(moved[:, :3], axis=1).max() / (PRESCRIBED_TURN * article_size(model))
+    return 1 + int(max(turn, shift))
+
+
+def displace(model: Model, config: Configuration, loads: Loads, part: float) -> Configuration:
+    """``config`` after a further ``part`` of what is prescribed; the rest follows by the tangent."""
+    since = config.since_drawn
+    if model.held is None or since is None or not np.any(model.held.moved):
+        return config
+    moved = part * model.held.moved
+    free, pushed = static_freedom(model), np.zeros(model.tree.size)
+    pushed[: moved.size] = moved.ravel()
+    K = assemble_carried(model, config, loads).tangent
+    factor = positive_factor(free.matrix(K))
+    turn = turn_of(moved[:, 3:])
+    there = SinceDrawn(
+        since.drawn, since.carrier, since.shift + moved[:, :3], since.turn + turn + turn @ since.turn
+    )
+    config = placed(there, config.angle)
+    if factor is None:
+        return config
+    return move_carried(model.tree, config, free.spread(-factor.solve(free.part(K @ pushed))))
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
@@ -234,15 +366,9 @@ def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inne
 
 
 def scale_loads(loads: Loads, factor: float) -> Loads:
-    """Gravity and preloads times ``factor``; stiffnesses as they are."""
+    """Gravity, preloads and applied loads times ``factor``; stiffnesses as they are."""
     law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
-    return Loads(
-        gravity=loads.gravity * factor,
-        anchor=loads.anchor,
-        attach_point=loads.attach_point,
-        law=law,
-        mass=loads.mass,
-    )
+    return dataclasses.replace(loads, gravity=loads.gravity * factor, law=law, push=loads.push * factor)
 
 
 def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
@@ -258,9 +384,11 @@ def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinat
 
 
 def imbalance_weight(model: Model, loads: Loads) -> float:
-    """The article's weight [N], on the ground where there is none."""
+    """The article's weight [N], on the ground where there is none; a load that is larger."""
     gravity = float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY
-    return max(model.structure.mass * gravity, float(np.finfo(float).tiny))
+    applied = np.linalg.norm(loads.push.reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0)
+    forces = [model.structure.mass * gravity, applied[0], applied[1] / min(article_size(model), 1.0)]
+    return max(*map(float, forces), float(np.finfo(float).tiny))
 
 
 def article_size(model: Model) -> float:
