@@ -14,9 +14,8 @@ from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.bushings import bushing_state
 from middeck.structure.elements.frames import move
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
-from middeck.structure.model.article import AttachPoint, Bushing, PointLoad, Structure
+from middeck.structure.model.article import AttachPoint, Bushing, LoadCase, PointLoad, Structure
 from middeck.structure.model.environment import Environment, GroundBushing
-from middeck.structure.model.load_case import LoadCase
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension

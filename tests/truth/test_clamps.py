@@ -9,10 +9,11 @@ import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.model.article import Joint, JointState
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
@@ -211,3 +212,40 @@ def test_derivatives_of_a_clamped_frame_are_those_of_differences(name: str) -> N
     np.testing.assert_allclose(
         moved.reshape(-1, 6)[:, :3].ravel(), want, rtol=1e-4, atol=1e-6 * np.abs(want).max()
     )
+
+
+def hinged(arm: tuple[float, float, float], axis: tuple[float, float, float] = (0, 0, 1)) -> Equilibrium:
+    """A body on a hinge without stiffness at a clamped node, its centre of mass at ``arm``."""
+    bob = dataclasses.replace(body(2.0, inertia=(0.05, 0.05, 0.05)), cg=np.array(arm))
+    hinge = Joint(
+        name="hinge",
+        parent="a",
+        offset=np.array([0.1, 0.0, 0.0]),
+        axis=np.array(axis, dtype=float),
+        angle=0.0,
+        body=bob,
+        state=JointState.SPRUNG,
+    )
+    parts = structure([node("a", (0, 0, 0))], joints=[hinge])
+    return solve_equilibrium(parts, held(Clamp(node="a"), gravity=GRAVITY))
+
+
+def test_a_hinge_without_stiffness_settles_below_its_axis_and_swings_there() -> None:
+    rest = hinged((0.3, 0.1, 0.0))
+    assert rest.config.angle[0] == pytest.approx(-np.pi / 2.0 - np.arctan2(0.1, 0.3), abs=1e-9)
+    assert rest.stable
+    modes = solve_modes(rest)
+    assert modes.omega == pytest.approx(
+        [np.sqrt(2.0 * 9.80665 * np.sqrt(0.1) / (0.05 + 2.0 * 0.1))], rel=1e-9
+    )
+    assert modes.kind == ("pendulum",)
+    np.testing.assert_allclose(rest.holding_torque, 0.0, atol=1e-7)
+
+
+def test_an_upright_hinge_is_unstable_and_a_balanced_one_neutral() -> None:
+    upright = hinged((0.0, 0.3, 0.0))
+    assert upright.converged
+    assert any("not stable" in w for w in rest_warnings(upright))
+    neutral = solve_modes(hinged((0.3, 0.0, 0.0), axis=(0, 1, 0)))
+    assert neutral.kind == ("rigid",)
+    assert any("neutral balance; what it carries" in w for w in neutral.warnings)

@@ -11,10 +11,9 @@ import scipy.special as ss
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.model.article import AddedMass, PointLoad, Structure
+from middeck.structure.model.article import AddedMass, LoadCase, PointLoad, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.load_case import LoadCase
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from structure_builders import GRAVITY, TUBE, body, member, node, straight_beam, structure

@@ -8,11 +8,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 
-from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm
+from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm, State
 from middeck.files.damping_checks import damping_findings
 from middeck.files.faults import Finding, nearest, show
 from middeck.files.form import inertia_matrix
@@ -149,7 +149,9 @@ def _names(data: Table) -> Iterator[Finding]:
     points = [(("suspension", "nodes", i), n) for i, n in enumerate(_suspension_array(data, "nodes"))]
     points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]
     yield from _twice(points, "attach point")
-    for kind in ("strut", "spring"):
+    cases = [(("load_case", i, "name"), t.get("name")) for i, t in tables(data, "load_case")]
+    yield from _twice(cases, "load case")
+    for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
         yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
     for kind in ("actuator", "sensor"):
@@ -198,7 +200,10 @@ def _references(data: Table) -> Iterator[Finding]:
         ("spring", "from", points, "attach point"),
         ("spring", "to", points, "attach point"),
         ("sensor", "axis_frame", frames, "frame"),
+        ("bushing", "from", points, "attach point"),
+        ("bushing", "to", points, "attach point"),
     ]
+    yield from _case_references(data, nodes, frames)
     for table, key, known, kind in wanted:
         for i, t in tables(data, table):
             if key in t:
@@ -210,6 +215,15 @@ def _references(data: Table) -> Iterator[Finding]:
             yield from _unknown((table, i, "frame"), t.get("frame"), known, kind)
     for i, name in enumerate(_suspension_array(data, "nodes")):
         yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
+
+
+def _case_references(data: Table, nodes: list[str], frames: list[str]) -> Iterator[Finding]:
+    """Frames and nodes that load cases name."""
+    wanted = (("load", "frame", frames), ("mass", "frame", frames), ("prescribed", "node", nodes))
+    for i, case in tables(data, "load_case"):
+        for table, key, known in wanted:
+            for k, t in tables(case, table):
+                yield from _unknown(("load_case", i, table, k, key), t.get(key), known, key)
 
 
 def _unknown(path: Path, name: Any, known: list[str], kind: str) -> Iterator[Finding]:
@@ -266,9 +280,9 @@ def _unconnected(data: Table) -> Iterator[Finding]:
     for part in separate_parts(list(place), _joined(data, set(place)))[1:]:
         path: Path = ("node", place[part[0]], "name")
         if len(part) == 1:
-            message = "an unconnected node: no strut or spring joins it"
+            message = "an unconnected node: no strut, spring or bushing joins it"
         else:
-            message = f"a disconnected part: no strut or spring joins {some_names(part)} to the rest"
+            message = f"a disconnected part: no strut, spring or bushing joins {some_names(part)} to the rest"
         yield Finding(
             path=path,
             message=message,
@@ -287,7 +301,7 @@ def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
     frame = {str(name): str(name) for name in _suspension_array(data, "nodes")}
     frame |= {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
     ends = [(str(t.get("from")), str(t.get("to"))) for _, t in tables(data, "strut")]
-    for _, t in tables(data, "spring"):
+    for _, t in (*tables(data, "spring"), *tables(data, "bushing")):
         ends.append((frame.get(str(t.get("from")), ""), frame.get(str(t.get("to")), "")))
     pairs = [(_carrier(start, carrier), _carrier(end, carrier)) for start, end in ends]
     used = [name for pair in pairs for name in pair]
@@ -419,7 +433,7 @@ def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
         )
     owners = {stiffness: "sprung", f"rest{middle}_deg": "sprung", f"command{middle}_deg": "driven"}
     for key, owner in owners.items():
-        if key in t and state != owner and state in ("free", "sprung", "locked", "driven"):
+        if key in t and state != owner and state in get_args(State):
             advice = f'state{middle} = "{owner}"'
             yield Finding(
                 path=(*path, key),

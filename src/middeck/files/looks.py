@@ -40,7 +40,7 @@ KEYS: dict[str, frozenset[str]] = {
             "damping",
         )
     ),
-    ENVIRONMENT: frozenset(("constants", "device")),
+    ENVIRONMENT: frozenset(("constants", "device", "clamp")),
     STUDY: frozenset(("control", "rig", "figure_6", "siso", "sito", "mirror")),
     CHANNELS: frozenset(("channel",)),
 }

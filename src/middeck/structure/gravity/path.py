@@ -163,6 +163,12 @@ def follow_gravity(
     """
     places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
     _check(environment, places)
+    if structure.loads:
+        raise ConfigError(
+            "a path through gravity is that of an article without applied loads",
+            where=f"structure {structure.title!r}",
+            hint="leave the loads out; added masses may stay",
+        )
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
     full, free = (solve_equilibrium(structure, e) for e in (environment, orbit))
     loads_at = loads_in(full, devices)

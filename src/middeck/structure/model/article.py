@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Inexact
 
 from middeck.errors import ConfigError
+from middeck.structure.model.clamps import Clamp
 from middeck.values import record
 
 
@@ -94,7 +95,7 @@ class JointState(Enum):
     """State of a revolute axis."""
 
     FREE = "free"  # held at its angle in statics; free in dynamics under that constant holding torque
-    SPRUNG = "sprung"  # a linear spring about its rest angle, in statics and dynamics
+    SPRUNG = "sprung"  # a linear spring about its rest angle, in statics and dynamics; a hinge at stiffness 0
     LOCKED = "locked"  # welded at its nominal angle
     DRIVEN = "driven"  # held by a stiff servo at its commanded angle
 
@@ -213,6 +214,24 @@ class AddedMass:
     name: str
     frame: str
     body: Body
+
+
+@record(kw_only=True)
+class LoadCase:
+    """Named loads on frames, masses on frames, and prescribed displacements of nodes.
+
+    Gravity acts on the masses as on the article, and they take part in its modes. Forces and moments are
+    dead: they keep their direction in W. ``prescribed`` are clamps with a displacement.
+
+    >>> push = PointLoad(name="push", frame="b", force=np.array([0.0, -1.0, 0.0]))
+    >>> LoadCase(name="tip", loads=(push,)).name
+    'tip'
+    """
+
+    name: str
+    loads: tuple[PointLoad, ...] = ()
+    masses: tuple[AddedMass, ...] = ()
+    prescribed: tuple[Clamp, ...] = ()
 
 
 class ActuatorKind(Enum):
@@ -378,7 +397,7 @@ class Damping:
 class Structure:
     """A test article, without gravity and without its suspension.
 
-    ``masses`` and ``loads`` are those of a load case, see `apply_load_case`; an article by itself has none.
+    ``masses`` and ``loads`` are those of the one of its ``load_cases`` that `apply_load_case` has chosen.
     """
 
     title: str
@@ -393,6 +412,7 @@ class Structure:
     bushings: tuple[Bushing, ...] = ()
     masses: tuple[AddedMass, ...] = ()
     loads: tuple[PointLoad, ...] = ()
+    load_cases: tuple[LoadCase, ...] = ()
 
     @property
     def mass(self) -> float:

@@ -5,39 +5,21 @@ from __future__ import annotations
 import dataclasses
 
 from middeck.errors import ConfigError
-from middeck.structure.model.article import AddedMass, PointLoad, Structure
-from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.article import LoadCase, Structure
 from middeck.structure.model.environment import Environment
-from middeck.values import record
-
-
-@record(kw_only=True)
-class LoadCase:
-    """Named loads on frames, masses on frames, and prescribed displacements of nodes.
-
-    Gravity acts on the masses as on the article, and they take part in its modes. Forces and moments are
-    dead: they keep their direction in W. ``prescribed`` are clamps with a displacement.
-
-    >>> push = PointLoad(name="push", frame="b", force=np.array([0.0, -1.0, 0.0]))
-    >>> LoadCase(name="tip", loads=(push,)).name
-    'tip'
-    """
-
-    name: str
-    loads: tuple[PointLoad, ...] = ()
-    masses: tuple[AddedMass, ...] = ()
-    prescribed: tuple[Clamp, ...] = ()
 
 
 def apply_load_case(
-    structure: Structure, environment: Environment, case: LoadCase | None
+    structure: Structure, environment: Environment, case: LoadCase | str | None
 ) -> tuple[Structure, Environment]:
     """Both with the loads, masses and prescribed displacements of ``case``; as they are without one.
 
-    Raises `ConfigError` where the article has a load or a mass of the same name already.
+    A name means one of the article's own. Raises `ConfigError` where it has none of this name, or a load or a
+    mass of the same name already.
     """
     if case is None:
         return structure, environment
+    case = _own_case(structure, case) if isinstance(case, str) else case
     for what, new, old in (("load", case.loads, structure.loads), ("mass", case.masses, structure.masses)):
         taken = {part.name for part in old}
         for part in new:
@@ -54,3 +36,15 @@ def apply_load_case(
     if not case.prescribed:
         return loaded, environment
     return loaded, dataclasses.replace(environment, clamps=(*environment.clamps, *case.prescribed))
+
+
+def _own_case(structure: Structure, name: str) -> LoadCase:
+    for case in structure.load_cases:
+        if case.name == name:
+            return case
+    known = ", ".join(case.name for case in structure.load_cases)
+    raise ConfigError(
+        f"no load case {name!r}",
+        where=f"structure {structure.title!r}",
+        hint=f"load cases are {known}" if known else "the article has none: give it [[load_case]] tables",
+    )

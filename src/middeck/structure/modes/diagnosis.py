@@ -123,5 +123,6 @@ def _neutral_reasons(structure: Structure) -> dict[str, str]:
     return {
         f"gimbal {j.name.replace('_', ' ')}": reason
         for j in structure.joints
-        if j.state is JointState.FREE and not j.slides
+        if (j.state is JointState.FREE or (j.state is JointState.SPRUNG and j.stiffness == 0.0))
+        and not j.slides
     }

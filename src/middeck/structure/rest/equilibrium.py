@@ -13,11 +13,11 @@ from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_s
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
-from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
-from middeck.structure.model.load_case import LoadCase, apply_load_case
+from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.model.travel import check_travel
 from middeck.structure.rest.statics import (
     TOLERANCE,
@@ -96,7 +96,7 @@ class Equilibrium:
 
 
 def solve_equilibrium(
-    structure: Structure, environment: Environment, load_case: LoadCase | None = None
+    structure: Structure, environment: Environment, load_case: LoadCase | str | None = None
 ) -> Equilibrium:
     """Rest state under gravity and suspension; `Environment.orbit()` is the undeformed structure.
 

@@ -137,11 +137,12 @@ def _mass_properties(
     structure: Structure, rods: _Rods, bodies_at: np.ndarray, R: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Bodies where they stand, and members as uniform rods with their rotary inertia."""
+    frames = (*structure.nodes, *structure.joints)
     carried = [
-        (i, part.body)
-        for i, part in enumerate((*structure.nodes, *structure.joints))
-        if part.body.mass != 0.0 or np.any(part.body.inertia)
+        (i, part.body) for i, part in enumerate(frames) if part.body.mass != 0.0 or np.any(part.body.inertia)
     ]
+    names = [part.name for part in frames]
+    carried += [(names.index(added.frame), added.body) for added in structure.masses]
     mass = np.concatenate([[body.mass for _, body in carried], rods.rho_A * rods.length])
     middle = rods.start + 0.5 * rods.length[:, None] * rods.along
     x = np.vstack([bodies_at.reshape(-1, 3), middle])
