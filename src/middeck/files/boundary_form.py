@@ -52,19 +52,14 @@ Held = Annotated[str, AfterValidator(held_letters)]
 Stiffness = Annotated[Any, PlainValidator(stiffness_matrix)]
 
 
-class AxesForm(Form):
-    """Axes of its own in W: x along ``x_axis``, y in the plane of both; by default those of W."""
-
-    x_axis: Vector = X
-    y_axis: Vector = Y
-
-
-class ClampForm(AxesForm):
+class ClampForm(Form):
     """Degrees of freedom of a node that the ground holds."""
 
     node: str
     along: Held = LETTERS
     about: Held = LETTERS
+    x_axis: Vector = X
+    y_axis: Vector = Y
 
 
 class PrescribedForm(ClampForm):
@@ -74,21 +69,25 @@ class PrescribedForm(ClampForm):
     turn_deg: Vector = ORIGIN
 
 
-class GroundBushingForm(AxesForm):
+class GroundBushingForm(Form):
     """A 6x6 stiffness from an attach point to the ground."""
 
     name: Name | None = None
     attach: str
     stiffness: Stiffness
+    x_axis: Vector = X
+    y_axis: Vector = Y
 
 
-class BushingForm(AxesForm):
+class BushingForm(Form):
     """A 6x6 stiffness between two attach points, which follows the first."""
 
     name: Name | None = None
     from_: str = Field(alias="from")
     to: str
     stiffness: Stiffness
+    x_axis: Vector = X
+    y_axis: Vector = Y
 
 
 class LoadForm(Form):
@@ -174,8 +173,8 @@ def _body(form: MassForm) -> Body:
     return Body(form.mass_kg, np.array(form.cg_m), inertia)
 
 
-def build_axes(form: AxesForm, where: str) -> Float[np.ndarray, "3 3"]:
-    """Unit vectors as columns; raises `ConfigError` where the two that are given are one."""
+def build_axes(form: ClampForm | GroundBushingForm | BushingForm, where: str) -> Float[np.ndarray, "3 3"]:
+    """Unit vectors as columns, y in the plane of both; raises `ConfigError` where the two given are one."""
     x, y = np.array(form.x_axis), np.array(form.y_axis)
     across = np.cross(x, y)
     if not np.linalg.norm(across) > APART * np.linalg.norm(x) * np.linalg.norm(y):
