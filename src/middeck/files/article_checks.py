@@ -280,9 +280,9 @@ def _unconnected(data: Table) -> Iterator[Finding]:
     for part in separate_parts(list(place), _joined(data, set(place)))[1:]:
         path: Path = ("node", place[part[0]], "name")
         if len(part) == 1:
-            message = "an unconnected node: no strut, spring or bushing joins it"
+            message = "an unconnected node: no strut or spring joins it"
         else:
-            message = f"a disconnected part: no strut, spring or bushing joins {some_names(part)} to the rest"
+            message = f"a disconnected part: no strut or spring joins {some_names(part)} to the rest"
         yield Finding(
             path=path,
             message=message,

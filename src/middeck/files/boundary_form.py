@@ -39,13 +39,13 @@ def stiffness_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
     """Six numbers of a diagonal or six rows of six; whether it can be is checked with the article."""
     allowed = {"allowed": "six numbers, the diagonal, or six rows of six, symmetric: N/m, N, N m/rad"}
     try:
-        matrix = np.array(value, dtype=float)
+        matrix: np.ndarray = np.array(value, dtype=float)
     except (ValueError, TypeError):
         matrix = np.zeros(0)
     matrix = np.diag(matrix) if matrix.shape == (6,) else matrix
     if matrix.shape != (6, 6) or not np.all(np.isfinite(matrix)):
         raise PydanticCustomError("stiffness", "not six numbers nor a 6x6 matrix of them", allowed)
-    return tuple(tuple(row) for row in matrix.tolist())
+    return tuple(tuple(map(float, row)) for row in matrix)
 
 
 Held = Annotated[str, AfterValidator(held_letters)]

@@ -26,8 +26,9 @@ class Clamp:
         Name of the node.
     along, about:
         Letters of the axes along which it does not shift and about which it does not turn: "xyz" and "" are
-        a ball joint, "xyz" and "xy" a hinge about z, "y" and "" a roller. Either all turns are held, or all
-        but those about one axis, or none: what two free turns leave depends on their order.
+        a ball joint, "xyz" and "xy" a hinge about z, "y" and "" a roller. Of one turn held alone the rate is
+        zero: where the node ends depends on the order of the two others, and a rest state that has turned it
+        by more than a thousandth of a radian says so.
     axes:
         Unit vectors of x, y and z of the clamp in W, as columns.
     shift, turn:
@@ -54,13 +55,6 @@ class Clamp:
         if not self.along and not self.about:
             raise ConfigError("holds nothing", where=where, hint="give along or about, or leave it out")
         check_axes(self.axes, where)
-        if len(self.about) == 1:
-            raise ConfigError(
-                f"holds the turn about {self.about!r} alone: where it ends would depend on the order of the "
-                "two that are free",
-                where=where,
-                hint="hold two turns (a hinge), all three or none; or spring it with a bushing",
-            )
         self._check_moves(where)
 
     def _check_moves(self, where: str) -> None:

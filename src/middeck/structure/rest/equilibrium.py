@@ -31,6 +31,8 @@ from middeck.structure.rest.suspension_tuning import TunedSuspension, environmen
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
+# Turn [rad] of a node of which one turn alone is held: its square is what the order of the two others makes.
+ONE_HELD = 1e-3
 LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
 
 
@@ -263,7 +265,15 @@ def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
     found: list[str] = []
     if equilibrium.converged and not equilibrium.stable:
         found.append("the rest state is not stable: the least push would buckle or topple the article")
-    turned = {name: float(np.linalg.norm(v)) for name, v in node_rotations(equilibrium).items()}
+    rotations = node_rotations(equilibrium)
+    found += [
+        f"node {clamp.node!r}, held about one axis alone, turned by "
+        f"{np.linalg.norm(rotations[clamp.node]):.2g} rad: how it moves on depends on which of the two free "
+        "turns comes first; hold two, or none"
+        for clamp in equilibrium.environment.clamps
+        if len(clamp.about) == 1 and np.linalg.norm(rotations[clamp.node]) > ONE_HELD
+    ]
+    turned = {name: float(np.linalg.norm(v)) for name, v in rotations.items()}
     name = max(turned, key=lambda n: turned[n])
     if turned[name] > FAR_TURN:
         degrees = np.degrees(turned[name])

@@ -517,10 +517,10 @@ def split_rigid(
     whole = np.eye(6) if model.held is None else whole_motions(model.held, T)
     if config.since_drawn is not None:
         T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0
-    T = T @ whole if model.held is not None else T
-    weighted = mass @ T
-    rigid, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ q, rcond=None)
-    return whole @ rigid, q - T @ rigid
+    motions = T if model.held is None else T @ whole
+    weighted = mass @ motions
+    rigid, *_ = np.linalg.lstsq(motions.T @ weighted, weighted.T @ q, rcond=None)
+    return whole @ rigid, q - motions @ rigid
 
 
 def _damped_step(
