@@ -102,8 +102,7 @@ def two_boxes(rng: np.random.Generator) -> Structure:
 def test_gradient_and_tangent_are_derivatives_of_the_energy(size: float) -> None:
     rng = np.random.default_rng(9)
     parts = two_boxes(rng)
-    loose = dataclasses.replace(parts, members=())
-    model = mesh_structure(dataclasses.replace(parts))
+    model = mesh_structure(parts)
     environment = tied(coupled(rng), rotation_exp(rng.standard_normal(3)))
     loads = environment_loads(model, environment, tune_suspension(model, environment))
     at = dataclasses.replace(random_configuration(model, rng, 0.3 * size), since_drawn=None)
@@ -115,7 +114,6 @@ def test_gradient_and_tangent_are_derivatives_of_the_energy(size: float) -> None
         there = move(model.tree, at, q + 1j * h * way[1])
         return float(assemble(model, there, loads).energy.imag / h)
 
-    assert loose.bushings
     assert here.gradient @ way[1] == pytest.approx(slope(0.0 * way[0]), rel=1e-10)
     # The mixed second derivative along straight lines in the chart is that of the sum less those of each.
     both = [_curvature(lambda q, w=w: _energy(model, at, loads, q * w), e) for w in (way[0] + way[1], *way)]
@@ -135,7 +133,7 @@ def _curvature(energy, e):  # type: ignore[no-untyped-def]
 
 def test_moving_both_ends_as_one_body_strains_nothing() -> None:
     rng = np.random.default_rng(10)
-    Q, shift = rotation_exp(np.array([1.0, -0.7, 0.4])), rng.standard_normal(3)
+    Q = rotation_exp(np.array([1.0, -0.7, 0.4]))
     span = rng.standard_normal(3)
     state = bushing_state(
         coupled(rng)[None],
@@ -145,7 +143,6 @@ def test_moving_both_ends_as_one_body_strains_nothing() -> None:
         np.stack([Q, Q])[None] - np.eye(3),
     )
     assert np.abs(state.gradient).max() < 1e-11
-    assert np.all(np.isfinite(shift))
 
 
 def test_free_boxes_on_a_bushing_have_six_rigid_modes() -> None:

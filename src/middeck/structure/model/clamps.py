@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import field
 
 import numpy as np
@@ -110,9 +110,3 @@ def free_translations(clamps: Iterable[Clamp]) -> Float[np.ndarray, "3 motion"]:
     rows = [c.axes[:, LETTERS.index(a)] for c in clamps for a in c.along]
     _, size, turn = np.linalg.svd(np.array([*rows, np.zeros(3), np.zeros(3), np.zeros(3)]))
     return turn[size < SQUARE].T
-
-
-def unknown_nodes(clamps: Iterable[Clamp], known: Iterable[str]) -> Iterator[str]:
-    """Nodes that clamps name and ``known`` lacks."""
-    names = set(known)
-    return (c.node for c in clamps if c.node not in names)
