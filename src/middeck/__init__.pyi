@@ -170,8 +170,10 @@ from .structure.gravity.comparison import compare_modes as compare_modes
 from .structure.gravity.path import follow_gravity as follow_gravity
 from .structure.model.article import (
     Damping as Damping,
+    LoadCase as LoadCase,
     Structure as Structure,
 )
+from .structure.model.clamps import Clamp as Clamp
 from .structure.model.environment import Environment as Environment
 from .structure.modes.solve import (
     Modes as Modes,

@@ -106,6 +106,12 @@ def impact_test(names: Names) -> None:
     assert ["double" in b.rejected for b in names["test"].blows] == [False, True, False, False]
 
 
+def clamp_it_load_it(names: Names) -> None:
+    """The wall carries weight and load, and holds no suspension mode."""
+    np.testing.assert_allclose(names["root"].force, [0.0, 5.0 + 1.2 * 9.80665, 0.0], atol=1e-6)
+    assert set(names["modes"].kind) == {"flexible"}
+
+
 def correlate_with_a_test(names: Names) -> None:
     """Frequencies fail and shapes agree; the table of chances; a file that comes back."""
     verdicts = {f.criterion.quantity.value: f.passed for f in names["found"].findings}
@@ -268,6 +274,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/impact-test.md": impact_test,
     "docs/how-to/override-a-value.md": override_a_value,
     "docs/how-to/level-an-article.md": level_an_article,
+    "docs/how-to/clamp-it-load-it.md": clamp_it_load_it,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
     "docs/how-to/find-what-matters.md": find_what_matters,
     "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,

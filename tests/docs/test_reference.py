@@ -14,7 +14,7 @@ import middeck
 from middeck import errors
 from middeck.cli import main as console
 from middeck.cli.app import VERBS
-from middeck.files import article_form, environment_form, study_form
+from middeck.files import article_form, boundary_form, environment_form, study_form
 from middeck.files.form import Form, unit_of
 
 REFERENCE = ROOT / "docs" / "reference"
@@ -33,16 +33,23 @@ FORMS: list[type[Form]] = [
     article_form.AttachForm,
     article_form.SuspensionForm,
     article_form.SpringForm,
+    boundary_form.BushingForm,
     article_form.ActuatorForm,
     article_form.SensorForm,
     article_form.DampingForm,
     article_form.DamperForm,
     article_form.DampingTableForm,
+    boundary_form.LoadCaseForm,
+    boundary_form.LoadForm,
+    boundary_form.MassForm,
+    boundary_form.PrescribedForm,
     environment_form.EnvironmentForm,
     environment_form.ConstantsForm,
     environment_form.CablesForm,
     environment_form.DeviceForm,
     environment_form.AnchoredSpringForm,
+    boundary_form.ClampForm,
+    boundary_form.GroundBushingForm,
     study_form.StudyForm,
     study_form.ControlForm,
     study_form.RigForm,
@@ -77,7 +84,7 @@ def test_what_the_paper_page_names_can_be_imported():
 
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
-    modules = (article_form, environment_form, study_form)
+    modules = (article_form, boundary_form, environment_form, study_form)
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
     }

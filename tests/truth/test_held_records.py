@@ -41,7 +41,7 @@ NOISE = 1e-4
 BAND_HZ = (0.4, 10.0)
 
 
-@record
+@record(kw_only=True)
 class Article:
     """x' = A x + B u(t - delay), y = C x, and its modes."""
 
@@ -60,7 +60,7 @@ def article(seed: int, delay_s: float) -> Article:
     A = sla.block_diag(*[[[0.0, 1.0], [-(w**2), -2.0 * z * w]] for w, z in zip(omega, zeta, strict=True)])
     B, C = np.zeros((2 * modes, 1)), np.zeros((1, 2 * modes))
     B[1::2, 0], C[0, ::2] = rng.uniform(0.4, 1.0, modes), rng.uniform(0.4, 1.0, modes)
-    return Article(A, B, C, hz, delay_s)
+    return Article(A=A, B=B, C=C, natural_hz=hz, delay_s=delay_s)
 
 
 def as_sampled(of: Article, period_s: float) -> SampledStateSpace:

@@ -11,6 +11,7 @@ from middeck.errors import MiddeckError
 from middeck.files.documents import find_document, load_case
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.mesh_error import mesh_warnings
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -29,10 +30,24 @@ def find_case(article: str, environment: str) -> tuple[Path, Path]:
     return body, find_document(environment, "environment", beside=body)
 
 
-def solve_case(article: str, environment: str, overrides: Sequence[str], count: int | None = None) -> Modes:
+def solve_case(
+    article: str,
+    environment: str,
+    overrides: Sequence[str],
+    count: int | None = None,
+    case: str | None = None,
+) -> Modes:
     """Rest state and modes; of a large article the ``count`` lowest, with a few to spare."""
     files = find_case(article, environment)
-    return solve_in(*load_case(*files, overrides), *files, count=count)
+    return solve_in(*apply_case(*load_case(*files, overrides), case, *files), *files, count=count)
+
+
+def apply_case(
+    structure: Structure, environment: Environment, case: str | None, *files: Path
+) -> tuple[Structure, Environment]:
+    """Both under the load case that was asked for; errors name ``files``."""
+    with reading(*files):
+        return apply_load_case(structure, environment, case)
 
 
 def solve_in(structure: Structure, environment: Environment, *files: Path, count: int | None = None) -> Modes:

@@ -107,6 +107,9 @@ environment = click.option(
 count = click.option(
     "--count", type=click.IntRange(min=1), default=26, show_default=True, help="How many of the lowest modes."
 )
+load_case = click.option(
+    "--load-case", metavar="NAME", help="Apply a load case of the article.  [default: none]"
+)
 band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", help="Band to fit [Hz].")
 periods = click.option(
     "--periods",

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from middeck.files import article_form as forms
 from middeck.files.article_form import ArticleForm, DamperForm, DampingForm
+from middeck.files.boundary_form import build_bushing, build_load_cases
 from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
@@ -70,6 +71,8 @@ def build_structure(form: forms.ArticleForm) -> Structure:
         actuators=(*actuators, *listed_a),
         sensors=(*sensors, *(_sensor(s) for s in form.sensor)),
         damping=_damping(form),
+        bushings=tuple(build_bushing(b) for b in form.bushing),
+        load_cases=build_load_cases(form.load_case),
     )
 
 
@@ -273,7 +276,7 @@ def _axis(state: str, angle_deg: float, stiffness: float | None, target_deg: flo
     target = angle_deg if target_deg is None else target_deg
     return {
         "angle": float(np.deg2rad(angle_deg)),
-        "state": JointState(state),
+        "state": JointState.SPRUNG if state == "hinged" else JointState(state),
         "stiffness": stiffness or 0.0,
         "target": float(np.deg2rad(target)),
     }

@@ -8,11 +8,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 
-from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm
+from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm, State
 from middeck.files.damping_checks import damping_findings
 from middeck.files.faults import Finding, finding, nearest, show
 from middeck.files.form import inertia_matrix, keys_of
@@ -123,7 +123,9 @@ def _names(data: Table) -> Iterator[Finding]:
     ]
     points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]
     yield from _twice(points, "attach point")
-    for kind in ("strut", "spring"):
+    cases = [(("load_case", i, "name"), t.get("name")) for i, t in tables(data, "load_case")]
+    yield from _twice(cases, "load case")
+    for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
         yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
     for kind in ("actuator", "sensor"):
@@ -167,7 +169,10 @@ def _references(data: Table) -> Iterator[Finding]:
         ("spring", "from", points, "attach point"),
         ("spring", "to", points, "attach point"),
         ("sensor", "axis_frame", frames, "frame"),
+        ("bushing", "from", points, "attach point"),
+        ("bushing", "to", points, "attach point"),
     ]
+    yield from _case_references(data, nodes, frames)
     for table, key, known, kind in wanted:
         for i, t in tables(data, table):
             if key in t:
@@ -179,6 +184,15 @@ def _references(data: Table) -> Iterator[Finding]:
             yield from _unknown((table, i, "frame"), t.get("frame"), known, kind)
     for i, name in enumerate(array_of(table_of(data, "suspension"), "nodes")):
         yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
+
+
+def _case_references(data: Table, nodes: list[str], frames: list[str]) -> Iterator[Finding]:
+    """Frames and nodes that load cases name."""
+    wanted = (("load", "frame", frames), ("mass", "frame", frames), ("prescribed", "node", nodes))
+    for i, case in tables(data, "load_case"):
+        for table, key, known in wanted:
+            for k, t in tables(case, table):
+                yield from _unknown(("load_case", i, table, k, key), t.get(key), known, key)
 
 
 def _unknown(path: Path, name: Any, known: list[str], kind: str) -> Iterator[Finding]:
@@ -249,7 +263,7 @@ def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
     frame = {str(name): str(name) for name in array_of(table_of(data, "suspension"), "nodes")}
     frame |= {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
     ends = [(str(t.get("from")), str(t.get("to"))) for _, t in tables(data, "strut")]
-    for _, t in tables(data, "spring"):
+    for _, t in (*tables(data, "spring"), *tables(data, "bushing")):
         ends.append((frame.get(str(t.get("from")), ""), frame.get(str(t.get("to")), "")))
     pairs = [(_carrier(start, carrier), _carrier(end, carrier)) for start, end in ends]
     used = [name for pair in pairs for name in pair]
@@ -365,7 +379,7 @@ def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
         yield finding((*path, stiffness), "missing: a sprung axis needs its stiffness, in N m/rad")
     owners = {stiffness: "sprung", f"rest{middle}_deg": "sprung", f"command{middle}_deg": "driven"}
     for key, owner in owners.items():
-        if key in t and state != owner and state in ("free", "sprung", "locked", "driven"):
+        if key in t and state != owner and state in get_args(State):
             advice = f'state{middle} = "{owner}"'
             yield finding(
                 (*path, key), f"only a {owner} axis has this; this one is {state}", t[key], hint=advice

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from middeck.files.boundary_form import BushingForm, LoadCaseForm
 from middeck.files.form import (
     Finite,
     Form,
@@ -19,7 +20,7 @@ from middeck.files.form import (
     within,
 )
 
-State = Literal["free", "sprung", "locked", "driven"]
+State = Literal["free", "sprung", "locked", "driven", "hinged"]
 Ratio = Annotated[float, within(least=0.0, below=1.0)]
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -248,6 +249,8 @@ class ArticleForm(Form):
     proof_mass: Annotated[tuple[ProofMassForm, ...], Field(strict=False)] = ()
     attach: Annotated[tuple[AttachForm, ...], Field(strict=False)] = ()
     spring: Annotated[tuple[SpringForm, ...], Field(strict=False)] = ()
+    bushing: Annotated[tuple[BushingForm, ...], Field(strict=False)] = ()
+    load_case: Annotated[tuple[LoadCaseForm, ...], Field(strict=False)] = ()
     suspension: SuspensionForm | None = None
     actuator: Annotated[tuple[ActuatorForm, ...], Field(strict=False)] = ()
     sensor: Annotated[tuple[SensorForm, ...], Field(strict=False)] = ()

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from middeck.errors import ConfigError
 from middeck.files import looks
 from middeck.files.article_build import build_structure
-from middeck.files.article_checks import article_findings, attach_names
+from middeck.files.article_checks import article_findings, attach_names, node_names
 from middeck.files.article_form import ArticleForm
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
@@ -234,12 +234,12 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
     articles = [c for c in checked if isinstance(c.form, ArticleForm)]
     if not articles:
         return []
-    points, name = attach_names(articles[0].data), articles[0].data["name"]
+    data = articles[0].data
     return [
         c.place(finding)
         for c in checked
         if isinstance(c.form, EnvironmentForm)
-        for finding in joint_findings(c.form, points, name)
+        for finding in joint_findings(c.form, attach_names(data), node_names(data), data["name"])
     ]
 
 

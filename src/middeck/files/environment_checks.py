@@ -26,9 +26,9 @@ def environment_findings(data: Table) -> list[Finding]:
 
 def _gravity_findings(data: Table, gravity: Any) -> list[Finding]:
     found: list[Finding] = []
-    held = any(data.get(key) for key in ("suspension", "device", "spring"))
+    held = any(data.get(key) for key in ("suspension", "device", "spring", "clamp", "bushing"))
     if is_number(gravity) and gravity > 0.0 and not held:
-        advice = "add [suspension], [[device]] or [[spring]], or leave [constants] out for orbit"
+        advice = "add [suspension], [[device]], [[spring]] or [[clamp]], or leave [constants] out for orbit"
         path = ("constants", "gravity_m_s2")
         found.append(finding(path, "a missing suspension in gravity", gravity, hint=advice))
     if table_of(data, "constants").get("gravity_direction") == [0.0, 0.0, 0.0]:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
+from middeck.files.boundary_form import ClampForm, GroundBushingForm, build_clamp, build_ground
 from middeck.files.faults import Finding, finding, nearest
 from middeck.files.form import Form, Name, NotNegative, Positive, Vector
 from middeck.joints.friction import Friction
@@ -99,19 +100,30 @@ class EnvironmentForm(Form):
     suspension: CablesForm | None = None
     device: Annotated[tuple[DeviceForm, ...], Field(strict=False)] = ()
     spring: Annotated[tuple[AnchoredSpringForm, ...], Field(strict=False)] = ()
+    clamp: Annotated[tuple[ClampForm, ...], Field(strict=False)] = ()
+    bushing: Annotated[tuple[GroundBushingForm, ...], Field(strict=False)] = ()
 
 
-def joint_findings(form: EnvironmentForm, attach_points: list[str], article: str) -> list[Finding]:
+def joint_findings(
+    form: EnvironmentForm, attach_points: list[str], nodes: list[str], article: str
+) -> list[Finding]:
     """Names in the environment that the article does not have."""
     used = [
         (("suspension", "held", name), name) for name in (form.suspension.held if form.suspension else {})
     ]
     devices = [(("device", i, "attach"), device.attach) for i, device in enumerate(form.device)]
     springs = [(("spring", i, "attach"), spring.attach) for i, spring in enumerate(form.spring)]
+    bushings = [(("bushing", i, "attach"), bushing.attach) for i, bushing in enumerate(form.bushing)]
+    clamps = [(("clamp", i, "node"), clamp.node) for i, clamp in enumerate(form.clamp)]
+    wanted = (
+        (attach_points, "attach point", (*used, *devices, *springs, *bushings)),
+        (nodes, "node", clamps),
+    )
     return [
-        finding(path, f"article {article!r} has no attach point {name!r}", hint=nearest(name, attach_points))
-        for path, name in (*used, *devices, *springs)
-        if name not in attach_points
+        finding(path, f"article {article!r} has no {kind} {name!r}", hint=nearest(name, known))
+        for known, kind, names in wanted
+        for path, name in names
+        if name not in known
     ]
 
 
@@ -134,8 +146,14 @@ def build_environment(form: EnvironmentForm) -> Environment:
     devices = tuple(_device(d) for d in form.device)
     suspension = None if form.suspension is None else _suspension(form.suspension)
     return Environment(
-        title=form.name, gravity=gravity + 0.0, suspension=suspension, springs=springs, devices=devices
-    )  # + 0.0: no negative zeros
+        title=form.name,
+        gravity=gravity + 0.0,  # no negative zeros
+        suspension=suspension,
+        springs=springs,
+        devices=devices,
+        clamps=tuple(build_clamp(c) for c in form.clamp),
+        bushings=tuple(build_ground(b) for b in form.bushing),
+    )
 
 
 def default_name(attach: str) -> str:

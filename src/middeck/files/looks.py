@@ -42,7 +42,7 @@ PARTS = (
 # Tables and keys that only one kind of document has.
 KEYS: dict[str, frozenset[str]] = {
     ARTICLE: frozenset(PARTS),
-    ENVIRONMENT: frozenset(("constants", "device")),
+    ENVIRONMENT: frozenset(("constants", "device", "clamp")),
     STUDY: frozenset(("control", "rig", "figure_6", "siso", "sito", "mirror")),
     CHANNELS: frozenset(("channel",)),
 }

@@ -13,7 +13,10 @@ from middeck.plot.style import COLOUR, PlainNumbers, new_figure, styled
 from middeck.structure.gravity.events import EventKind, GravityEvent
 from middeck.structure.gravity.path import GravityPath
 
-KIND = {"rigid": COLOUR["ink"], "suspension": COLOUR["orbit"], "flexible": COLOUR["lab"]}
+KIND = {
+    **{"rigid": COLOUR["ink"], "suspension": COLOUR["orbit"], "pendulum": COLOUR["orbit"]},
+    "flexible": COLOUR["lab"],
+}
 MARK = {EventKind.CROSSING: "x", EventKind.VEERING: "s"}
 WORD = {EventKind.CROSSING: "crossing", EventKind.VEERING: "veering"}
 # Of the largest gravity: a path that varies by less is drawn against the angle that gravity has turned.

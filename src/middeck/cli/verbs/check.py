@@ -29,9 +29,15 @@ SHOWN = 26  # whose mesh is judged: those that `modes` prints
 @options.article
 @click.argument("environment", required=False, metavar="[ENVIRONMENT]")
 @click.option("--require", is_flag=True, help="End with exit code 1 if anything was found.")
+@options.load_case
 @options.common
 def verb(
-    article: str, environment: str | None, require: bool, overrides: tuple[str, ...], as_json: bool
+    article: str,
+    environment: str | None,
+    load_case: str | None,
+    require: bool,
+    overrides: tuple[str, ...],
+    as_json: bool,
 ) -> None:
     """Mass, size and plausibility of ARTICLE.
 
@@ -40,17 +46,20 @@ def verb(
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
     from middeck.cli.blame import reading
-    from middeck.cli.cases import find_case
+    from middeck.cli.cases import apply_case, find_case
     from middeck.cli.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
-    from middeck.files.documents import find_document, load_case, load_structure
+    from middeck.files.documents import find_document, load_structure
+    from middeck.files.documents import load_case as load_files
+    from middeck.structure.model.environment import Environment
     from middeck.structure.summary.summary import summarise
 
     if environment is None:
         files: tuple[Path, ...] = (find_document(article, "article"),)
         structure, surroundings = load_structure(files[0], overrides), None
+        structure, _ = apply_case(structure, Environment.orbit(), load_case, *files)
     else:
         body, around = files = find_case(article, environment)
-        structure, surroundings = load_case(body, around, overrides)
+        structure, surroundings = apply_case(*load_files(body, around, overrides), load_case, *files)
     with reading(*files):
         summary = summarise(structure)
     numbers = summary_numbers(summary)
@@ -78,7 +87,7 @@ def verb(
 def _in_environment(
     structure: Structure, environment: Environment
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """How the article hangs (None in orbit, or without a rest state), and the findings."""
+    """How the article hangs (None in orbit, clamped, or without a rest state), and the findings."""
     import numpy as np
 
     from middeck.cli.summary import attitude_numbers
@@ -95,7 +104,7 @@ def _in_environment(
     found += [_doubt(d.what, d.where, d.hint) for d in doubt_devices(structure, environment)]
     try:
         rest = solve_equilibrium(structure, environment)
-        if rest.converged and np.any(environment.gravity):
+        if rest.converged and np.any(environment.gravity) and not environment.clamps:
             attitude = estimate_attitude(rest)
             numbers = attitude_numbers(attitude)
             found += [_doubt(d.what, d.where, d.hint) for d in doubt_attitude(attitude, environment)]

@@ -23,23 +23,32 @@ Examples:
 @click.command("compare", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
+@options.load_case
 @options.count
 @options.common
-def verb(article: str, environment: str, count: int, overrides: tuple[str, ...], as_json: bool) -> None:
+def verb(
+    article: str,
+    environment: str,
+    load_case: str | None,
+    count: int,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
     """Modes of ARTICLE in orbit beside those in an environment.
 
     Pairs of flexible modes with their frequency ratios, cross-orthogonality, MAC, and the angles between
-    the rigid-body and the suspension modes.
+    the rigid-body and the suspension modes. A load case is part of the environment: in orbit the article has
+    neither its loads nor its masses.
     """
-    from middeck.cli.cases import find_case, solve_in
-    from middeck.files.documents import load_case
+    from middeck.cli.cases import apply_case, find_case, solve_in
+    from middeck.files.documents import load_case as load_files
     from middeck.structure.gravity.comparison import compare_modes
     from middeck.structure.model.environment import Environment
 
     files = find_case(article, environment)
-    structure, surroundings = load_case(*files, overrides)
+    structure, surroundings = load_files(*files, overrides)
     orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
-    lab = solve_in(structure, surroundings, *files, count=count)
+    lab = solve_in(*apply_case(structure, surroundings, load_case, *files), *files, count=count)
     document = describe(compare_modes(orbit, lab, count))
     show(as_json, document, *_tables(document))
 

@@ -26,22 +26,31 @@ HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "ser
 @click.command("modes", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
+@options.load_case
 @options.count
 @options.common
-def verb(article: str, environment: str, count: int, overrides: tuple[str, ...], as_json: bool) -> None:
+def verb(
+    article: str,
+    environment: str,
+    load_case: str | None,
+    count: int,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
     """Natural modes of ARTICLE at rest in an environment.
 
-    First its mass, centre of mass and inertia; with the modes the suspension's reactions, the torques that
-    hold the joints, and how far the nodes turn.
+    First its mass, centre of mass and inertia; with the modes the reactions of the suspension and of clamps,
+    the torques that hold the joints, and how far the nodes turn. Of a load case that is applied the masses
+    count as the article's.
     """
     from middeck.cli.blame import reading
-    from middeck.cli.cases import find_case, solve_in
+    from middeck.cli.cases import apply_case, find_case, solve_in
     from middeck.cli.summary import summary_lines, summary_numbers
-    from middeck.files.documents import load_case
+    from middeck.files.documents import load_case as load_files
     from middeck.structure.summary.summary import summarise
 
     files = find_case(article, environment)
-    structure, surroundings = load_case(*files, overrides)
+    structure, surroundings = apply_case(*load_files(*files, overrides), load_case, *files)
     with reading(*files):
         summary = summarise(structure)
     if not as_json:  # at once: what is wrong with it shows here, whatever becomes of the solution
@@ -87,6 +96,9 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
         "held_by": {j.name: HELD_BY[j.state.value] for j in joints},
         "stiffness_n_per_m": dict(zip(suspension.name, suspension.stiffness, strict=True)),
         "tension_n": dict(zip(rest.devices, rest.tension, strict=True)),
+        "support_reactions": [
+            {"at": r.at, "force_n": r.force, "moment_nm": r.moment} for r in rest.reactions
+        ],
     }
 
 
@@ -121,6 +133,13 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         rows = [[a, *(f"{document[k][a]:z.4f}" for k in keys)] for a in document["reactions_n"]]
         headers = ["device", "load N", "tension N", "stiffness N/m"]
         blocks.append(Table("suspension", headers, rows))
+    if document["support_reactions"]:
+        rows = [
+            [r["at"], *(f"{f:z.4f}" for f in (*r["force_n"], *r["moment_nm"]))]
+            for r in document["support_reactions"]
+        ]
+        headers = ["at", "x N", "y N", "z N", "x N m", "y N m", "z N m"]
+        blocks.append(Table("reactions of clamps and bushings, world axes", headers, rows))
     by = document["held_by"]
     torques = [[j, f"{t:z.5f}", f"its {by[j]}"] for j, t in document["holding_torque_nm"].items()]
     turned = [[n, *(f"{a:z.5f}" for a in v)] for n, v in document["node_rotation_deg"].items()]

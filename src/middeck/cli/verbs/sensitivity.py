@@ -52,10 +52,12 @@ TOP = 20  # rows of each mode that was asked for
     type=click.IntRange(min=1),
     help=f"Print the N largest of each mode, by |dlnf/dlnp|.  [default: {TOP} with --mode, else all]",
 )
+@options.load_case
 @options.common
 def verb(
     article: str,
     environment: str,
+    load_case: str | None,
     patterns: tuple[str, ...],
     count: int,
     wanted: tuple[str, ...],
@@ -76,7 +78,7 @@ def verb(
     from middeck.structure.sensitivity.parameters import find_parameters
     from middeck.structure.sensitivity.rest import differentiate_rest
 
-    modes = solve_case(article, environment, overrides)
+    modes = solve_case(article, environment, overrides, case=load_case)
     rest = modes.equilibrium
     chosen = find_modes(modes.name, wanted)
     with reading(*find_case(article, environment)):

@@ -9,6 +9,8 @@ pieces are found on the way. For a joint so stiff that rounding in W gives a for
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
@@ -33,15 +35,19 @@ def choose_carriers(
     springs: Int[np.ndarray, "spring 2"],
     spring_stiffness: Float[np.ndarray, " spring"],
     mass: float,
+    held: Collection[int] = (),
 ) -> Int[np.ndarray, " root"]:
-    """The root that carries each root, -1 where none does; ``ends`` and ``springs`` are roots."""
+    """The root that carries each root, -1 where none does; ``ends`` and ``springs`` are roots.
+
+    Roots that the world has ``held`` are carried by none, and carry their pieces before others.
+    """
     carrier = np.full(roots, -1)
     stiffness = np.concatenate([member_stiffness(beams), spring_stiffness])
     pairs = np.concatenate([ends, springs])
     least = max(HELD_AT * mass, float(np.finfo(float).tiny))
     if not np.any(stiffness > CONTRAST * least):
         return carrier
-    piece = _Pieces(roots, carrier, ROUNDS_AT * least)
+    piece = _Pieces(roots, carrier, ROUNDS_AT * least, held)
     for a, b, k in _spanning_tree(roots, pairs, stiffness):
         piece.join(int(a), int(b), float(k))
     piece.close(least)
@@ -80,8 +86,9 @@ def _spanning_tree(roots: int, pairs: np.ndarray, stiffness: np.ndarray) -> np.n
 class _Pieces:
     """Nodes joined so far: of each piece its first node, its size, and its softest joint."""
 
-    def __init__(self, roots: int, carrier: np.ndarray, rounds_at: float) -> None:
+    def __init__(self, roots: int, carrier: np.ndarray, rounds_at: float, held: Collection[int]) -> None:
         self.carrier = carrier
+        self.held = held
         self.rounds_at = rounds_at
         self.part_of = list(range(roots))
         self.nodes = [[i] for i in range(roots)]
@@ -113,8 +120,8 @@ class _Pieces:
         nodes, softest = self.nodes[piece], self.softest[piece]
         contrast = CONTRAST if softest < self.rounds_at else LITTLE
         if len(nodes) > 1 and softest >= 0.25 * contrast * len(nodes) ** 2 * held_by:
-            first = min(nodes)
-            self.carrier[[i for i in nodes if i != first]] = first
+            first = min(nodes, key=lambda i: (i not in self.held, i))
+            self.carrier[[i for i in nodes if i != first and i not in self.held]] = first
             self.nodes[piece] = [first]
             self.softest[piece] = np.inf
         return piece

@@ -6,6 +6,7 @@ All of it is analytic in the configuration, the model and the loads: complex one
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from middeck.structure.elements.beam import (
 )
 from middeck.structure.elements.beam_inertia import beam_mass
 from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
+from middeck.structure.elements.bushings import BushingState, bushing_state
 from middeck.structure.elements.devices import (
     SpringLaw,
     SpringState,
@@ -54,10 +56,20 @@ CHUNK = 1024
 
 
 @record(kw_only=True)
+class Ground:
+    """Bushings from attach points to the ground: poses, stiffness and, as columns, axes in W."""
+
+    point: Int[np.ndarray, " ground"] = field(default_factory=lambda: np.zeros(0, dtype=int))
+    stiffness: Inexact[np.ndarray, "ground 6 6"] = field(default_factory=lambda: np.zeros((0, 6, 6)))
+    axes: Inexact[np.ndarray, "ground 3 3"] = field(default_factory=lambda: np.zeros((0, 3, 3)))
+
+
+@record(kw_only=True)
 class Loads:
     """Loads of the environment: gravity [m/s^2], and springs from anchors (in W) to attach points.
 
-    ``mass`` [kg] of each device moves with its attach point along the device only.
+    ``mass`` [kg] of each device moves with its attach point along the device only. ``push`` is the force [N]
+    and moment [N m] in W of each load of the article, none of them where it is empty.
     """
 
     gravity: Inexact[np.ndarray, "3"]
@@ -65,6 +77,8 @@ class Loads:
     attach_point: Int[np.ndarray, " device"]
     law: SpringLaw
     mass: Inexact[np.ndarray, " device"]
+    push: Inexact[np.ndarray, "load 6"] = field(default_factory=lambda: np.zeros((0, 6)))
+    ground: Ground = field(default_factory=Ground)
 
 
 @record(kw_only=True)
@@ -166,7 +180,12 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
     inside = _inside(model, since)
     total = _gather(model, at, loads, None, inside.rows)
     J = model.pose_map.jacobian(at.poses)
-    bare = model.pattern.matrix(J.data, {**total.geometric, **_turning(model, at, total.gradient)})
+    forced = {**total.geometric, **_turning(model, at, total.gradient)}
+    if len(loads.ground.point):
+        forced["attach"] = _at_poses(
+            model, loads.ground.point, _grounded(model, at, loads).geometric[:, 6:, 6:]
+        )
+    bare = model.pattern.matrix(J.data, forced)
     if since is None or not since.carries:
         return bare
     gradient = J.T @ total.gradient.ravel() + _sprung_joints(model, config)[1]
@@ -197,6 +216,8 @@ def strain_energies(
     tied = _device_span(model, at, loads)
     out += spring_squares(own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
     out += spring_squares(loads.law, *tied, motion[loads.attach_point, :3])
+    out += _own_bushings(model, at).squares(motion[model.bushing_ends].reshape(-1, 12, shapes.shape[1]))
+    out += _grounded(model, at, loads).squares(_on_ground(motion[loads.ground.point]))
     hinges = _sprung_joints(model, config)[2]
     return out + shapes.T @ (hinges[:, None] * shapes)
 
@@ -411,7 +432,8 @@ def _gather(
     Of the elements ``unstrained`` only the weight counts.
     """
     dtype = np.result_type(
-        at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.EA, loads.law.stiffness
+        *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.EA, loads.law.stiffness),
+        *(loads.push, loads.ground.stiffness, *(b.stiffness for b in model.structure.bushings)),
     )
     gradient = np.zeros((len(at.world), 6), dtype=np.result_type(dtype, model.beams.length, loads.anchor))
     material = [np.zeros((0, 12, 12))]
@@ -442,15 +464,29 @@ def _gather(
     device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
     np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
     held = _at_attach_points(model, loads, device.material + device.geometric)
+    between, ground = _own_bushings(model, at), _grounded(model, at, loads)
+    np.add.at(gradient, model.bushing_ends, between.gradient.reshape(-1, 2, 6))
+    if len(loads.ground.point):
+        np.add.at(gradient, loads.ground.point, ground.gradient[:, 6:])
+        held = held + _at_poses(model, loads.ground.point, (ground.material + ground.geometric)[:, 6:, 6:])
     energy += np.sum(own.energy) + np.sum(device.energy)
+    energy += np.sum(between.energy) + np.sum(ground.energy) + _push(model, at, loads, gradient)
     inside = Inner(np.concatenate(forces), own.tension, device.tension)
     return _Total(
         energy,
         gradient,
         inside,
         device.tension,
-        {"element": np.concatenate(material), "spring": _between(own.material)},
-        {"element": np.concatenate(geometric), "spring": _between(own.geometric)},
+        {
+            "element": np.concatenate(material),
+            "spring": _between(own.material),
+            "bushing": between.material,
+        },
+        {
+            "element": np.concatenate(geometric),
+            "spring": _between(own.geometric),
+            "bushing": between.geometric,
+        },
         held,
     )
 
@@ -473,11 +509,74 @@ def _between(hessian: np.ndarray) -> np.ndarray:
 
 def _at_attach_points(model: Model, loads: Loads, hessian: np.ndarray) -> np.ndarray:
     """Matrices of devices on translations, summed at their attach points."""
+    return _at_poses(model, loads.attach_point, _translations(hessian))
+
+
+def _at_poses(model: Model, points: np.ndarray, hessian: np.ndarray) -> np.ndarray:
+    """Matrices on attach points, summed where there are several."""
     place = np.zeros(len(model.points.frame), dtype=int)
     place[model.attach_point] = np.arange(len(model.attach_point))
     out = np.zeros((len(model.attach_point), 6, 6), dtype=hessian.dtype)
-    np.add.at(out[:, :3, :3], place[loads.attach_point], hessian)
+    np.add.at(out, place[points], hessian)
     return out
+
+
+def bushing_states(model: Model, config: Configuration, loads: Loads) -> tuple[BushingState, BushingState]:
+    """States of the structure's own bushings, and of those to the ground."""
+    at = _poses_at(model, config)
+    return _own_bushings(model, at), _grounded(model, at, loads)
+
+
+def _own_bushings(model: Model, at: _At) -> BushingState:
+    """Bushings of the structure."""
+    own = model.structure.bushings
+    start, end = model.bushing_ends.T
+    (begin, begun), (finish, finished) = (_since(model, at, pose) for pose in (start, end))
+    return bushing_state(
+        np.array([b.stiffness for b in own]).reshape(-1, 6, 6),
+        np.array([b.axes for b in own]).reshape(-1, 3, 3),
+        at.world[end] - at.world[start],
+        finish - begin,
+        np.stack([begun, finished], axis=1),
+    )
+
+
+def _grounded(model: Model, at: _At, loads: Loads) -> BushingState:
+    """Bushings to the ground, which is the first of their frames and does not move."""
+    point = loads.ground.point
+    change, turn = _since(model, at, point)
+    still = np.stack([np.zeros_like(turn), turn], axis=1)
+    return bushing_state(loads.ground.stiffness, loads.ground.axes, change, change, still)
+
+
+def _on_ground(motion: np.ndarray) -> np.ndarray:
+    """Motions of poses beside that of the ground: none."""
+    return np.concatenate([np.zeros_like(motion), motion], axis=1)
+
+
+def _since(model: Model, at: _At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far poses have shifted and turned (less the identity) since drawn."""
+    frame = model.points.frame[pose]
+    drawn = model.drawn
+    moved, before = _drawn(model, at, pose)[1], PosePoints(frame, model.points.offset[pose])
+    turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - np.eye(3)
+    if at.since is None:
+        return at.world[pose] - points_in_world(before, drawn), turn
+    own = frame < model.tree.roots
+    root = np.where(own, frame, 0)
+    away = at.world[pose] - points_in_world(before, drawn)
+    return np.where(own[:, None], moved, away), np.where(own[:, None, None], at.motion[1][root], turn)
+
+
+def _push(model: Model, at: _At, loads: Loads, gradient: np.ndarray) -> float:
+    """Energy of dead loads, whose force and moment are added to ``gradient``.
+
+    A moment of fixed direction has no potential, and adds nothing to it.
+    """
+    if not len(loads.push):
+        return 0.0
+    np.add.at(gradient, model.load_point, -loads.push)
+    return -np.sum(loads.push[:, :3] * _since(model, at, model.load_point)[0])
 
 
 def _chunks(count: int) -> Iterable[slice]:

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.structure.assembly.carriers import choose_carriers
+from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
-from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints, Poses, frame_poses
 from middeck.structure.elements.pose_map import PoseMap, map_points
 from middeck.structure.elements.since_drawn import as_drawn
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Structure, held_angle
 from middeck.structure.model.article_checks import check_structure
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.member_mesh import cut_members, member_geometry
 from middeck.values import record
 
@@ -25,20 +28,16 @@ from middeck.values import record
 class Model:
     """A meshed structure, undeformed. Every array of poses indexes ``points``.
 
-    Parameters
-    ----------
-    frames:
-        Names of the frames: nodes, mesh nodes inside members, joints.
-    tree, rest, points:
-        Topology, undeformed configuration, and the points that anything acts on.
-    element_ends, element_triad, element_member, beams:
-        The two poses of each beam element, its undeformed triad, its member, its properties.
-    body_point, body_mass, body_inertia:
-        Rigid bodies at their centres of mass.
-    attach_names, attach_point:
-        Attach points by name.
-    spring_ends:
-        Attach-point poses of the structure's own springs.
+    Attributes:
+        frames: Names of the frames: nodes, mesh nodes inside members, joints.
+        tree, rest, points: Topology, undeformed configuration, and the points that anything acts on.
+        element_ends, element_triad, element_member, beams: The two poses of each beam element, its undeformed
+            triad, its member, its properties.
+        body_point, body_mass, body_inertia: Rigid bodies at their centres of mass.
+        attach_names, attach_point: Attach points by name.
+        spring_ends: Attach-point poses of the structure's own springs.
+        bushing_ends, load_point: Attach-point poses of its bushings, and poses of its loads.
+        held: What clamps hold; None for a free article.
     """
 
     structure: Structure
@@ -56,6 +55,14 @@ class Model:
     attach_names: tuple[str, ...]
     attach_point: Int[np.ndarray, " attach"]
     spring_ends: Int[np.ndarray, "spring 2"]
+    bushing_ends: Int[np.ndarray, "bushing 2"]
+    load_point: Int[np.ndarray, " load"]
+    held: Held | None = None
+
+    @functools.cached_property
+    def drawn(self) -> Poses:
+        """Poses of the frames as drawn."""
+        return frame_poses(self.tree, self.rest)
 
     @functools.cached_property
     def pose_map(self) -> PoseMap:
@@ -64,28 +71,32 @@ class Model:
 
     @functools.cached_property
     def pattern(self) -> Pattern:
-        """Where elements, own springs, bodies and what is tied to attach points go in matrices."""
+        """Where elements, springs, bushings, bodies and what is tied to attach points go in matrices."""
         ends = {
             "element": self.element_ends,
             "spring": self.spring_ends,
+            "bushing": self.bushing_ends,
             "body": self.body_point[:, None],
             "attach": self.attach_point[:, None],
         }
         return lay_out_pattern(self.pose_map, ends)
 
 
-def mesh_structure(structure: Structure) -> Model:
-    """Mesh every member into its number of elements and lay out coordinates and poses.
+def mesh_structure(structure: Structure, clamps: Sequence[Clamp] = ()) -> Model:
+    """Mesh every member into its number of elements, lay out coordinates and poses, and hold ``clamps``.
 
-    Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible.
+    Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible,
+    and for a clamp of no node or of what is held already.
     """
     check_structure(structure)
     model = lay_out(structure)
-    drawn = as_drawn(model.rest.x, _carriers(model))
-    return dataclasses.replace(model, rest=dataclasses.replace(model.rest, since_drawn=drawn))
+    roots = {node.name: i for i, node in enumerate(structure.nodes)}
+    held = hold_nodes(clamps, roots, model.tree.size, model.tree.roots)
+    drawn = as_drawn(model.rest.x, _carriers(model, {roots[c.node] for c in clamps}))
+    return dataclasses.replace(model, rest=dataclasses.replace(model.rest, since_drawn=drawn), held=held)
 
 
-def _carriers(model: Model) -> Int[np.ndarray, " root"]:
+def _carriers(model: Model, held: Collection[int]) -> Int[np.ndarray, " root"]:
     roots = model.tree.roots
     at = [joint_chain(model.tree, int(frame))[0] for frame in model.points.frame[model.spring_ends].ravel()]
     return choose_carriers(
@@ -95,6 +106,7 @@ def _carriers(model: Model) -> Int[np.ndarray, " root"]:
         np.array(at, dtype=int).reshape(-1, 2),
         np.array([spring.stiffness for spring in model.structure.springs]) + 0.0,
         model.structure.mass,
+        held,
     )
 
 
@@ -107,11 +119,16 @@ def lay_out(structure: Structure) -> Model:
     index = {name: i for i, name in enumerate(frames)}
     x = np.concatenate([np.array([n.position for n in structure.nodes]).reshape(-1, 3), cut.inner])
     bodies = [(index[p.name], p.body) for p in (*structure.nodes, *structure.joints) if _has_inertia(p.body)]
+    bodies += [(index[m.frame], m.body) for m in structure.masses]
     ends = cut.frame.size
     attach = {a.name: ends + len(bodies) + i for i, a in enumerate(structure.attach_points)}
-    points = [*bodies, *((index[a.frame], a) for a in structure.attach_points)]
-    offsets = [*(b.cg for _, b in bodies), *(a.offset for a in structure.attach_points)]
-    spring_ends = [[attach[s.start], attach[s.end]] for s in structure.springs]
+    at = (*structure.attach_points, *structure.loads)
+    points = [*(frame for frame, _ in bodies), *(index[a.frame] for a in at)]
+    offsets = [*(b.cg for _, b in bodies), *(a.offset for a in at)]
+    spring_ends, bushing_ends = (
+        np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
+        for ties in (structure.springs, structure.bushings)
+    )
     return Model(
         structure=structure,
         frames=frames,
@@ -120,7 +137,7 @@ def lay_out(structure: Structure) -> Model:
             x, np.tile(np.eye(3), (len(x), 1, 1)), np.array([held_angle(j) for j in structure.joints]) + 0.0
         ),
         points=PosePoints(
-            np.concatenate([cut.frame.ravel(), np.array([frame for frame, _ in points], dtype=int)]),
+            np.concatenate([cut.frame.ravel(), np.array(points, dtype=int)]),
             np.concatenate([cut.offset.reshape(-1, 3), np.array(offsets).reshape(-1, 3)]),
         ),
         element_ends=np.arange(ends).reshape(-1, 2),
@@ -132,7 +149,9 @@ def lay_out(structure: Structure) -> Model:
         body_inertia=np.array([b.inertia for _, b in bodies]).reshape(len(bodies), 3, 3),
         attach_names=tuple(attach),
         attach_point=np.array(list(attach.values()), dtype=int),
-        spring_ends=np.array(spring_ends, dtype=int).reshape(-1, 2),
+        spring_ends=spring_ends,
+        bushing_ends=bushing_ends,
+        load_point=ends + len(bodies) + len(attach) + np.arange(len(structure.loads)),
     )
 
 

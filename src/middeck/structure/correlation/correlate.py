@@ -37,17 +37,12 @@ RUNS = 1000
 class Finding:
     """Result of one criterion.
 
-    Parameters
-    ----------
-    items:
-        Names of the modes, for a COMAC of the channels, that it applies to.
-    values, worst:
-        Of each, and the one nearest to failing or farthest beyond; None where it applies to nothing, which
-        passes.
-    probability:
-        That a correct model would meet this criterion, given the noise of the test.
-    expected:
-        5, 50 and 95 % of the worst value that a correct model would show.
+    Attributes:
+        items: Names of the modes, for a COMAC of the channels, that it applies to.
+        values, worst: Of each, and the one nearest to failing or farthest beyond; None where it applies to
+            nothing, which passes.
+        probability: That a correct model would meet this criterion, given the noise of the test.
+        expected: 5, 50 and 95 % of the worst value that a correct model would show.
     """
 
     criterion: Criterion
@@ -63,25 +58,17 @@ class Finding:
 class Correlation:
     """A model and a test, compared and judged.
 
-    Parameters
-    ----------
-    candidates:
-        Indices in ``modes`` of the rows of ``evaluation.mac``.
-    pairs:
-        (mode, measured mode), one to one.
-    evaluation:
-        Frequency errors, MAC, COMAC, cross-orthogonality, self-orthogonality; its pairs count candidates.
-    reduced:
-        The mass at the channels, how it was made, and the condition of the sensor set.
-    phase_collinearity:
-        Of each measured mode; 1 for a real shape.
-    effective_mass:
-        Of every mode of the model.
-    unpaired, unmeasured:
-        Measured modes without a partner (the verdict is then no), and modes of the model within the test's
-        band that were not measured.
-    probability:
-        That a correct model would pass the whole profile.
+    Attributes:
+        candidates: Indices in ``modes`` of the rows of ``evaluation.mac``.
+        pairs: (mode, measured mode), one to one.
+        evaluation: Frequency errors, MAC, COMAC, cross-orthogonality, self-orthogonality; its pairs count
+            candidates.
+        reduced: The mass at the channels, how it was made, and the condition of the sensor set.
+        phase_collinearity: Of each measured mode; 1 for a real shape.
+        effective_mass: Of every mode of the model.
+        unpaired, unmeasured: Measured modes without a partner (the verdict is then no), and modes of the
+            model within the test's band that were not measured.
+        probability: That a correct model would pass the whole profile.
     """
 
     modes: Modes

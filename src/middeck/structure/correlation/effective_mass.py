@@ -14,12 +14,9 @@ from middeck.values import record
 class EffectiveMass:
     """Effective mass of each mode, for translations along (kg) and rotations about (kg m^2) the world axes.
 
-    Parameters
-    ----------
-    effective:
-        (r' M phi)^2 with r the rigid motion, joints held, and phi of unit modal mass.
-    rigid:
-        r' M r: the mass, and the moments of inertia about the centre of mass at rest.
+    Attributes:
+        effective: (r' M phi)^2 with r the rigid motion, joints held, and phi of unit modal mass.
+        rigid: r' M r: the mass, and the moments of inertia about the centre of mass at rest.
     """
 
     effective: Float[np.ndarray, "mode 6"]

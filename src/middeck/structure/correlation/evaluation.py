@@ -43,20 +43,13 @@ class Candidates:
 class Evaluation:
     """Comparison of the test with the model; rows of matrices are the model's, columns the test's.
 
-    Parameters
-    ----------
-    pairs:
-        (candidate, measured), one to one, in the order of the measured modes.
-    frequency_error:
-        Of each pair, model over test less one.
-    mac:
-        Over all candidates and measured modes.
-    comac:
-        Of each channel, over the pairs.
-    cross_orthogonality:
-        Between the pairs.
-    self_orthogonality:
-        Among all measured modes.
+    Attributes:
+        pairs: (candidate, measured), one to one, in the order of the measured modes.
+        frequency_error: Of each pair, model over test less one.
+        mac: Over all candidates and measured modes.
+        comac: Of each channel, over the pairs.
+        cross_orthogonality: Between the pairs.
+        self_orthogonality: Among all measured modes.
     """
 
     pairs: Int[np.ndarray, "pair 2"]

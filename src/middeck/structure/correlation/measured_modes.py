@@ -28,19 +28,14 @@ COUNT = 26
 class MeasuredModes:
     """Modes identified in a test.
 
-    Parameters
-    ----------
-    frequency_hz, damping:
-        Natural frequencies [Hz] and damping ratios.
-    node, direction:
-        Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along the world axes),
-        "rx", "ry", "rz" (rotation about them) or, of a joint relative to its carrier, "angle" or, where it
-        slides, "travel".
-    shape:
-        Real or complex, of any scale from mode to mode; within a mode metres beside radians.
-    frequency_std_hz, damping_std, shape_std:
-        Standard deviations of the estimates, where the test states them; that of a complex shape is of real
-        and imaginary part together.
+    Attributes:
+        frequency_hz, damping: Natural frequencies [Hz] and damping ratios.
+        node, direction: Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along
+            the world axes), "rx", "ry", "rz" (rotation about them) or, of a joint relative to its carrier,
+            "angle" or, where it slides, "travel".
+        shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
+        frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
+            them; that of a complex shape is of real and imaginary part together.
 
     Raises `DataError` for what no test can have measured: a frequency that is not positive, a shape that is
     zero or not finite, an unknown direction, two channels alike.
@@ -74,13 +69,10 @@ class MeasuredModes:
 class MeasurementNoise:
     """Standard deviations of measured modes, where a test does not state them mode by mode.
 
-    Parameters
-    ----------
-    frequency:
-        Standard deviation of a frequency over the frequency.
-    shape:
-        Standard deviation of a channel over the rms of the mode's channels of its sort: translations, or
-        rotations and joint angles.
+    Attributes:
+        frequency: Standard deviation of a frequency over the frequency.
+        shape: Standard deviation of a channel over the rms of the mode's channels of its sort: translations,
+            or rotations and joint angles.
     """
 
     frequency: float

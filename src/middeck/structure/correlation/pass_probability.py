@@ -46,14 +46,10 @@ class Probability:
 class CorrectModel:
     """Results of the runs of a correct model.
 
-    Parameters
-    ----------
-    passed:
-        Whether each run met each criterion.
-    worst:
-        Worst value of each criterion in each run; nan where it applied to no mode.
-    paired:
-        Whether every mode of the run found its pair.
+    Attributes:
+        passed: Whether each run met each criterion.
+        worst: Worst value of each criterion in each run; nan where it applied to no mode.
+        paired: Whether every mode of the run found its pair.
     """
 
     passed: Bool[np.ndarray, "run criterion"]

@@ -50,14 +50,10 @@ class Group(Enum):
 class Criterion:
     """One line of a profile.
 
-    Parameters
-    ----------
-    limit:
-        Largest or smallest value that passes, as a pure number (0.05 is 5 %).
-    source:
-        The document, with its revision.
-    recalled:
-        True if the limit was not read in the source but recalled.
+    Attributes:
+        limit: Largest or smallest value that passes, as a pure number (0.05 is 5 %).
+        source: The document, with its revision.
+        recalled: True if the limit was not read in the source but recalled.
     """
 
     quantity: Quantity

@@ -20,7 +20,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
-from middeck.structure.rest.statics import dynamic_coordinates
+from middeck.structure.rest.statics import dynamic_freedom
 from middeck.values import record
 
 # Shapes or channels whose condition is beyond this are the same to all measurement.
@@ -121,9 +121,9 @@ def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> 
     """
     rest = modes.equilibrium
     check_beside_modes(modes, "a reduced mass")
-    active = dynamic_coordinates(rest.model)
-    K = sp.csr_array(assemble(rest.model, rest.config, rest.loads).tangent[active][:, active])
-    M, L = modes.mass[active][:, active], sp.csr_array(rows.T[active].T)
+    free = dynamic_freedom(rest.model)
+    K = free.matrix(assemble(rest.model, rest.config, rest.loads).tangent)
+    M, L = free.matrix(modes.mass), free.columns(rows)
     unit = np.eye(channels)
     _check_channels(L)
     _check_support(modes, rows)
@@ -137,9 +137,7 @@ def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> 
         raise NumericalError(
             f"the static reduction misses its own readings by {error:.1e}", hint="reduce by serep"
         )
-    full = np.zeros((len(active), channels))
-    full[active] = static
-    return full
+    return free.spread(static)
 
 
 def _hold(K: sp.csr_array, L: sp.csr_array) -> _Held:

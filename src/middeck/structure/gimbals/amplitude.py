@@ -37,35 +37,25 @@ LOWEST = 12
 class AmplitudeCurves:
     """Modes of a structure against the amplitude of one joint.
 
-    Parameters
-    ----------
-    joint:
-        Its name.
-    slides:
-        Whether it slides: then read m, N/m, N s/m for rad, N m/rad, N m s/rad.
-    amplitude:
-        Of its angle [rad] or its travel [m], zero to peak.
-    stiffness, loss:
-        What its elements are equivalent to [N m/rad]; ``viscous`` [N m s/rad] beside them.
-    mode, name:
-        Number and name of each mode without the elements; it is followed from there, with its damping.
-    omega:
-        Angular frequency [rad/s] with the equivalent stiffness, of the undamped mode that the damped one
-        looks most like: where a swing at this amplitude is in quadrature with what drives it. It leaps where
-        two undamped modes veer and the damped ones pass each other.
-    zeta:
-        Damping ratio -Re s/|s| of the complex eigenvalue, modal damping included; not a number at zero
-        frequency.
-    likeness:
-        |phi' M phi| of the damped shape with the undamped one whose ``omega`` it is. Below `HALF_SHAPE` it is
-        several undamped modes at once: see ``doubtful``.
-    overlap:
-        |phi' M phi| with the mode without the elements: how much of it is still the same.
-    joint_angle:
-        Angle of the joint per unit of the mass-normalised mode; ``amplitude`` over it is the modal amplitude.
-    distortion:
-        Largest higher harmonic of the joint's angle over ``amplitude``, to first order: what harmonic balance
-        leaves out. Above a tenth or so its numbers are a sketch.
+    Attributes:
+        joint: Its name.
+        slides: Whether it slides: then read m, N/m, N s/m for rad, N m/rad, N m s/rad.
+        amplitude: Of its angle [rad] or its travel [m], zero to peak.
+        stiffness, loss: What its elements are equivalent to [N m/rad]; ``viscous`` [N m s/rad] beside them.
+        mode, name: Number and name of each mode without the elements; it is followed from there, with its
+            damping.
+        omega: Angular frequency [rad/s] with the equivalent stiffness, of the undamped mode that the damped
+            one looks most like: where a swing at this amplitude is in quadrature with what drives it. It
+            leaps where two undamped modes veer and the damped ones pass each other.
+        zeta: Damping ratio -Re s/|s| of the complex eigenvalue, modal damping included; not a number at zero
+            frequency.
+        likeness: |phi' M phi| of the damped shape with the undamped one whose ``omega`` it is. Below
+            `HALF_SHAPE` it is several undamped modes at once: see ``doubtful``.
+        overlap: |phi' M phi| with the mode without the elements: how much of it is still the same.
+        joint_angle: Angle of the joint per unit of the mass-normalised mode; ``amplitude`` over it is the
+            modal amplitude.
+        distortion: Largest higher harmonic of the joint's angle over ``amplitude``, to first order: what
+            harmonic balance leaves out. Above a tenth or so its numbers are a sketch.
     """
 
     joint: str

@@ -33,18 +33,13 @@ BASIS = 30
 class JointSystem:
     """One joint of a structure in modal coordinates; only what moves the joint.
 
-    Parameters
-    ----------
-    pole:
-        omega^2 [rad^2/s^2], ascending and distinct.
-    angle:
-        Angle of the joint per unit of each mass-normalised mode, not zero.
-    zeta:
-        Damping ratio of each.
-    mode:
-        The mode of `Modes` each belongs to; of several at one frequency the one that turns the joint most.
-    flexibility:
-        Of all modes that are not kept [rad/(N m)].
+    Attributes:
+        pole: omega^2 [rad^2/s^2], ascending and distinct.
+        angle: Angle of the joint per unit of each mass-normalised mode, not zero.
+        zeta: Damping ratio of each.
+        mode: The mode of `Modes` each belongs to; of several at one frequency the one that turns the joint
+            most.
+        flexibility: Of all modes that are not kept [rad/(N m)].
     """
 
     pole: Float[np.ndarray, " pole"]

@@ -65,30 +65,19 @@ class StabilityLimit:
 class GimbalFamily:
     """Members of a family; points are all combinations of the angles, the last joint's running fastest.
 
-    Parameters
-    ----------
-    joints, grid:
-        Swept joints, and the angles [rad] of each.
-    angle:
-        Of the swept joints at each point [rad].
-    holding_torque:
-        What the motors of the swept joints hold [N m]; not a number where there is no rest state.
-    torque_limit:
-        Of the swept joints' motors [N m], infinite where the article gives none.
-    name, kind:
-        Of each branch, a mode followed over the grid, at point ``origin``.
-    omega2:
-        omega^2 [1/s^2] of each branch, negative where it grows; not a number without a rest state.
-    match:
-        Cross-orthogonality of each branch with itself at the neighbour from which it was followed.
-    rests:
-        Rest states; None where there is none.
-    plants:
-        None where the rest state is not stable, or no ports were asked for.
-    trouble:
-        Of each point why it has no rest state or is not stable; empty where all is well.
-    limits:
-        Where stability is lost between neighbours.
+    Attributes:
+        joints, grid: Swept joints, and the angles [rad] of each.
+        angle: Of the swept joints at each point [rad].
+        holding_torque: What the motors of the swept joints hold [N m]; not a number where there is no rest
+            state.
+        torque_limit: Of the swept joints' motors [N m], infinite where the article gives none.
+        name, kind: Of each branch, a mode followed over the grid, at point ``origin``.
+        omega2: omega^2 [1/s^2] of each branch, negative where it grows; not a number without a rest state.
+        match: Cross-orthogonality of each branch with itself at the neighbour from which it was followed.
+        rests: Rest states; None where there is none.
+        plants: None where the rest state is not stable, or no ports were asked for.
+        trouble: Of each point why it has no rest state or is not stable; empty where all is well.
+        limits: Where stability is lost between neighbours.
     """
 
     joints: tuple[str, ...]
@@ -355,13 +344,7 @@ def _middle(model: Model, start: _Place, end: _Place, count: int) -> _Place | No
         0.5 * (a.law.stiffness + b.law.stiffness),
         0.5 * (a.law.length + b.law.length),
     )
-    loads = Loads(
-        gravity=a.gravity,
-        anchor=0.5 * (a.anchor + b.anchor),
-        attach_point=a.attach_point,
-        law=law,
-        mass=0.5 * (a.mass + b.mass),
-    )
+    loads = dataclasses.replace(a, anchor=0.5 * (a.anchor + b.anchor), law=law, mass=0.5 * (a.mass + b.mass))
     angle = 0.5 * (start.config.angle + end.config.angle)
     near = rest_near(model, dataclasses.replace(start.config, angle=angle), loads)
     return near and _Place(near[0], loads, _spectrum_at(model, near[0], loads, count))

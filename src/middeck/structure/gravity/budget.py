@@ -39,16 +39,13 @@ Corner = tuple[int, int, int]
 class GravityBudget:
     """Each mode's omega^2 with every combination of the `EFFECTS` on or off; rows in the order of the lab.
 
-    Parameters
-    ----------
-    pairs:
-        (orbit, lab) index of each mode. Rigid-body modes have one frequency, so that any basis of theirs
-        will do: theirs is the one nearest to the suspension modes, and the index is that of the first.
-    corner:
-        omega^2 [1/s^2] with suspension, stiffness and deformation off (0) or on (1), in that order;
-        negative where the state, which is no rest state, would be unstable.
-    match:
-        Cross-orthogonality of the mode in each corner with the mode in orbit.
+    Attributes:
+        pairs: (orbit, lab) index of each mode. Rigid-body modes have one frequency, so that any basis of
+            theirs will do: theirs is the one nearest to the suspension modes, and the index is that of the
+            first.
+        corner: omega^2 [1/s^2] with suspension, stiffness and deformation off (0) or on (1), in that order;
+            negative where the state, which is no rest state, would be unstable.
+        match: Cross-orthogonality of the mode in each corner with the mode in orbit.
     """
 
     orbit: Modes
@@ -169,6 +166,12 @@ def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[s
 
 def _check(orbit: Modes, lab: Modes) -> None:
     free, hung = orbit.equilibrium, lab.equilibrium
+    if free.model.held != hung.model.held:
+        raise ConfigError(
+            "a budget shares a shift out over gravity and suspension; here clamps make one as well",
+            where=f"environments {free.environment.title!r} and {hung.environment.title!r}",
+            hint="give both the same clamps, or compare_modes",
+        )
     if free.model != hung.model:
         raise ConfigError(
             "a budget needs one structure in two environments",

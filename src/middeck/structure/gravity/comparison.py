@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError
 from middeck.structure.gravity.pairs import pair_modes, shares_of
 from middeck.structure.modes.kind_warnings import CURE
+from middeck.structure.modes.kinds import HELD
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
@@ -24,22 +25,17 @@ RIVAL = 0.5
 class ModeComparison:
     """Modes of one structure in two environments: ``orbit`` (0) and ``lab`` (1), the lowest ``count`` each.
 
-    Parameters
-    ----------
-    cross_orthogonality:
-        |Phi_0' M_0 Phi_1|, rows orbit, columns lab; each side mass-normalised with its own mass.
-    mac:
-        Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
-    pairs:
-        (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
-        cross-orthogonality over all modes: as in `build_budget`. One whose partner is not among the lowest
-        ``count`` has no pair.
-    ratio:
-        Frequency lab over orbit of each pair.
-    subspace_angle:
-        Principal angles [rad], ascending, between the rigid-body modes and the suspension modes.
-    warnings:
-        Pairs that another mode could dispute, with the ratio that it would give.
+    Attributes:
+        cross_orthogonality: |Phi_0' M_0 Phi_1|, rows orbit, columns lab; each side mass-normalised with its
+            own mass.
+        mac: Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
+        pairs: (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
+            cross-orthogonality over all modes: as in `build_budget`. One whose partner is not among the
+            lowest ``count`` has no pair.
+        ratio: Frequency lab over orbit of each pair.
+        subspace_angle: Principal angles [rad], ascending, between the rigid-body modes and the suspension
+            modes.
+        warnings: Pairs that another mode could dispute, with the ratio that it would give.
     """
 
     orbit: Modes
@@ -131,7 +127,7 @@ def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
 def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
     """Principal angles in the metric of the orbit mass (Björck and Golub 1973), sine and cosine form."""
     rigid = [i for i, k in enumerate(orbit.kind) if k == "rigid"]
-    hung = [i for i, k in enumerate(lab.kind) if k == "suspension"]
+    hung = [i for i, k in enumerate(lab.kind) if k in HELD]
     if not rigid or not hung:
         return np.zeros(0)
     L = sla.cholesky(_moving(orbit, orbit.mass.toarray()))

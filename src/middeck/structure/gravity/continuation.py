@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass
 from middeck.structure.assembly.factorisation import Factor, factorise
+from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.rest.statics import (
@@ -18,9 +19,7 @@ from middeck.structure.rest.statics import (
     imbalance,
     imbalance_scale,
     move_whole,
-    restrict,
-    spread,
-    static_coordinates,
+    static_freedom,
 )
 
 MAX_ITERATIONS = 12
@@ -44,30 +43,30 @@ def rest_near(
     Nothing here descends: where the branch loses stability it is followed all the same. ``mass``, in carried
     coordinates, need not be exact.
     """
-    active = static_coordinates(model)
+    free = static_freedom(model)
     mass = carried_mass(model, config) if mass is None else mass
     # Of the weight on the ground, if that is more: the gravity of a path may be as small as it likes.
     lightness = max(1.0, STANDARD_GRAVITY / (float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY))
     scale = lightness * imbalance_scale(model, loads)
     at = assemble_carried(model, config, loads)
-    left, size, factor = imbalance(at, active, scale), np.inf, None
+    left, size, factor = imbalance(at, free, scale), np.inf, None
     for _ in range(MAX_ITERATIONS):
         if left < TOLERANCE:
             break
-        correction = _correction(at, mass, active)
+        correction = _correction(at, mass, free)
         if correction is None or np.abs(correction.q).max() > CONTRACTION * size:
             return None
         q, factor = correction
-        config, size = move_whole(model.tree, config, q, mass), float(np.abs(q).max())
+        config, size = move_whole(model, config, q, mass), float(np.abs(q).max())
         at = assemble_carried(model, config, loads)
-        left = imbalance(at, active, scale)
+        left = imbalance(at, free, scale)
     if left >= TOLERANCE:
         return None
     if factor is not None and left > ROUNDED * TOLERANCE:  # one more step, to rounding, if it does any good
-        q = spread(-factor.solve(at.gradient[active]), active)
-        moved = move_whole(model.tree, config, q, mass)
+        q = free.spread(-factor.solve(free.part(at.gradient)))
+        moved = move_whole(model, config, q, mass)
         new = assemble_carried(model, moved, loads)
-        if imbalance(new, active, scale) < left:
+        if imbalance(new, free, scale) < left:
             return moved, new
     return config, at
 
@@ -77,13 +76,13 @@ class _Correction(NamedTuple):
     factor: Factor
 
 
-def _correction(at: Assembly, mass: sp.csr_array, active: np.ndarray) -> _Correction | None:
-    K, M = restrict(at.tangent, active), restrict(mass, active)
+def _correction(at: Assembly, mass: sp.csr_array, free: Freedom) -> _Correction | None:
+    K, M = free.matrix(at.tangent), free.matrix(mass)
     for hold in HOLDS:
         factor = factorise(sp.csr_array(K + hold * M))
         if factor is None:
             continue
-        q = -factor.solve(at.gradient[active])
+        q = -factor.solve(free.part(at.gradient))
         if np.all(np.isfinite(q)) and np.abs(q).max(initial=0.0) < LONGEST_STEP:
-            return _Correction(spread(q, active), factor)
+            return _Correction(free.spread(q), factor)
     return None

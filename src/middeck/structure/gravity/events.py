@@ -28,16 +28,11 @@ class EventKind(Enum):
 class GravityEvent:
     """One event.
 
-    Parameters
-    ----------
-    s, gravity:
-        Where, as in `GravityPath`.
-    branch, name:
-        The modes concerned, or the slack devices by name alone.
-    frequency_hz:
-        Of the modes [Hz], the mean of two; of a mode that grows, minus its rate over 2 pi.
-    gap_hz:
-        Least distance of two veering modes [Hz], otherwise zero.
+    Attributes:
+        s, gravity: Where, as in `GravityPath`.
+        branch, name: The modes concerned, or the slack devices by name alone.
+        frequency_hz: Of the modes [Hz], the mean of two; of a mode that grows, minus its rate over 2 pi.
+        gap_hz: Least distance of two veering modes [Hz], otherwise zero.
     """
 
     kind: EventKind

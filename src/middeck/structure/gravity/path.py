@@ -49,25 +49,17 @@ RELEASE = 1e-3
 class GravityPath:
     """Modes along a path of gravities; a branch is a mode of the first station, wherever it goes.
 
-    Parameters
-    ----------
-    places, reached:
-        The places in order, and the station at each that was reached.
-    name, kind:
-        Of each branch, at the first station.
-    s:
-        Where each station is: 0 at the first place, 1 at the second, and so on.
-    gravity:
-        In W [m/s^2].
-    omega2:
-        omega^2 [1/s^2] of each branch.
-    match:
-        Cross-orthogonality with the station before; 1 at the first.
-    events:
-        Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
-        anything did.
-    warnings:
-        Of the modes at the first station, whose names and kinds these are; none where there are no modes.
+    Attributes:
+        places, reached: The places in order, and the station at each that was reached.
+        name, kind: Of each branch, at the first station.
+        s: Where each station is: 0 at the first place, 1 at the second, and so on.
+        gravity: In W [m/s^2].
+        omega2: omega^2 [1/s^2] of each branch.
+        match: Cross-orthogonality with the station before; 1 at the first.
+        events: Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
+            anything did.
+        warnings: Of the modes at the first station, whose names and kinds these are; none where there are no
+            modes.
     """
 
     structure: Structure
@@ -155,7 +147,7 @@ def follow_gravity(
 
     The devices of ``environment`` are tuned in its own gravity; elsewhere they obey ``devices``. On the way
     to a place without gravity they are released at a thousandth of that; on the way from one they take hold
-    there, and the article first settles under them.
+    there, and the article first settles under them. Clamps hold all the way, in orbit too.
 
     An unstable rest state ends the path as a value: the last of ``events`` says where, and which mode. Raises
     `ConfigError` for places that do not differ and `EquilibriumError` where ``environment`` cannot hold the
@@ -163,7 +155,14 @@ def follow_gravity(
     """
     places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
     _check(environment, places)
-    full, free = (solve_equilibrium(structure, e) for e in (environment, Environment.orbit()))
+    if structure.loads:
+        raise ConfigError(
+            "a path through gravity is that of an article without applied loads",
+            where=f"structure {structure.title!r}",
+            hint="leave the loads out; added masses may stay",
+        )
+    orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
+    full, free = (solve_equilibrium(structure, e) for e in (environment, orbit))
     loads_at = loads_in(full, devices)
     at_first = places[0].gravity
     try:

@@ -27,7 +27,7 @@ from middeck.structure.modes.kinds import SMALL
 from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.rounding import rounding, separate_rigid
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.statics import dynamic_coordinates, restrict
+from middeck.structure.rest.statics import dynamic_coordinates, dynamic_freedom
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
 HALF_SHAPE = float(np.sqrt(0.5))
@@ -93,8 +93,8 @@ def spectrum_at(
 
 
 def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.ndarray | None) -> Eigenpairs:
-    active = dynamic_coordinates(model)
-    stiffness, mass = restrict(K, active), restrict(M, active)
+    free = dynamic_freedom(model)
+    stiffness, mass = free.matrix(K), free.matrix(M)
     small = order(stiffness) <= max(SMALL, 4 * (count + SPARE))
     pairs = solve_all(stiffness, mass, soft) if small else solve_lowest(stiffness, mass, count + SPARE, soft)
     if pairs is None:
@@ -109,8 +109,7 @@ def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.
 def _spectrum(
     model: Model, pairs: Eigenpairs, noise: np.ndarray, M: sp.csr_array, T: sp.csr_array | None
 ) -> Spectrum:
-    shapes = np.zeros((model.tree.size, len(pairs.lam)))
-    shapes[dynamic_coordinates(model)] = pairs.shapes
+    shapes = dynamic_freedom(model).spread(pairs.shapes)
     shapes = shapes if T is None else T @ shapes
     return Spectrum(np.where(np.abs(pairs.lam) <= noise, 0.0, pairs.lam), shapes, M)
 

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Inexact
 
 from middeck.errors import ConfigError
+from middeck.structure.model.clamps import Clamp
 from middeck.values import record
 
 
@@ -22,20 +23,13 @@ from middeck.values import record
 class Section:
     """Cross-section of a member with its material, all constant along it.
 
-    Parameters
-    ----------
-    EA, GJ:
-        Axial [N] and torsional [N m^2] stiffness.
-    EI_y, EI_z:
-        Bending stiffness [N m^2] about the member's own y and z axes.
-    rho_A:
-        Mass per length [kg/m].
-    rho_I_y, rho_I_z:
-        Rotary inertia per length [kg m] about the own axes; their sum is the polar one.
-    GA_y, GA_z:
-        Shear stiffness [N] along own y and z; infinite for a Bernoulli beam.
-    density:
-        Of its material [kg/m^3], where there is one; only doubted, see `summarise`.
+    Attributes:
+        EA, GJ: Axial [N] and torsional [N m^2] stiffness.
+        EI_y, EI_z: Bending stiffness [N m^2] about the member's own y and z axes.
+        rho_A: Mass per length [kg/m].
+        rho_I_y, rho_I_z: Rotary inertia per length [kg m] about the own axes; their sum is the polar one.
+        GA_y, GA_z: Shear stiffness [N] along own y and z; infinite for a Bernoulli beam.
+        density: Of its material [kg/m^3], where there is one; only doubted, see `summarise`.
     """
 
     EA: float
@@ -94,7 +88,7 @@ class JointState(Enum):
     """State of a revolute axis."""
 
     FREE = "free"  # held at its angle in statics; free in dynamics under that constant holding torque
-    SPRUNG = "sprung"  # a linear spring about its rest angle, in statics and dynamics
+    SPRUNG = "sprung"  # a linear spring about its rest angle, in statics and dynamics; a hinge at stiffness 0
     LOCKED = "locked"  # welded at its nominal angle
     DRIVEN = "driven"  # held by a stiff servo at its commanded angle
 
@@ -105,32 +99,19 @@ class Joint:
 
     Of a slide, angles are travels [m], torques forces [N] and stiffness is [N/m]: a proof mass.
 
-    Parameters
-    ----------
-    name:
-        Name of the joint and of the frame behind it.
-    parent:
-        Frame that carries it: a node or another joint.
-    offset:
-        From the parent's origin to the axis, parent frame [m].
-    axis:
-        Unit vector, the same in the parent's and in the joint's frame.
-    angle:
-        Nominal angle [rad], positive by the right hand; a positive torque increases it.
-    body:
-        What turns with it.
-    state:
-        What the axis may do.
-    stiffness:
-        Spring of a sprung axis [N m/rad].
-    target:
-        Rest angle of a sprung axis or commanded angle of a driven one [rad].
-    slides:
-        Whether the joint shifts along its axis instead of turning about it.
-    travel:
-        Least and largest angle [rad] that the mechanism allows.
-    torque_limit:
-        Largest torque [N m] of its motor.
+    Attributes:
+        name: Name of the joint and of the frame behind it.
+        parent: Frame that carries it: a node or another joint.
+        offset: From the parent's origin to the axis, parent frame [m].
+        axis: Unit vector, the same in the parent's and in the joint's frame.
+        angle: Nominal angle [rad], positive by the right hand; a positive torque increases it.
+        body: What turns with it.
+        state: What the axis may do.
+        stiffness: Spring of a sprung axis [N m/rad].
+        target: Rest angle of a sprung axis or commanded angle of a driven one [rad].
+        slides: Whether the joint shifts along its axis instead of turning about it.
+        travel: Least and largest angle [rad] that the mechanism allows.
+        torque_limit: Largest torque [N m] of its motor.
     """
 
     name: str
@@ -170,6 +151,64 @@ class Spring:
     end: str
     stiffness: float
     free_length: float
+
+
+@record(kw_only=True)
+class Bushing:
+    """A 6x6 stiffness between two attach points, which strains nothing as drawn.
+
+    Attributes:
+        stiffness: Of the displacement [m] and the rotation vector [rad] of ``end`` as ``start`` sees it: N/m,
+            N and N m/rad; symmetric, no eigenvalue negative.
+        axes: Unit vectors of its x, y and z in W as drawn, as columns; they follow the frame of ``start``.
+
+    The law is linear in both, for any displacement and any relative turn below pi (`elements.bushings`); an
+    elastomer's is not beyond some degrees.
+    """
+
+    name: str
+    start: str
+    end: str
+    stiffness: Inexact[np.ndarray, "6 6"]
+    axes: Inexact[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+
+
+@record(kw_only=True)
+class PointLoad:
+    """A dead force [N] and moment [N m] on a frame, in W; the force acts at ``offset``, frame axes [m]."""
+
+    name: str
+    frame: str
+    force: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    moment: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+
+
+@record
+class AddedMass:
+    """A rigid body bolted to a frame, beside the frame's own; place and inertia in the frame's axes."""
+
+    name: str
+    frame: str
+    body: Body
+
+
+@record(kw_only=True)
+class LoadCase:
+    """Named loads on frames, masses on frames, and prescribed displacements of nodes.
+
+    Gravity acts on the masses as on the article, and they take part in its modes. Forces and moments are
+    dead: they keep their direction in W. ``prescribed`` are clamps with a displacement.
+
+    >>> push = PointLoad(name="push", frame="b", force=np.array([0.0, -1.0, 0.0]))
+    >>> LoadCase(name="tip", loads=(push,)).name
+    'tip'
+    """
+
+    name: str
+    loads: tuple[PointLoad, ...] = ()
+    masses: tuple[AddedMass, ...] = ()
+    prescribed: tuple[Clamp, ...] = ()
 
 
 class ActuatorKind(Enum):
@@ -287,22 +326,16 @@ class DampingTable:
 class Damping:
     """Where damping comes from; a mode's ratio is its base, plus material, plus devices.
 
-    Parameters
-    ----------
-    flexible, suspension, rigid:
-        The base: of strain, of everything else that holds a mode (devices, weight), and of a mode at zero. A
-        mode has the mean of the first two, weighted with its energy (`Modes.strain_share`).
-    by_rank:
-        Instead of that, the 1993 paper's rule: the n lowest modes have ``suspension`` and all others
-        ``flexible``, n the number of rigid-body modes in orbit.
-    table:
-        The base of every mode that oscillates, instead of ``flexible`` and ``suspension``.
-    loss_factor:
-        (member, eta): adds half of eta weighted with the member's share of the mode's energy.
-    dampers:
-        Viscous dampers: add phi' C phi / (2 omega).
-    by_mode:
-        (name or number of a mode, ratio): that mode has this ratio and nothing else.
+    Attributes:
+        flexible, suspension, rigid: The base: of strain, of everything else that holds a mode (devices,
+            weight), and of a mode at zero. A mode has the mean of the first two, weighted with its energy
+            (`Modes.strain_share`).
+        by_rank: Instead of that, the 1993 paper's rule: the n lowest modes have ``suspension`` and all others
+            ``flexible``, n the number of rigid-body modes in orbit.
+        table: The base of every mode that oscillates, instead of ``flexible`` and ``suspension``.
+        loss_factor: (member, eta): adds half of eta weighted with the member's share of the mode's energy.
+        dampers: Viscous dampers: add phi' C phi / (2 omega).
+        by_mode: (name or number of a mode, ratio): that mode has this ratio and nothing else.
     """
 
     flexible: float = 0.0
@@ -333,7 +366,10 @@ class Damping:
 
 @record(kw_only=True)
 class Structure:
-    """A test article, without gravity and without its suspension."""
+    """A test article, without gravity and without its suspension.
+
+    ``masses`` and ``loads`` are those of the one of its ``load_cases`` that `apply_load_case` has chosen.
+    """
 
     title: str
     nodes: tuple[Node, ...]
@@ -344,11 +380,15 @@ class Structure:
     actuators: tuple[Actuator, ...]
     sensors: tuple[Sensor, ...]
     damping: Damping
+    bushings: tuple[Bushing, ...] = ()
+    masses: tuple[AddedMass, ...] = ()
+    loads: tuple[PointLoad, ...] = ()
+    load_cases: tuple[LoadCase, ...] = ()
 
     @property
     def mass(self) -> float:
         """Total mass [kg], members included."""
-        rigid = sum(part.body.mass for part in (*self.nodes, *self.joints))
+        rigid = sum(part.body.mass for part in (*self.nodes, *self.joints, *self.masses))
         by_name = {n.name: n for n in self.nodes}
         return rigid + sum(m.section.rho_A * clear_length(m, by_name) for m in self.members)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.structure.model.article import Body, Structure, held_angle
+from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.connectivity import joined_nodes, separate_parts, some_names
 from middeck.structure.model.member_mesh import member_geometry
 
@@ -27,6 +28,7 @@ def check_structure(structure: Structure) -> None:
         *_offsets(structure),
         *_axes(structure),
         *_travels(structure),
+        *_ties_and_loads(structure),
     ]
     faults = faults or [*_members(structure), *_parts(structure)]  # these need the names to be right
     if faults:
@@ -44,6 +46,9 @@ def _twice(structure: Structure) -> Iterator[str]:
         "member": structure.members,
         "actuator": structure.actuators,
         "sensor": structure.sensors,
+        "bushing": structure.bushings,
+        "mass": structure.masses,
+        "load": structure.loads,
     }
     for kind, parts in groups.items():
         count = Counter(part.name for part in parts)
@@ -65,6 +70,11 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
         *(("attach point", a.name, "frame", a.frame, carriers) for a in structure.attach_points),
         *(("spring", s.name, "attach point", n, attach) for s in structure.springs for n in (s.start, s.end)),
     ]
+    uses += [
+        ("bushing", b.name, "attach point", n, attach) for b in structure.bushings for n in (b.start, b.end)
+    ]
+    uses += [("mass", m.name, "frame", m.frame, carriers) for m in structure.masses]
+    uses += [("load", p.name, "frame", p.frame, carriers) for p in structure.loads]
     for port in (*structure.actuators, *structure.sensors):
         kind, known = ("joint", joints) if port.axis is None else ("frame", carriers)
         uses.append(("port", port.name, kind, port.frame, known))
@@ -75,7 +85,7 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
 
 
 def _bodies(structure: Structure) -> Iterator[str]:
-    for part in (*structure.nodes, *structure.joints):
+    for part in (*structure.nodes, *structure.joints, *structure.masses):
         if not _possible(part.body):
             yield f"{part.name!r} carries a body whose mass or inertia is negative or not a number"
         elif not part.body.rotors_excluded:
@@ -133,6 +143,16 @@ def _axes(structure: Structure) -> Iterator[str]:
     for what, name, axis in axes:
         if not abs(np.linalg.norm(axis) - 1.0) < UNIT_ERROR:
             yield f"{what} {name!r} has axis {axis.tolist()}, which is no unit vector"
+
+
+def _ties_and_loads(structure: Structure) -> Iterator[str]:
+    for bushing in structure.bushings:
+        yield from bushing_faults(bushing.name, bushing.stiffness, bushing.axes)
+        if bushing.start == bushing.end:
+            yield f"bushing {bushing.name!r} joins attach point {bushing.start!r} to itself"
+    for load in structure.loads:
+        if not np.all(np.isfinite([*load.force, *load.moment, *load.offset])):
+            yield f"load {load.name!r} has a force, a moment or an offset that is not a number"
 
 
 def _travels(structure: Structure) -> Iterator[str]:

@@ -31,13 +31,13 @@ def separate_parts(nodes: Sequence[str], pairs: Iterable[tuple[str, str]]) -> li
 
 
 def joined_nodes(structure: Structure) -> list[tuple[str, str]]:
-    """Pairs of nodes that a member joins, or a spring between points of theirs or of what they carry."""
+    """Pairs of nodes that a member joins, or a spring or bushing between points of them or their joints."""
     node = {n.name: n.name for n in structure.nodes}
     for joint in structure.joints:
         node[joint.name] = node[joint.parent]
     at = {point.name: node[point.frame] for point in structure.attach_points}
     pairs = [(member.start, member.end) for member in structure.members]
-    return pairs + [(at[spring.start], at[spring.end]) for spring in structure.springs]
+    return pairs + [(at[tie.start], at[tie.end]) for tie in (*structure.springs, *structure.bushings)]
 
 
 def some_names(names: Sequence[str]) -> str:

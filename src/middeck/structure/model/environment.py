@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 from enum import Enum
 
 import numpy as np
@@ -11,6 +12,7 @@ from jaxtyping import Inexact
 from middeck.errors import ConfigError
 from middeck.joints.friction import Friction
 from middeck.structure.model.article import Structure
+from middeck.structure.model.clamps import Clamp
 from middeck.values import record
 
 
@@ -27,24 +29,19 @@ class Device:
 
     At length l it pulls with R + k (l - L): R is its load, L its length under that load. It cannot push.
 
-    Parameters
-    ----------
-    name, attach:
-        Its own name, and that of the attach point which hangs on it.
-    kind:
-        A constant force with a small stiffness, or a linear spring that starts unstretched.
-    force:
-        R [N]; None to tune it to its share of the vertical reaction of the pinned article.
-    held:
-        World directions ("xyz" letters) pinned at the attach point while that reaction is found.
-    stiffness, bounce_hz:
-        k [N/m], or the frequency from which k = (R/g) (2 pi bounce_hz)^2 follows: one of the two.
-    cable_length, anchor:
-        L [m], the anchor being straight above the drawn attach point; or the anchor in W [m]: one of the two.
-    moving_mass:
-        Mass [kg] that moves with the attach point along the cable, and whose weight the device bears itself.
-    friction:
-        Along the cable: N and N/m stand in place of N m and N m/rad. It does not enter the rest state.
+    Attributes:
+        name, attach: Its own name, and that of the attach point which hangs on it.
+        kind: A constant force with a small stiffness, or a linear spring that starts unstretched.
+        force: R [N]; None to tune it to its share of the vertical reaction of the pinned article.
+        held: World directions ("xyz" letters) pinned at the attach point while that reaction is found.
+        stiffness, bounce_hz: k [N/m], or the frequency from which k = (R/g) (2 pi bounce_hz)^2 follows: one
+            of the two.
+        cable_length, anchor: L [m], the anchor being straight above the drawn attach point; or the anchor in
+            W [m]: one of the two.
+        moving_mass: Mass [kg] that moves with the attach point along the cable, and whose weight the device
+            bears itself.
+        friction: Along the cable: N and N/m stand in place of N m and N m/rad. It does not enter the rest
+            state.
 
     Raises `ConfigError` for values that cannot be, or that contradict each other.
     """
@@ -97,18 +94,12 @@ class Suspension:
     The force along a cable is R + k (length - cable_length), with R the vertical reaction when the article
     is pinned at its attach points, and k = (R/g) (2 pi bounce_hz)^2.
 
-    Parameters
-    ----------
-    attach:
-        Names of the attach points that hang on a cable.
-    held:
-        World directions ("xyz" letters) held at each of them while the reactions are found.
-    cable_length:
-        Loaded length [m]; it sets the pendulum stiffness.
-    bounce_hz:
-        Bounce frequency to which every device is tuned.
-    kind, moving_mass, friction:
-        Of every device, see `Device`.
+    Attributes:
+        attach: Names of the attach points that hang on a cable.
+        held: World directions ("xyz" letters) held at each of them while the reactions are found.
+        cable_length: Loaded length [m]; it sets the pendulum stiffness.
+        bounce_hz: Bounce frequency to which every device is tuned.
+        kind, moving_mass, friction: Of every device, see `Device`.
     """
 
     attach: tuple[str, ...]
@@ -160,12 +151,25 @@ class AnchoredSpring:
 
 
 @record(kw_only=True)
+class GroundBushing:
+    """A 6x6 stiffness from an attach point to the ground, which strains nothing as drawn.
+
+    As a `Bushing` whose first frame is W: ``stiffness`` in the directions of ``axes``, its x, y and z in W.
+    """
+
+    name: str
+    attach: str
+    stiffness: Inexact[np.ndarray, "6 6"]
+    axes: Inexact[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+
+
+@record(kw_only=True)
 class Environment:
     """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
 
-    ``suspension`` is one tuned cable per attach point, ``springs`` tie it to the ground, ``devices`` hang it
-    in any other way, any number of them at an attach point. Raises `ConfigError` where two devices have one
-    name.
+    ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
+    ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes
+    outright. Raises `ConfigError` where two devices have one name.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -176,6 +180,8 @@ class Environment:
     suspension: Suspension | None = None
     springs: tuple[AnchoredSpring, ...] = ()
     devices: tuple[Device, ...] = ()
+    clamps: tuple[Clamp, ...] = ()
+    bushings: tuple[GroundBushing, ...] = ()
 
     def __post_init__(self) -> None:
         names = [device.name for device in self.hung]
@@ -196,6 +202,15 @@ class Environment:
     def orbit() -> Environment:
         """Zero gravity, no suspension: the free, undeformed structure."""
         return Environment(title="orbit", gravity=np.zeros(3))
+
+    @staticmethod
+    def clamped(*nodes: str, gravity: float = 9.80665) -> Environment:
+        """Gravity along -y, and all six degrees of freedom of ``nodes`` held: a cantilever on the bench."""
+        return Environment(
+            title="clamped",
+            gravity=np.array([0.0, -gravity, 0.0]),
+            clamps=tuple(Clamp(node=name) for name in nodes),
+        )
 
     @staticmethod
     def lab(

@@ -7,12 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.environment import Environment
 
 
 def check_environment(environment: Environment) -> None:
     """Raise one `ConfigError` with all that is wrong."""
     faults = [*_gravity(environment), *_springs(environment), *_devices(environment)]
+    faults += [fault for b in environment.bushings for fault in bushing_faults(b.name, b.stiffness, b.axes)]
     if faults:
         raise ConfigError(
             "; ".join(faults),

@@ -8,12 +8,15 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble_carried, inner_forces, split_tangent
+from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.strain import member_energy
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import ROUGH, imbalance_scale, static_coordinates
+from middeck.structure.rest.statics import ROUGH, imbalance_scale, static_freedom
 
 HALF = 0.5
+FELT = 2e-4  # of omega^2: 1e-4 of a frequency, as of a mesh
 
 
 class Lost(NamedTuple):
@@ -34,7 +37,7 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     last = {factor: residual for factor, residual, _ in equilibrium.history}
     factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
     gradient = assemble_carried(model, equilibrium.config, equilibrium.loads).gradient
-    left = np.where(static_coordinates(model), np.abs(gradient), 0.0)
+    left = np.abs(static_freedom(model).within(gradient))
     worst = int(np.argmax(left / imbalance_scale(model, equilibrium.loads)))
     roots, joint = model.tree.roots, worst - 6 * model.tree.roots
     turns = worst % 6 > 2 if joint < 0 else not model.tree.slides[joint]
@@ -70,8 +73,8 @@ def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordin
 
 
 def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str, ...]:
-    """One sentence for each of the ``rigid`` modes of an article that gravity should hold: its names."""
-    if not np.any(equilibrium.environment.gravity):
+    """One sentence for each of the ``rigid`` modes, by name, of an article that something should hold."""
+    if not np.any(equilibrium.environment.gravity) and equilibrium.model.held is None:
         return ()
     reasons = _neutral_reasons(equilibrium.model.structure)
     return tuple(
@@ -81,11 +84,45 @@ def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str
     )
 
 
+def moment_warnings(
+    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+) -> tuple[str, ...]:
+    """What moments of fixed direction do beyond the symmetric tangent, if any frequency feels it.
+
+    A turn t adds t x M/2 to what balances a moment M: half of the moment's spin, antisymmetric, for no
+    potential has a moment of fixed direction (Ziegler 1968, Principles of Structural Stability, section 3).
+    Between modes i and j it is a_ij, and shifts lambda_i by the sum of a_ij^2 / (lambda_j - lambda_i), which
+    is of second order; where 2 |a_ij| exceeds the gap the two flutter.
+    """
+    model, moments = equilibrium.model, equilibrium.loads.push[:, 3:]
+    if not np.any(moments):
+        return ()
+    points = PosePoints(model.points.frame[model.load_point], model.points.offset[model.load_point])
+    poses = frame_poses(model.tree, equilibrium.config)
+    turns = (pose_jacobian(model.tree, points, poses) @ shapes).reshape(len(moments), 6, -1)[:, 3:]
+    a = 0.5 * np.einsum("pim,pij,pjn->mn", turns, skew(moments), turns)
+    gap = lam[None, :] - lam[:, None]
+    np.fill_diagonal(gap, np.inf)
+    close = np.abs(gap) <= 2.0 * np.abs(a)
+    shift = np.abs(np.where(close, np.abs(a), a**2 / np.where(close, 1.0, gap)).sum(axis=1))
+    felt = np.flatnonzero(shift > FELT * np.where(lam > 0.0, lam, np.inf))
+    if not len(felt):
+        return ()
+    worst = int(felt[np.argmax(shift[felt] / lam[felt])])
+    return (
+        f"a moment of fixed direction is not conservative: of mode {worst} at "
+        f"{np.sqrt(lam[worst]) / (2.0 * np.pi):.4g} Hz it may change the frequency by "
+        f"{0.5 * shift[worst] / lam[worst]:.1g} beyond what is shown, and damp or excite modes close to each "
+        "other; apply it by two forces on arms",
+    )
+
+
 def _neutral_reasons(structure: Structure) -> dict[str, str]:
     """Reason of a neutral balance, by the name of a free joint's motion."""
     reason = "; what it carries has its centre of mass on the axis, or the axis is upright: spring or lock it"
     return {
         f"gimbal {j.name.replace('_', ' ')}": reason
         for j in structure.joints
-        if j.state is JointState.FREE and not j.slides
+        if (j.state is JointState.FREE or (j.state is JointState.SPRUNG and j.stiffness == 0.0))
+        and not j.slides
     }

@@ -130,7 +130,7 @@ def count_zero(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> int:
 
 
 def _largest_ratio(K: sp.csr_array, M: sp.csr_array, soft: Soft) -> float:
-    here = slice(None) if soft is None else soft
+    here = slice(None) if soft is None or not np.any(soft) else soft
     return float(np.abs(K.diagonal()[here]).max() / np.abs(M.diagonal()[here]).max())
 
 

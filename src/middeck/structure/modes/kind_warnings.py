@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.modes.kinds import kinds_by_rank, undecided
+from middeck.structure.modes.kinds import HELD, kinds_by_rank, undecided
 from middeck.structure.rest.equilibrium import Equilibrium
 
 CURE = "keep the two apart by a softer suspension (bounce_hz, cable_length) or a stiffer article"
@@ -33,15 +33,16 @@ def kind_warnings(
         strain, rigid = shares[m]
         called = f"mode {m} {name[m]!r} at {omega[m] / (2.0 * np.pi):.4g} Hz"
         if damping.by_rank:
-            ratio = damping.suspension if ranked[m] == "suspension" else damping.flexible
+            ratio = damping.suspension if ranked[m] in HELD else damping.flexible
             said.append(
                 f"{called} is damped as {ranked[m]} by rank, but {strain} and {rigid} of its motion is "
                 f"rigid, which makes it {kind[m]}: its ratio {ratio:g} may be that of the wrong kind, and "
                 f'its peak wrong in height; damping.rule = "shares" weighs both ratios by energy'
             )
         else:
+            loosely = "suspension" if equilibrium.model.held is None else "rigid motion"
             said.append(
-                f"{called} is part suspension, part flexible: {rigid} of its motion is rigid, and {strain}; "
+                f"{called} is part {loosely}, part flexible: {rigid} of its motion is rigid, and {strain}; "
                 f"it counts as {kind[m]}, but its name, damping ratio and partner in orbit are uncertain; "
                 f"{CURE}, or give it its own ratio ([damping.mode])"
             )

@@ -1,10 +1,14 @@
-"""Suspension or flexible: which part of a mode's motion the free article could make without any strain.
+"""Suspension, pendulum or flexible: which part of a mode's motion the free article could make without strain.
 
 The rigid-body motions of the free article (turns of its free joints included) span a space of dimension n.
 The part of a mode's kinetic energy that lies in it is its *rigid share*, 1 for a body that swings as a whole
 and 0 for one that only bends; over all modes the rigid shares add up to n. It depends neither on a basis of
 that space nor on frequencies. A suspension mode moves so, and something else than strain holds it: the first
 bending of a cantilever moves like a rigid body by 61 %, but its energy is strain.
+
+Of a clamped article only motions that its clamps allow count: none, of one that is built in. A mode that
+consists of them is one of the suspension where devices or springs of the environment hold it, and a pendulum
+where its weight does.
 """
 
 from __future__ import annotations
@@ -23,17 +27,21 @@ from middeck.structure.assembly.energy import (
     transport,
 )
 from middeck.structure.assembly.factorisation import order
+from middeck.structure.assembly.freedom import allowed_motions
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.model.article import JointState
 from middeck.structure.modes.eigen import count_zero, solve_all, solve_lowest
 from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.rigid import rigid_motions
-from middeck.structure.modes.strain import strain_share
+from middeck.structure.modes.strain import device_energy, strain_share
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import dynamic_coordinates, restrict
+from middeck.structure.rest.statics import dynamic_freedom
 
 HALF = 0.5
+HELD = ("suspension", "pendulum")
+"""Kinds of modes that something else than strain holds."""
 # A rigid share between these is neither: in one of its two neighbours the mode has at least half as much of
 # itself as in the other.
 UNDECIDED = (1.0 / 3.0, 2.0 / 3.0)
@@ -57,7 +65,8 @@ class Kinds(NamedTuple):
 
 def is_held(equilibrium: Equilibrium) -> bool:
     """Whether gravity or a device acts: else there is no suspension, and no mode of it."""
-    return bool(np.any(equilibrium.environment.gravity)) or len(equilibrium.loads.attach_point) > 0
+    loads = equilibrium.loads
+    return bool(np.any(loads.gravity)) or len(loads.attach_point) + len(loads.ground.point) > 0
 
 
 def find_kinds(
@@ -67,7 +76,7 @@ def find_kinds(
     shapes: Float[np.ndarray, "coordinate mode"],
     rigid: int,
 ) -> Kinds:
-    """Kinds of modes, the first ``rigid`` at zero: "suspension" where most moves rigidly, held by no strain.
+    """Kinds of modes, the first ``rigid`` at zero: one of `HELD` where most moves rigidly, held by no strain.
 
     The basis of modes of equal frequency is arbitrary. Where a suspension mode and a flexible one coincide,
     the basis that separates them is taken, so that the result does not depend on rounding.
@@ -83,9 +92,18 @@ def find_kinds(
     share[:rigid] = 1.0
     strained = strain_share(equilibrium, lam, shapes)
     held = (share >= HALF) & ((strained < HALF) | (lam <= 0.0))  # nothing restores what falls over
-    return Kinds(
-        lam, shapes, share, strained, first + tuple(np.where(held, "suspension", "flexible")[rigid:].tolist())
-    )
+    kind = np.where(held, _holders(equilibrium, lam, shapes, strained), "flexible")
+    return Kinds(lam, shapes, share, strained, first + tuple(kind[rigid:].tolist()))
+
+
+def _holders(
+    equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, strained: np.ndarray
+) -> np.ndarray:
+    """What holds each mode if strain does not: the environment's devices or, if clamped, the weight."""
+    if equilibrium.model.held is None:
+        return np.full(len(lam), "suspension")
+    by_weight = 0.5 * lam * (1.0 - strained) - device_energy(equilibrium, shapes)
+    return np.where(by_weight > HALF * 0.5 * lam * (1.0 - strained), "pendulum", "suspension")
 
 
 def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str, ...]:
@@ -95,7 +113,9 @@ def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str,
     """
     rigid = kind.count("rigid")
     held = _rigid_in_orbit(equilibrium) - rigid if is_held(equilibrium) else 0
-    kinds = ("rigid",) * rigid + ("suspension",) * held
+    tied = len(equilibrium.loads.attach_point) + len(equilibrium.loads.ground.point) > 0
+    hung = equilibrium.model.held is None or tied
+    kinds = ("rigid",) * rigid + ("suspension" if hung else "pendulum",) * held
     return (kinds + ("flexible",) * (len(kind) - len(kinds)))[: len(kind)]
 
 
@@ -131,6 +151,7 @@ def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.nd
         moving = [j for j in model.structure.joints if j.state in (JointState.FREE, JointState.SPRUNG)]
         free = [j.state is JointState.FREE or j.stiffness == 0.0 for j in moving]
         motions = motions[:, np.concatenate([np.ones(6, dtype=bool), np.array(free, dtype=bool)])]
+        motions = allowed_motions(model.held, motions)
     else:
         motions = _null_space(equilibrium)
     size = np.sqrt(np.einsum("im,im->m", motions, M @ motions))
@@ -142,27 +163,29 @@ def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.nd
 
 def _null_space(equilibrium: Equilibrium) -> np.ndarray:
     """Modes of the strain alone that are at zero."""
-    model, config, active = equilibrium.model, equilibrium.config, dynamic_coordinates(equilibrium.model)
+    model, config, free = equilibrium.model, equilibrium.config, dynamic_freedom(equilibrium.model)
     strain = assemble_carried(model, config, no_loads()).tangent - geometric_tangent(
         model, config, no_loads()
     )
-    K, M = restrict(strain, active), restrict(carried_mass(model, config, equilibrium.loads), active)
-    soft = uncarried(config.since_drawn, len(active))[active]
+    K, M = free.matrix(strain), free.matrix(carried_mass(model, config, equilibrium.loads))
+    soft = uncarried(config.since_drawn, len(free.active))[free.active]
     small = order(K) <= SMALL
     pairs = solve_all(K, M, soft) if small else solve_lowest(K, M, count_zero(K, M, soft) or 1, soft)
     if pairs is None:
-        return np.zeros((len(active), 0))
+        return np.zeros((model.tree.size, 0))
     still = np.abs(pairs.lam) <= pairs.noise
-    shapes = np.zeros((len(active), int(still.sum())))
-    shapes[active] = pairs.shapes[:, still]
-    return transport(config, model.tree) @ shapes
+    return transport(config, model.tree) @ free.spread(pairs.shapes[:, still])
 
 
 def _in_one_piece(model: Model) -> bool:
     """Whether members join all: then the strainless motions are those of one body and its free joints."""
     structure = model.structure
-    return not structure.springs and all(
-        min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
+    return (
+        not structure.springs
+        and not structure.bushings
+        and all(
+            min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
+        )
     )
 
 
@@ -172,10 +195,13 @@ def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
     What members join to one piece has six, and one for each free joint; springs can add mechanisms or take
     joints away, and then the modes of no stiffness are counted.
     """
-    model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
+    model, free = equilibrium.model, dynamic_freedom(equilibrium.model)
     if _in_one_piece(model):
-        return 6 + sum(joint.state is JointState.FREE for joint in model.structure.joints)
+        whole = rigid_columns(model.tree, model.rest, np.zeros(3))
+        return allowed_motions(model.held, whole).shape[1] + sum(
+            joint.state is JointState.FREE for joint in model.structure.joints
+        )
     K = assemble_carried(model, model.rest, no_loads()).tangent
     M = carried_mass(model, model.rest)
-    soft = uncarried(model.rest.since_drawn, len(active))[active]
-    return count_zero(restrict(K, active), restrict(M, active), soft)
+    soft = uncarried(model.rest.since_drawn, len(free.active))[free.active]
+    return count_zero(free.matrix(K), free.matrix(M), soft)

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from middeck.structure.modes.kinds import HELD
 from middeck.structure.modes.rigid import AXES, rigid_motions
 from middeck.structure.modes.strain import PARTS, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -24,11 +25,11 @@ def name_modes(
 ) -> tuple[str, ...]:
     """Names of modes, the rigid ones first.
 
-    A suspension mode has the name of the rigid motion that takes the largest part of its mass, a flexible one
-    that of the part where most of its strain energy is.
+    One that something else than strain holds has the name of the rigid motion that takes the largest part of
+    its mass, a flexible one that of the part where most of its strain energy is.
     """
     strain = strain_energy(equilibrium, shapes)
-    held = [m for m, k in enumerate(kind) if k == "suspension"]
+    held = [m for m, k in enumerate(kind) if k in HELD]
     hung = dict(zip(held, _hung_names(equilibrium, M, shapes[:, held]), strict=True))
     names: list[str] = list(rigid_names)
     count: Counter[str] = Counter()

@@ -10,7 +10,7 @@ from middeck.structure.assembly.energy import Loads, geometric_tangent, strain_e
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.modes.eigen import ROUNDING, Eigenpairs
-from middeck.structure.rest.statics import dynamic_coordinates, static_coordinates
+from middeck.structure.rest.statics import dynamic_freedom, static_freedom
 
 # An omega^2 of so many times its rounding is good to eight digits, and better as it is.
 NEAR = 1e3
@@ -27,10 +27,8 @@ def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eig
     few = int(np.argmin(np.concatenate([np.abs(pairs.lam) < NEAR * pairs.noise, [False]])))
     if few == 0:
         return pairs
-    active = dynamic_coordinates(model)
     lowest = pairs.shapes[:, :few]
-    shapes = np.zeros((len(active), few))
-    shapes[active] = lowest
+    shapes = dynamic_freedom(model).spread(lowest)
     G, strained = geometric_tangent(model, config, loads), strain_energies(model, config, loads, shapes)
     lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))
     shapes = shapes @ turn
@@ -59,10 +57,9 @@ def rounding(
     coordinates are carried ones where ``transport`` takes them to W.
     """
     tree = model.tree
-    shapes = np.zeros((tree.size, pairs.shapes.shape[1]))
-    shapes[dynamic_coordinates(model)] = pairs.shapes
+    shapes = dynamic_freedom(model).spread(pairs.shapes)
     own = (shapes if transport is None else transport @ shapes) ** 2
-    left = np.where(static_coordinates(model), np.abs(gradient), 0.0)
+    left = np.abs(static_freedom(model).within(gradient))
     at_roots = 6 * tree.roots
     moved = own[:at_roots].reshape(tree.roots, 6, -1).max(axis=1)
     force = left[:at_roots].reshape(tree.roots, 6).sum(axis=1)

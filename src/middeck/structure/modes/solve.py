@@ -9,9 +9,16 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.assembly.energy import assemble, assemble_carried, carried_mass, mass_matrix, transport
 from middeck.structure.assembly.factorisation import order
+from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.modes.diagnosis import beyond_travel, buckling_member, loose_motions, where_lost
+from middeck.structure.modes.diagnosis import (
+    beyond_travel,
+    buckling_member,
+    loose_motions,
+    moment_warnings,
+    where_lost,
+)
 from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
 from middeck.structure.modes.kind_warnings import kind_warnings
 from middeck.structure.modes.kinds import SMALL, find_kinds
@@ -19,7 +26,7 @@ from middeck.structure.modes.naming import name_modes
 from middeck.structure.modes.rigid import rigid_basis
 from middeck.structure.modes.rounding import rounding, separate_rigid
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
-from middeck.structure.rest.statics import dynamic_coordinates, restrict
+from middeck.structure.rest.statics import dynamic_coordinates, dynamic_freedom
 from middeck.values import record
 
 # Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
@@ -30,28 +37,21 @@ EQUAL_SIZE = 1e-6
 class Modes:
     """Natural modes about an equilibrium, rigid ones first, then ascending; mass-normalised.
 
-    Parameters
-    ----------
-    omega:
-        Angular frequency [rad/s]; exactly zero for rigid-body modes.
-    shapes:
-        Columns in the frame-tree coordinates (dx, world rotation, relative joint angle); joints that do not
-        move have zero rows. The entry of largest size in kinetic energy is positive.
-    kind, name:
-        "rigid", "suspension" or "flexible", and what the mode is.
-    rigid_share:
-        Part of the kinetic energy in rigid-body motions of the free article, turns of free joints included;
-        it decides the kind, see `structure.modes.kinds`.
-    strain_share:
-        Part of the restoring energy that is elastic strain of members, springs and joints: the rest is in
-        devices, weight and preload. Zero for a rigid-body mode, which has no potential energy.
-    residual:
-        |K phi - omega^2 M phi| of each mode over the size of its terms; grows towards the top of the list.
-    rigid_residual:
-        Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2 that was kept
-        (over 1 rad^2/s^2 where none was).
-    warnings:
-        Nodes that turned far from their drawn attitude; loose motions; modes of undecided kind.
+    Attributes:
+        omega: Angular frequency [rad/s]; exactly zero for rigid-body modes.
+        shapes: Columns in the frame-tree coordinates (dx, world rotation, relative joint angle); joints that
+            do not move have zero rows. The entry of largest size in kinetic energy is positive.
+        kind, name: "rigid", "suspension", "pendulum" or "flexible" (see `structure.modes.kinds`), and what
+            the mode is.
+        rigid_share: Part of the kinetic energy in rigid-body motions of the free article, turns of free
+            joints included; it decides the kind, see `structure.modes.kinds`.
+        strain_share: Part of the restoring energy that is elastic strain of members, springs and joints: the
+            rest is in devices, weight and preload. Zero for a rigid-body mode, which has no potential energy.
+        residual: |K phi - omega^2 M phi| of each mode over the size of its terms; grows towards the top of
+            the list.
+        rigid_residual: Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2
+            that was kept (over 1 rad^2/s^2 where none was).
+        warnings: Nodes that turned far from their drawn attitude; loose motions; modes of undecided kind.
     """
 
     equilibrium: Equilibrium
@@ -77,7 +77,8 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
 
     Raises `EquilibriumError` when the equilibrium was not reached and `UnstableEquilibriumError` when a mode
     grows. In an environment that holds the article, a mode is of kind "suspension" where half or more of its
-    motion is a rigid-body motion of the free article; ``warnings`` tell where that is undecided.
+    motion is a rigid-body motion of the free article, or as far as clamps leave it free; ``warnings`` tell
+    where that is undecided.
     """
     if count is not None and (count != int(count) or count < 1):
         raise ConfigError(f"{count} modes", where="count", hint="a whole number from 1, or None for all")
@@ -91,12 +92,12 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     shapes = shapes * _signs(M, shapes)
     names = name_modes(equilibrium, M, shapes, kind, rigid_names)
     _check_stable(equilibrium, lam, shapes, names)
-    active = dynamic_coordinates(equilibrium.model)
-    residual = _residual(K[active], M[active], shapes, lam)
+    residual = _residual(dynamic_freedom(equilibrium.model), K, M, shapes, lam)
     omega = np.sqrt(lam)
     warnings = (
         *rest_warnings(equilibrium),
         *loose_motions(equilibrium, rigid_names),
+        *moment_warnings(equilibrium, lam, shapes),
         *kind_warnings(equilibrium, omega, kind, names, rigid_share, share),
     )
     return Modes(
@@ -136,17 +137,16 @@ def _solve(
     equilibrium: Equilibrium, count: int | None
 ) -> tuple[sp.csr_array, sp.csr_array, np.ndarray, np.ndarray, int]:
     """Tangent, mass, omega^2, shapes, and how many of them, which come first, are rigid."""
-    model, active = equilibrium.model, dynamic_coordinates(equilibrium.model)
+    model, free = equilibrium.model, dynamic_freedom(equilibrium.model)
     config, loads = equilibrium.config, equilibrium.loads
     at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
-    soft = uncarried(config.since_drawn, len(active))[active]
-    pairs = _eigenpairs(model, restrict(at.tangent, active), restrict(mass, active), count, soft)
+    soft = uncarried(config.since_drawn, len(free.active))[free.active]
+    pairs = _eigenpairs(model, free.matrix(at.tangent), free.matrix(mass), count, soft)
     pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
     rigid = np.abs(pairs.lam) <= rounding(model, pairs, at.gradient, T)
     rank = np.argsort(~rigid, kind="stable")
-    shapes = np.zeros((len(active), len(rigid)))
-    shapes[active] = pairs.shapes[:, rank]
-    if not np.all(soft):
+    shapes = free.spread(pairs.shapes[:, rank])
+    if config.since_drawn is not None and config.since_drawn.carries:
         shapes = T @ shapes
         at, mass = assemble(model, config, loads), mass_matrix(model, config, loads)
     return at.tangent, mass, pairs.lam[rank], shapes, int(np.sum(rigid))
@@ -200,8 +200,11 @@ def _check_stable(
             )
 
 
-def _residual(K: sp.csr_array, M: sp.csr_array, shapes: np.ndarray, lam: np.ndarray) -> np.ndarray:
+def _residual(
+    free: Freedom, K: sp.csr_array, M: sp.csr_array, shapes: np.ndarray, lam: np.ndarray
+) -> np.ndarray:
     elastic, inertial = K @ shapes, (M @ shapes) * lam
-    size = abs(K) @ np.abs(shapes) + (abs(M) @ np.abs(shapes)) * lam
-    largest = size.max(axis=0)
-    return np.abs(elastic - inertial).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
+    size = free.part(abs(K) @ np.abs(shapes) + (abs(M) @ np.abs(shapes)) * lam)
+    largest = size.max(axis=0, initial=0.0)
+    left = np.abs(free.part(elastic - inertial)).max(axis=0, initial=0.0)
+    return left / np.where(largest > 0.0, largest, 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Inexact
 
-from middeck.structure.assembly.energy import element_poses
+from middeck.structure.assembly.energy import bushing_states, element_poses
 from middeck.structure.elements.beam import beam_deformations, beam_stiffness
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.elements.devices import spring_state
@@ -13,7 +13,17 @@ from middeck.structure.elements.frames import PosePoints, frame_poses, points_in
 from middeck.structure.model.article import JointState
 from middeck.structure.rest.equilibrium import Equilibrium
 
-PARTS = ("axial", "torsion", "bending y-z", "bending x-z", "bending x-y", "spring", "joint", "slide")
+PARTS = (
+    "axial",
+    "torsion",
+    "bending y-z",
+    "bending x-z",
+    "bending x-y",
+    "spring",
+    "joint",
+    "slide",
+    "bushing",
+)
 BENDING = slice(2, 5)
 
 
@@ -47,6 +57,9 @@ def strain_energy(
     moves = shapes[6 * model.tree.roots :] ** 2
     for part, of_it in ((6, ~model.tree.slides), (7, model.tree.slides)):
         energy[:, part] = 0.5 * of_joints[of_it] @ moves[of_it]
+    between, _ = bushing_states(model, equilibrium.config, equilibrium.loads)
+    ends = changes[model.bushing_ends].reshape(-1, 12, shapes.shape[1])
+    energy[:, 8] = 0.5 * np.einsum("bim,bij,bjm->m", ends, between.material, ends)
     return energy
 
 
@@ -75,13 +88,20 @@ def _positive(x: np.ndarray) -> np.ndarray:
 def device_energy(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, " mode"]:
-    """Energy [J] of each mode in devices and springs to the ground, along them and across; analytic."""
+    """Energy [J] of each mode in devices, springs and bushings to the ground; analytic."""
     model, loads = equilibrium.model, equilibrium.loads
     poses = frame_poses(model.tree, equilibrium.config)
     held = PosePoints(model.points.frame[loads.attach_point], model.points.offset[loads.attach_point])
     state = spring_state(loads.law, points_in_world(held, poses) - loads.anchor)
     moved = (pose_jacobian(model.tree, held, poses) @ shapes).reshape(-1, 6, shapes.shape[1])[:, :3]
-    return 0.5 * np.einsum("dim,dij,djm->m", moved, state.material + state.geometric, moved)
+    energy = 0.5 * np.einsum("dim,dij,djm->m", moved, state.material + state.geometric, moved)
+    if not len(loads.ground.point):
+        return energy
+    tied = PosePoints(model.points.frame[loads.ground.point], model.points.offset[loads.ground.point])
+    ground = bushing_states(model, equilibrium.config, loads)[1]
+    K = (ground.material + ground.geometric)[:, 6:, 6:]
+    moved = (pose_jacobian(model.tree, tied, poses) @ shapes).reshape(-1, 6, shapes.shape[1])
+    return energy + 0.5 * np.einsum("bim,bij,bjm->m", moved, K, moved)
 
 
 def member_energy(

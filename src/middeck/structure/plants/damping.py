@@ -44,16 +44,12 @@ UNCOUPLED = 1e-9
 class ModalDamping:
     """Damping ratios and where they come from.
 
-    Parameters
-    ----------
-    zeta:
-        Ratio of each mode.
-    base, material, device:
-        Parts by energy, rank or table, by loss factors, by dampers; a mode's own ratio is its base.
-    coupling:
-        Largest amplitude of one mode in another that dampers cause and that is left out.
-    warnings:
-        Coupling above `COUPLING_LIMIT`, rigid modes that a damper holds, names that no mode has.
+    Attributes:
+        zeta: Ratio of each mode.
+        base, material, device: Parts by energy, rank or table, by loss factors, by dampers; a mode's own
+            ratio is its base.
+        coupling: Largest amplitude of one mode in another that dampers cause and that is left out.
+        warnings: Coupling above `COUPLING_LIMIT`, rigid modes that a damper holds, names that no mode has.
     """
 
     zeta: Float[np.ndarray, " mode"]

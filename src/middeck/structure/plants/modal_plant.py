@@ -37,22 +37,15 @@ def build_plant(
     [m/s^2] reads acceleration and, under gravity, g times tilt, as a change from `accelerometer_offset`; its
     direct term is that of the kept modes.
 
-    Parameters
-    ----------
-    count:
-        Modes kept.
-    damping:
-        The article's by default; what it says and does not say of these modes is warned about.
-    static:
-        Add what the other modes give at once, so that static gains are right: a direct term to angles and to
-        an accelerometer's g times tilt. Not to rates and accelerations, of which the rest grows with
-        frequency and has no place in a state space. `compare_static_gain` says what it is worth.
+    Args:
+        count: Modes kept.
+        damping: The article's by default; what it says and does not say of these modes is warned about.
+        static: Add what the other modes give at once, so that static gains are right: a direct term to angles
+            and to an accelerometer's g times tilt. Not to rates and accelerations, of which the rest grows
+            with frequency and has no place in a state space. `compare_static_gain` says what it is worth.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown port, one name where several are asked for, a negative count, a torque at a fixed
-        axis, or ``static`` where rigid modes are left out.
+    Raises `ConfigError` for an unknown port, one name where several are asked for, a negative count, a torque
+    at a fixed axis, or ``static`` where rigid modes are left out.
     """
     for what, names in (("inputs", inputs), ("outputs", outputs), ("w", w), ("u", u), ("z", z), ("y", y)):
         require_names(names, what)

@@ -20,11 +20,12 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.factorisation import Factor, factorise, positive_factor
+from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
+from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.plants.port_rows import input_rows, output_rows
-from middeck.structure.rest.statics import dynamic_coordinates
+from middeck.structure.rest.statics import dynamic_freedom
 from middeck.values import record
 
 # Residual of a solution, over the size of its terms, above which it is not one.
@@ -39,17 +40,13 @@ RESONANT = 1e-6
 class StaticGainComparison:
     """Low-frequency gains, undamped, of everything and of the kept modes without and with the residual.
 
-    Parameters
-    ----------
-    frequency_hz:
-        Where they are taken: zero, or with rigid modes a frequency far below the first flexible one.
-    full:
-        Gain of the whole structure, every mode included, by a direct solution for what the kept ones leave; a
-        rate's without its factor j.
-    truncated, completed:
-        Gain of the kept modes alone, and with the residual flexibility.
-    truncated_error, completed_error:
-        Their relative errors; not a number for a pair that is not coupled.
+    Attributes:
+        frequency_hz: Where they are taken: zero, or with rigid modes a frequency far below the first flexible
+            one.
+        full: Gain of the whole structure, every mode included, by a direct solution for what the kept ones
+            leave; a rate's without its factor j.
+        truncated, completed: Gain of the kept modes alone, and with the residual flexibility.
+        truncated_error, completed_error: Their relative errors; not a number for a pair that is not coupled.
     """
 
     frequency_hz: float
@@ -79,18 +76,18 @@ def residual_flexibility(
             f"{count} modes kept of {rigid} rigid ones: the omitted rigid modes have no static response",
             hint=f"keep {rigid} modes or more, or static=False",
         )
-    K, M, active = _matrices(modes)
-    held = np.zeros(int(np.sum(active)), dtype=bool)
-    held[_statically_determinate(modes.shapes[active, :rigid])] = True
+    K, M, free = _matrices(modes)
+    held = np.zeros(order(K), dtype=bool)
+    held[_statically_determinate(free.part(modes.shapes[:, :rigid]))] = True
     factor = positive_factor(sp.csr_array(K[~held][:, ~held]))
     if factor is None:
         raise NumericalError(
             "with its rigid modes held, the structure still moves without stiffness",
             hint="is there a rigid mode among those that are not zero? look at modes.rigid_residual",
         )
-    kept = _Kept(modes.shapes[active, :count], M, modes.omega[:count] ** 2)
-    x = _answer_of_the_rest(K, factor, kept, force[:, active].T, ~held)
-    return reading[:, active] @ x
+    kept = _Kept(free.part(modes.shapes[:, :count]), M, modes.omega[:count] ** 2)
+    x = _answer_of_the_rest(K, factor, kept, free.part(force.T), ~held)
+    return reading @ free.spread(x)
 
 
 def compare_static_gain(
@@ -112,11 +109,11 @@ def compare_static_gain(
         raise ConfigError("a free structure has no gain at 0 Hz", hint="a frequency_hz above zero")
     omega, count = 2.0 * np.pi * frequency_hz, min(count, len(modes.omega))
     drive, read = input_rows(modes.equilibrium, inputs), output_rows(modes.equilibrium, outputs)
-    K, M, active = _matrices(modes)
-    B = drive.force[:, active].T
-    C = (read.position + omega * read.rate - omega**2 * read.acceleration)[:, active]
+    K, M, free = _matrices(modes)
+    B = free.part(drive.force.T)
+    C = free.part((read.position + omega * read.rate - omega**2 * read.acceleration).T).T
     D = sp.csr_array(K - omega**2 * M)
-    kept = _Kept(modes.shapes[active, :count], M, modes.omega[:count] ** 2 - omega**2)
+    kept = _Kept(free.part(modes.shapes[:, :count]), M, modes.omega[:count] ** 2 - omega**2)
     _check_off_resonance(modes, omega)
     x, y = (kept.answer(F) + _dynamic_rest(D, kept, F) for F in (B, C.T))
     full, truncated = C @ x, C @ kept.answer(B)
@@ -203,13 +200,13 @@ def _low_frequency(modes: Modes) -> float:
     return float(0.1 * swings.min()) if free and len(swings) else 0.0
 
 
-def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, np.ndarray]:
+def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
     """Stiffness and mass of the coordinates that move, and which they are."""
     equilibrium = modes.equilibrium
     check_beside_modes(modes, "the static residual")
-    active = dynamic_coordinates(equilibrium.model)
+    free = dynamic_freedom(equilibrium.model)
     K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
-    return sp.csr_array(K[active][:, active]), sp.csr_array(modes.mass[active][:, active]), active
+    return free.matrix(K), free.matrix(modes.mass), free
 
 
 def _statically_determinate(rigid: np.ndarray) -> np.ndarray:

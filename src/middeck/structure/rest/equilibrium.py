@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
-from middeck.structure.assembly.energy import Loads, assemble_carried
+from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_states
 from middeck.structure.assembly.mesh import Model, mesh_structure
-from middeck.structure.elements.frames import Configuration, frame_poses
+from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
-from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.article import JointState, LoadCase, Structure
+from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
+from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.model.travel import check_travel
 from middeck.structure.rest.statics import (
     TOLERANCE,
@@ -22,39 +25,43 @@ from middeck.structure.rest.statics import (
     imbalance_scale,
     imbalance_weight,
     settle,
-    static_coordinates,
+    static_freedom,
 )
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
+# Turn [rad] of a node of which one turn alone is held: its square is what the order of the two others makes.
+ONE_HELD = 1e-3
+LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
+
+
+class Reaction(NamedTuple):
+    """Force [N] and moment [N m] in W of a support on the article, the moment about where ``at`` now is."""
+
+    at: str
+    force: np.ndarray
+    moment: np.ndarray
 
 
 @record(kw_only=True)
 class Equilibrium:
     """A rest state, converged or not.
 
-    Parameters
-    ----------
-    config:
-        Positions, rotations and angles at rest.
-    residual:
-        Largest unbalanced force over the weight, or moment over the weight times half the article's size (a
-        metre at most); over the weight on the ground where there is none. See `imbalance_scale`.
-    history:
-        (load factor, residual, damping) of every iteration.
-    holding_torque:
-        Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds, positive on the
-        carried body.
-    tension:
-        Pull [N] of each of ``devices``.
-    enough:
-        Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves more, and
-        Newton's own step shows that nothing is out of place by it.
-    stable:
-        Whether nothing grows there with the free joints held: false of a column that stands upright beyond
-        its critical load, which the least push would bend, and of any state that did not converge. See
-        `rest_warnings`.
+    Attributes:
+        config: Positions, rotations and angles at rest.
+        residual: Largest unbalanced force over the weight, or moment over the weight times half the article's
+            size (a metre at most); over the weight on the ground where there is none. See `imbalance_scale`.
+        history: (load factor, residual, damping) of every iteration.
+        holding_torque: Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds,
+            positive on the carried body.
+        tension: Pull [N] of each of ``devices``.
+        reactions: Of every clamped node, then of every bushing to the ground.
+        enough: Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves
+            more, and Newton's own step shows that nothing is out of place by it.
+        stable: Whether nothing grows there with the free joints held: false of a column that stands upright
+            beyond its critical load, which the least push would bend, and of any state that did not converge.
+            See `rest_warnings`.
     """
 
     model: Model
@@ -66,6 +73,7 @@ class Equilibrium:
     history: tuple[tuple[float, float, float], ...]
     holding_torque: Inexact[np.ndarray, " joint"]
     tension: Inexact[np.ndarray, " device"]
+    reactions: tuple[Reaction, ...] = ()
     enough: float = TOLERANCE
     stable: bool = True
 
@@ -80,18 +88,25 @@ class Equilibrium:
         return self.residual < self.enough
 
 
-def solve_equilibrium(structure: Structure, environment: Environment) -> Equilibrium:
+def solve_equilibrium(
+    structure: Structure, environment: Environment, load_case: LoadCase | str | None = None
+) -> Equilibrium:
     """Rest state under gravity and suspension; `Environment.orbit()` is the undeformed structure.
 
-    Raises `EquilibriumError` for gravity without any support, a slack cable, a mechanism, or a sprung joint
-    that comes to rest beyond its travel; a state that did not converge is returned with its residual history
-    and ``converged`` false.
+    With ``load_case`` under its loads too, with its masses and with its displacements prescribed: see
+    `apply_load_case`.
+
+    Raises `EquilibriumError` for gravity or loads without any support, a slack cable, a mechanism, or a
+    sprung joint that comes to rest beyond its travel; a state that did not converge is returned with its
+    residual history and ``converged`` false.
     """
-    model = mesh_structure(structure)
+    structure, environment = apply_load_case(structure, environment, load_case)
+    model = mesh_structure(structure, environment.clamps)
     check_environment(environment)
-    _check_support(environment)
+    _check_idle(environment)
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
+    _check_driven(model, environment, loads)
     settled = settle(model, loads)
     _check_pull(tuned, settled.assembly.tension)
     if settled.residual < settled.enough:
@@ -108,9 +123,30 @@ def solve_equilibrium(structure: Structure, environment: Environment) -> Equilib
         history=settled.history,
         holding_torque=holding,
         tension=settled.assembly.tension,
+        reactions=(
+            *_clamp_reactions(model, environment, settled.assembly.gradient),
+            *_bushing_reactions(model, environment, settled.config, loads),
+        ),
         enough=settled.enough,
         stable=settled.stable,
     )
+
+
+def _clamp_reactions(model: Model, environment: Environment, gradient: np.ndarray) -> tuple[Reaction, ...]:
+    """At rest dE/dq of a held coordinate is the force that holds it."""
+    taken = static_freedom(model).beyond(gradient)
+    nodes = [node.name for node in model.structure.nodes]
+    held = dict.fromkeys(clamp.node for clamp in environment.clamps)
+    at = {name: taken[6 * nodes.index(name) :][:6] for name in held}
+    return tuple(Reaction(name, load[:3], load[3:]) for name, load in at.items())
+
+
+def _bushing_reactions(
+    model: Model, environment: Environment, config: Configuration, loads: Loads
+) -> tuple[Reaction, ...]:
+    """What bushings to the ground do to the article, at their attach points."""
+    load = -bushing_states(model, config, loads)[1].gradient[:, 6:]
+    return tuple(Reaction(b.name, f[:3], f[3:]) for b, f in zip(environment.bushings, load, strict=True))
 
 
 def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
@@ -123,21 +159,40 @@ def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
     )
 
 
-def _check_support(environment: Environment) -> None:
-    where = f"environment {environment.title!r}"
+def _check_idle(environment: Environment) -> None:
     heavy = bool(np.any(environment.gravity))
-    if heavy and not environment.hung and not environment.springs:
-        raise EquilibriumError(
-            f"gravity of {np.linalg.norm(environment.gravity):.4g} m/s^2 and nothing to hang from",
-            where=where,
-            hint="add a [suspension] table, devices or springs to the environment, or use orbit",
-        )
     idle = [device.name for device in environment.hung if device.needs_gravity and not heavy]
     if idle:
         raise EquilibriumError(
             f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
-            where=where,
+            where=f"environment {environment.title!r}",
             hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
+        )
+
+
+def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
+    """Whether weight and loads drive a motion of the whole that nothing can ever stop."""
+    if environment.hung or environment.springs or environment.bushings:
+        return
+    T = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
+    pull = -T.T @ assemble_carried(model, dataclasses.replace(model.rest, since_drawn=None), loads).gradient
+    falls = free_translations(environment.clamps)
+    along = falls @ (falls.T @ pull[:3])
+    scale = LEVEL * imbalance_weight(model, loads)
+    where = f"environment {environment.title!r}"
+    hint = "add a [suspension] table, devices, springs, bushings or clamps to the environment, or use orbit"
+    if np.linalg.norm(along) > scale:
+        way = (np.round(along / np.linalg.norm(along), 3) + 0.0).tolist()
+        size = float(np.linalg.norm(environment.gravity))
+        what = f"gravity of {size:.4g} m/s^2" if size else "loads that do not balance"
+        raise EquilibriumError(
+            f"{what} and nothing to hang from: the article falls along {way}", where=where, hint=hint
+        )
+    if not environment.clamps and np.linalg.norm(pull[3:]) > scale * article_size(model):
+        raise EquilibriumError(
+            f"loads turn the free article by a moment of {np.linalg.norm(pull[3:]):.4g} N m",
+            where=where,
+            hint=hint,
         )
 
 
@@ -175,7 +230,7 @@ def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
     scale = imbalance_scale(model, loads)
     weight = imbalance_weight(model, loads)
     gradient = assemble_carried(model, equilibrium.config, loads).gradient
-    left = np.where(static_coordinates(model), np.abs(gradient) / scale, 0.0)
+    left = np.abs(static_freedom(model).within(gradient)) / scale
     roots = model.tree.roots
     turns = np.concatenate([np.tile(np.repeat([False, True], 3), roots), ~model.tree.slides])
     worst = int(np.argmax(left)) if len(left) else 0
@@ -201,7 +256,15 @@ def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
     found: list[str] = []
     if equilibrium.converged and not equilibrium.stable:
         found.append("the rest state is not stable: the least push would buckle or topple the article")
-    turned = {name: float(np.linalg.norm(v)) for name, v in node_rotations(equilibrium).items()}
+    rotations = node_rotations(equilibrium)
+    found += [
+        f"node {clamp.node!r}, held about one axis alone, turned by "
+        f"{np.linalg.norm(rotations[clamp.node]):.2g} rad: how it moves on depends on which of the two free "
+        "turns comes first; hold two, or none"
+        for clamp in equilibrium.environment.clamps
+        if len(clamp.about) == 1 and np.linalg.norm(rotations[clamp.node]) > ONE_HELD
+    ]
+    turned = {name: float(np.linalg.norm(v)) for name, v in rotations.items()}
     name = max(turned, key=lambda n: turned[n])
     if turned[name] > FAR_TURN:
         degrees = np.degrees(turned[name])

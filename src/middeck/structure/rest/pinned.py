@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Inexact, Int
@@ -19,10 +21,8 @@ from middeck.structure.rest.statics import (
     article_size,
     imbalance,
     imbalance_scale,
-    restrict,
     scale_loads,
-    spread,
-    static_coordinates,
+    static_freedom,
 )
 from middeck.values import record
 
@@ -76,9 +76,7 @@ def solve_pinned(
     iteration does not converge. A free motion that no weight drives is ignored: it changes no force.
     """
     other = no_loads() if others is None else others
-    loads = Loads(
-        gravity=gravity, anchor=other.anchor, attach_point=other.attach_point, law=other.law, mass=other.mass
-    )
+    loads = dataclasses.replace(other, gravity=gravity)
     state = settle_pinned(model, loads, pinned)
     return support_forces(state.supports, state.force, len(pinned.point))
 
@@ -135,28 +133,28 @@ def _settle_pinned(
 
     Or where its steps do not ``contract``: it is then on its way to some other branch.
     """
-    active = static_coordinates(model)
+    free = static_freedom(model)
     scale = imbalance_scale(model, loads)
-    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * restrict(mass, active)
+    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
     size = np.inf
     for _ in range(MAX_ITERATIONS):
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
         at = assemble_carried(model, config, loads, load)
         slip = pose_shift(model, config, supports.pose)[np.arange(len(force)), supports.axis]
-        if imbalance(at, active, scale) < TOLERANCE and np.abs(slip).max(initial=0.0) < TOLERANCE:
+        if imbalance(at, free, scale) < TOLERANCE and np.abs(slip).max(initial=0.0) < TOLERANCE:
             return config, force
-        G = at.jacobian[6 * supports.pose + supports.axis][:, active]
-        K = sp.csr_array(restrict(at.tangent, active) + hold)
-        soft = uncarried(config.since_drawn, len(active))[active]
-        spring = max(float(np.abs(K.diagonal()[soft]).max()), scale[0] / article_size(model))
-        q, change = _constrained_step(K, G, at.gradient[active], slip, spring)
-        before, size = size, float(np.abs(q).max())
+        G = free.columns(at.jacobian[6 * supports.pose + supports.axis])
+        K = sp.csr_array(free.matrix(at.tangent) + hold)
+        soft = uncarried(config.since_drawn, len(free.active))[free.active]
+        spring = max(float(np.abs(K.diagonal()[soft]).max(initial=0.0)), scale[0] / article_size(model))
+        q, change = _constrained_step(K, G, free.part(at.gradient), slip, spring)
+        before, size = size, float(np.abs(q).max(initial=0.0))
         if not (size < RUNAWAY_M or contract):
             raise _mechanism()
         if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
             return None
-        config, force = move_carried(model.tree, config, spread(q, active)), force - change
+        config, force = move_carried(model.tree, config, free.spread(q)), force - change
     return None
 
 

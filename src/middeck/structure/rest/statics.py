@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from jaxtyping import Bool, Float
 
 from middeck.errors import NumericalError
@@ -20,16 +22,16 @@ from middeck.structure.assembly.energy import (
     predict_forces,
 )
 from middeck.structure.assembly.factorisation import factorise, positive_factor
+from middeck.structure.assembly.freedom import Freedom, whole_motions
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import (
     Configuration,
-    FrameTree,
     move_carried,
     placed,
     rigid_columns,
 )
-from middeck.structure.elements.rotations import cross, turn_of
+from middeck.structure.elements.rotations import cross, skew, turn_of
 from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.model.article import JointState
 
@@ -47,6 +49,8 @@ MAX_HALVINGS = 30
 MIXED_ITERATIONS = 100
 # Iterations after which a descent creeps.
 SOON = 30
+# Part of the loads in the first step of following them, and in the least; iterations in one.
+FIRST_PART, LEAST_PART, MAX_NEWTON = 0.25, 1e-3, 20
 # Halvings of a step after which, twice, it does.
 SHORT = 3
 STANDARD_GRAVITY = 9.80665
@@ -59,6 +63,8 @@ AHEAD, NEAR = 1.5, 1.3
 IN_LINE = 1e-9
 # Beyond any omega^2 of a structure: what is still indefinite has no mass.
 MOST_DAMPING = 1e20
+# Turn [rad] of a node in one step of prescribed displacements, and shift over the article's size.
+PRESCRIBED_TURN = 0.1
 # Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
 # the second-order chart follows well. A translation of the whole may be of any length.
 LONGEST_STEP = 0.5
@@ -79,7 +85,10 @@ class Settled(NamedTuple):
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in statics: roots and sprung joints; other joints are held."""
+    """Coordinates that move in statics: roots and sprung joints; what clamps and other joints hold does not.
+
+    Of a node that is held along axes of its clamp they are in those axes, see `static_freedom`.
+    """
     return _moving(model, (JointState.SPRUNG,))
 
 
@@ -90,7 +99,18 @@ def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
 
 def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
     joints = [joint.state in states for joint in model.structure.joints]
-    return np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
+    free = np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
+    return free if model.held is None else free & ~model.held.fixed
+
+
+def static_freedom(model: Model) -> Freedom:
+    """What moves in statics, see `static_coordinates`."""
+    return Freedom(static_coordinates(model), None if model.held is None else model.held.axes)
+
+
+def dynamic_freedom(model: Model) -> Freedom:
+    """What moves in dynamics, see `dynamic_coordinates`."""
+    return Freedom(dynamic_coordinates(model), None if model.held is None else model.held.axes)
 
 
 def settle(model: Model, loads: Loads) -> Settled:
@@ -99,9 +119,22 @@ def settle(model: Model, loads: Loads) -> Settled:
     The tangent is re-formed at every iteration. Damping (Levenberg 1944: a multiple of the mass) keeps each
     step a descent of the potential where the tangent is not positive definite; it is reduced after every
     success and the last step is a pure Newton step. Convergence is on the true residual alone; on the way
-    there a rough one will do.
+    there a rough one will do. Applied loads are followed from none, and descended only where that ends.
     """
     mass = carried_mass(model, model.rest)
+    if model.held is not None and np.any(model.held.moved):
+        steps = _prescribed_steps(model)
+        return _by_steps(model, loads, mass, tuple((np.arange(1, steps) / steps).tolist()))
+    followed = _follow(model, loads, mass) if np.any(loads.push) else None
+    if followed is None:
+        return _descend_by_turns(model, loads, mass)
+    if followed.stable or np.any(loads.push[:, 3:]):  # a moment has no potential to descend
+        return followed
+    fallen = _descend_by_turns(model, loads, mass)
+    return fallen if fallen.residual < fallen.enough else followed
+
+
+def _descend_by_turns(model: Model, loads: Loads, mass: sp.csr_array) -> Settled:
     soon = _by_steps(model, loads, mass, (), SOON)
     if soon.residual < soon.enough:
         return soon
@@ -116,18 +149,131 @@ def _by_steps(
     model: Model, loads: Loads, mass: sp.csr_array, factors: tuple[float, ...], most: int | None = None
 ) -> Settled:
     scale = imbalance_scale(model, loads)
-    config = model.rest
+    config, before = model.rest, 0.0
     history: list[tuple[float, float, float]] = []
     for factor in factors:
-        config, _, steps, _ = _descend(model, config, scale_loads(loads, factor), mass, scale, ROUGH)
+        load = scale_loads(loads, factor)
+        config, before = displace(model, config, load, factor - before), factor
+        config, _, steps, _ = _descend(model, config, load, mass, scale, ROUGH)
         history += [(factor, residual, damping) for residual, damping in steps]
+    config = displace(model, config, loads, 1.0 - before)
     config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
     history += [(1.0, residual, damping) for residual, damping in steps]
-    active, residual = static_coordinates(model), history[-1][1]
-    held = restrict(at.tangent, active) + LEAST_DAMPING * restrict(mass, active)
+    residual = history[-1][1]
     # Short of convergence stability is unknown: second-order strain of a step may act as tension.
-    stable = residual < enough and positive_factor(sp.csr_array(held)) is not None
+    stable = residual < enough and _is_stable(model, at, mass)
     return Settled(config, at, residual, enough, tuple(history), stable)
+
+
+def _is_stable(model: Model, at: Assembly, mass: sp.csr_array) -> bool:
+    free = static_freedom(model)
+    held = free.matrix(at.tangent) + LEAST_DAMPING * free.matrix(mass)
+    return positive_factor(sp.csr_array(held)) is not None
+
+
+def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
+    """Along the branch of the drawn state by Newton's method, stable or not, as all loads grow together.
+
+    None where the branch ends. A step is halved until Newton's method converges, and doubled after.
+    """
+    config, at, done, step = model.rest, None, 0.0, FIRST_PART
+    history: list[tuple[float, float, float]] = []
+    while done < 1.0 and step > LEAST_PART:
+        part = min(1.0, done + step)
+        found = _newton(model, config, scale_loads(loads, part), mass)
+        if found is None:
+            step *= 0.5
+            continue
+        config, at, left = found
+        history += [(part, residual, 0.0) for residual in left]
+        done, step = part, 2.0 * step
+    if at is None or done < 1.0:
+        return None
+    enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
+    return Settled(config, at, history[-1][1], enough, tuple(history), _is_stable(model, at, mass))
+
+
+def _newton(
+    model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
+) -> tuple[Configuration, Assembly, list[float]] | None:
+    """Newton's method from nearby, forces inside as unknowns (`_with_forces`); None where it leaves.
+
+    With the residuals on the way.
+    """
+    free, scale, inner = static_freedom(model), imbalance_scale(model, loads), None
+    least, size = LEAST_DAMPING * free.matrix(mass), article_size(model)
+    left: list[float] = []
+    for _ in range(MAX_NEWTON):
+        at = assemble_carried(model, config, loads)
+        left.append(imbalance(at, free, scale))
+        if left[-1] < TOLERANCE:
+            return config, at, left
+        inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
+        bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
+        q = _solve_spun(
+            free.matrix(bent.tangent) + least, _spin(model, at, loads, free), free.part(at.gradient)
+        )
+        if q is None or not np.abs(q).max(initial=0.0) < LONGEST_STEP:
+            return None
+        if left[-1] < ROUNDED and np.abs(q).max(initial=0.0) < UNMOVED * size:
+            return config, at, left
+        q = free.spread(q)
+        inner = predict_forces(model, config, loads, q)
+        config = move_carried(model.tree, config, q)
+    return None
+
+
+def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
+    """What the tangent lacks for moments of fixed direction: -[M]/2 on the turn of each, antisymmetric.
+
+    The rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it.
+    """
+    moved = np.flatnonzero(np.any(loads.push[:, 3:] != 0.0, axis=1))
+    if not len(moved):
+        return None
+    rows = (6 * model.load_point[moved][:, None] + np.arange(3, 6)).ravel()
+    turns = free.columns(at.jacobian[rows])
+    return sp.csr_array(turns.T @ sp.block_diag(list(-0.5 * skew(loads.push[moved, 3:]))) @ turns)
+
+
+def _solve_spun(K: sp.csr_array, spin: sp.csr_array | None, gradient: np.ndarray) -> np.ndarray | None:
+    """Newton's step; None where there is none."""
+    if spin is None:
+        factor = factorise(sp.csr_array(K))
+        return None if factor is None else -factor.solve(gradient)
+    try:
+        q = -spla.splu(sp.csc_array(K + spin)).solve(gradient)
+    except RuntimeError:  # SuperLU: "Factor is exactly singular"
+        return None
+    return q if np.all(np.isfinite(q)) else None
+
+
+def _prescribed_steps(model: Model) -> int:
+    """Steps of prescribed displacements that the tangent predicts well."""
+    moved = np.zeros((1, 6)) if model.held is None else model.held.moved
+    turn = np.linalg.norm(moved[:, 3:], axis=1).max() / PRESCRIBED_TURN
+    shift = np.linalg.norm(moved[:, :3], axis=1).max() / (PRESCRIBED_TURN * article_size(model))
+    return 1 + int(max(turn, shift))
+
+
+def displace(model: Model, config: Configuration, loads: Loads, part: float) -> Configuration:
+    """``config`` after a further ``part`` of what is prescribed; the rest follows by the tangent."""
+    since = config.since_drawn
+    if model.held is None or since is None or not np.any(model.held.moved):
+        return config
+    moved = part * model.held.moved
+    free, pushed = static_freedom(model), np.zeros(model.tree.size)
+    pushed[: moved.size] = moved.ravel()
+    K = assemble_carried(model, config, loads).tangent
+    factor = positive_factor(free.matrix(K))
+    turn = turn_of(moved[:, 3:])
+    there = SinceDrawn(
+        since.drawn, since.carrier, since.shift + moved[:, :3], since.turn + turn + turn @ since.turn
+    )
+    config = placed(there, config.angle)
+    if factor is None:
+        return config
+    return move_carried(model.tree, config, free.spread(-factor.solve(free.part(K @ pushed))))
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
@@ -139,28 +285,28 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
     Comput. Methods Appl. Mech. Eng. 313). Where a motion grows the step is damped, so that it leaves an
     unstable rest state; an article upright to rounding ends in that state, which is marked as unstable.
     """
-    active, scale = static_coordinates(model), imbalance_scale(model, loads)
+    free, scale = static_freedom(model), imbalance_scale(model, loads)
     config, inner, damping, size_of = model.rest, None, 0.0, article_size(model)
-    least = LEAST_DAMPING * restrict(mass, active)
+    least = LEAST_DAMPING * free.matrix(mass)
     history: list[tuple[float, float, float]] = []
     for _ in range(MIXED_ITERATIONS):
         at = assemble_carried(model, config, loads)
-        residual = imbalance(at, active, scale)
+        residual = imbalance(at, free, scale)
         history.append((1.0, residual, damping))
         if not np.isfinite(residual):
             return None
         inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
         bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
-        step = _unfolding_step(restrict(bent.tangent, active), least, at.gradient[active], damping, size_of)
+        step = _unfolding_step(free.matrix(bent.tangent), least, free.part(at.gradient), damping, size_of)
         if step is None:
             return None
         q, damping, upright = step
         size = float(np.abs(q).max(initial=0.0))
         enough = ROUNDED if size < UNMOVED * size_of and (upright or damping == 0.0) else TOLERANCE
         if residual < enough and (upright or damping == 0.0):
-            stable = positive_factor(sp.csr_array(restrict(at.tangent, active) + least)) is not None
+            stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None
             return Settled(config, at, residual, enough, tuple(history), stable)
-        q = spread(q * min(1.0, LONGEST_STEP / size), active)
+        q = free.spread(q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP)))
         inner = predict_forces(model, config, loads, q)
         config = move_carried(model.tree, config, q)
     return None
@@ -220,15 +366,9 @@ def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inne
 
 
 def scale_loads(loads: Loads, factor: float) -> Loads:
-    """Gravity and preloads times ``factor``; stiffnesses as they are."""
+    """Gravity, preloads and applied loads times ``factor``; stiffnesses as they are."""
     law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
-    return Loads(
-        gravity=loads.gravity * factor,
-        anchor=loads.anchor,
-        attach_point=loads.attach_point,
-        law=law,
-        mass=loads.mass,
-    )
+    return dataclasses.replace(loads, gravity=loads.gravity * factor, law=law, push=loads.push * factor)
 
 
 def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
@@ -244,9 +384,11 @@ def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinat
 
 
 def imbalance_weight(model: Model, loads: Loads) -> float:
-    """The article's weight [N], on the ground where there is none."""
+    """The article's weight [N], on the ground where there is none; a load that is larger."""
     gravity = float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY
-    return max(model.structure.mass * gravity, float(np.finfo(float).tiny))
+    applied = np.linalg.norm(loads.push.reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0)
+    forces = [model.structure.mass * gravity, applied[0], applied[1] / min(article_size(model), 1.0)]
+    return max(*map(float, forces), float(np.finfo(float).tiny))
 
 
 def article_size(model: Model) -> float:
@@ -272,17 +414,17 @@ def _descend(
 
     ``mass`` need not be exact. A descent of at ``most`` so many iterations ends where it begins to creep.
     """
-    active = static_coordinates(model)
+    free = static_freedom(model)
     at = assemble_carried(model, config, loads)
     damping, crept = 0.0, 0
     history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS if most is None else min(most, MAX_ITERATIONS)):
-        residual = imbalance(at, active, scale)
+        residual = imbalance(at, free, scale)
         history.append((residual, damping))
         if residual < enough:
             break
         q, damping = _damped_step(model, config, at, mass, damping)
-        better = _shorten(_Descent(model, loads, mass, scale, active), config, at, q)
+        better = _shorten(_Descent(model, loads, mass, scale, free), config, at, q)
         if better is None:
             step = np.abs(q * scale).max() / scale.min()
             if damping == 0.0 and step < UNMOVED * article_size(model):
@@ -295,9 +437,9 @@ def _descend(
     return config, at, history, enough
 
 
-def imbalance(at: Assembly, active: np.ndarray, scale: np.ndarray) -> float:
+def imbalance(at: Assembly, free: Freedom, scale: np.ndarray) -> float:
     """Largest residual force or moment at the coordinates that move in statics, over its ``scale``."""
-    return float(np.abs(at.gradient[active] / scale[active]).max(initial=0.0))
+    return float(np.abs(free.part(at.gradient) / scale[free.active]).max(initial=0.0))
 
 
 class _Descent(NamedTuple):
@@ -307,15 +449,15 @@ class _Descent(NamedTuple):
     loads: Loads
     mass: sp.csr_array
     scale: np.ndarray
-    active: np.ndarray
+    free: Freedom
 
     def at(self, config: Configuration) -> Assembly:
         return assemble_carried(self.model, config, self.loads)
 
     def lower(self, new: Assembly, at: Assembly) -> bool:
         """Whether the energy or the imbalance is lower."""
-        return new.energy < at.energy or imbalance(new, self.active, self.scale) < imbalance(
-            at, self.active, self.scale
+        return new.energy < at.energy or imbalance(new, self.free, self.scale) < imbalance(
+            at, self.free, self.scale
         )
 
 
@@ -327,7 +469,7 @@ def _shorten(
     None at rounding level.
     """
     for halvings in range(MAX_HALVINGS):
-        trial = move_whole(way.model.tree, config, q, way.mass)
+        trial = move_whole(way.model, config, q, way.mass)
         new = way.at(trial)
         if way.lower(new, at):
             return trial, new, halvings
@@ -336,16 +478,18 @@ def _shorten(
 
 
 def move_whole(
-    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
 ) -> Configuration:
     """Like `move_carried` to first order, but the rigid motion in ``q`` (by mass) strains nothing.
 
     Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
     member bears, so that a descent with them would have to creep.
     """
-    rigid, rest = split_rigid(tree, config, q, mass)
-    # The rotation is about the world origin: its second-order part must not carry a far structure along.
-    centre = config.x.mean(axis=0)
+    tree, held = model.tree, model.held
+    rigid, rest = split_rigid(model, config, q, mass)
+    # The rotation is about the world origin: its second-order part must not carry a far structure along, nor
+    # what is pinned.
+    centre = config.x.mean(axis=0) if held is None or not len(held.pinned) else config.x[held.pinned[0]]
     turn = turn_of(rigid[3:])
     R = np.eye(3) + turn
     shift = rigid[:3] + cross(rigid[3:], centre)
@@ -362,29 +506,35 @@ def move_whole(
 
 
 def split_rigid(
-    tree: FrameTree, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
 ) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, " coordinate"]]:
-    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried."""
+    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried.
+
+    Of a clamped article such as leave every node in place that is held along any way.
+    """
+    tree = model.tree
     T = rigid_columns(tree, config, np.zeros(3))
+    whole = np.eye(6) if model.held is None else whole_motions(model.held, T)
     if config.since_drawn is not None:
         T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0
-    weighted = mass @ T
-    rigid, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ q, rcond=None)
-    return rigid, q - T @ rigid
+    motions = T if model.held is None else T @ whole
+    weighted = mass @ motions
+    rigid, *_ = np.linalg.lstsq(motions.T @ weighted, weighted.T @ q, rcond=None)
+    return whole @ rigid, q - motions @ rigid
 
 
 def _damped_step(
     model: Model, config: Configuration, at: Assembly, mass: sp.csr_array, damping: float
 ) -> tuple[np.ndarray, float]:
     """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
-    active = static_coordinates(model)
-    stiffness, inertia = restrict(at.tangent, active), restrict(mass, active)
+    free = static_freedom(model)
+    stiffness, inertia = free.matrix(at.tangent), free.matrix(mass)
     damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
     while damping < MOST_DAMPING:
         factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
         if factor is not None:
-            q = spread(-factor.solve(at.gradient[active]), active)
-            rigid, rest = split_rigid(model.tree, config, q, mass)
+            q = free.spread(-factor.solve(free.part(at.gradient)))
+            rigid, rest = split_rigid(model, config, q, mass)
             if max(np.abs(rigid[3:]).max(), np.abs(rest).max()) < LONGEST_STEP:
                 return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
@@ -393,22 +543,3 @@ def _damped_step(
         where=f"structure {model.structure.title!r}",
         hint="a motion without mass that something pushes over? give its frame a mass and an inertia",
     )
-
-
-def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
-    """Rows and columns of the coordinates that move; the matrix itself where all do."""
-    if np.all(active):
-        return K
-    rows = np.repeat(np.arange(len(active)), np.diff(K.indptr))
-    kept = active[rows] & active[K.indices]
-    place = np.cumsum(active) - 1
-    size = int(np.sum(active))
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(place[rows[kept]], minlength=size))])
-    return sp.csr_array((K.data[kept], place[K.indices[kept]], indptr), shape=(size, size))
-
-
-def spread(q: Float[np.ndarray, " active"], active: Bool[np.ndarray, " coordinate"]) -> np.ndarray:
-    """The increment of all coordinates, zero where they are held."""
-    full = np.zeros(len(active))
-    full[active] = q
-    return full

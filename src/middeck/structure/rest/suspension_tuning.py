@@ -6,6 +6,7 @@ tuned article stays where it was drawn.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple, cast
 
@@ -13,7 +14,7 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.assembly.energy import Loads, no_loads
+from middeck.structure.assembly.energy import Ground, Loads, no_loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
@@ -117,7 +118,7 @@ def pinned_loads(model: Model, environment: Environment) -> Loads:
     """Loads while devices are tuned: gravity, devices of given force, and springs; analytic."""
     given = [(d, d.force) for d in environment.hung if d.force is not None]
     lines = [_line(model, environment, d, R, _stiffness(environment, d, R)) for d, R in given]
-    return _loads(environment, [*lines, *(_tie(model, s) for s in environment.springs)])
+    return _loads(model, environment, [*lines, *(_tie(model, s) for s in environment.springs)])
 
 
 def _check_pull(attach: tuple[str, ...], reaction: np.ndarray) -> None:
@@ -141,7 +142,7 @@ def environment_loads(model: Model, environment: Environment, tuned: TunedSuspen
         _line(model, environment, device, R, k)
         for device, R, k in zip(environment.hung, tuned.reaction, tuned.stiffness, strict=True)
     ]
-    return _loads(environment, [*lines, *(_tie(model, s) for s in environment.springs)])
+    return _loads(model, environment, [*lines, *(_tie(model, s) for s in environment.springs)])
 
 
 class _Line(NamedTuple):
@@ -153,23 +154,32 @@ class _Line(NamedTuple):
     mass: float
 
 
-def _loads(environment: Environment, lines: Sequence[_Line]) -> Loads:
-    if not lines:
-        none = no_loads()
-        return Loads(
-            gravity=environment.gravity,
-            anchor=none.anchor,
-            attach_point=none.attach_point,
-            law=none.law,
-            mass=none.mass,
-        )
-    preload, stiffness, length = np.array([line.law for line in lines]).T
-    return Loads(
+def _loads(model: Model, environment: Environment, lines: Sequence[_Line]) -> Loads:
+    pushes = [np.concatenate([load.force, load.moment]) for load in model.structure.loads]
+    base = dataclasses.replace(
+        no_loads(),
         gravity=environment.gravity,
+        push=np.array(pushes).reshape(-1, 6),
+        ground=_ground(model, environment),
+    )
+    if not lines:
+        return base
+    preload, stiffness, length = np.array([line.law for line in lines]).T
+    return dataclasses.replace(
+        base,
         anchor=np.array([line.anchor for line in lines]),
         attach_point=np.array([line.point for line in lines], dtype=int),
         law=SpringLaw(preload, stiffness, length),
         mass=np.array([line.mass for line in lines]),
+    )
+
+
+def _ground(model: Model, environment: Environment) -> Ground:
+    bushings = environment.bushings
+    return Ground(
+        point=np.array([attach_index(model, b.attach) for b in bushings], dtype=int),
+        stiffness=np.array([b.stiffness for b in bushings]).reshape(-1, 6, 6),
+        axes=np.array([b.axes for b in bushings]).reshape(-1, 3, 3),
     )
 
 

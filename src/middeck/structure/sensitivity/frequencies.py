@@ -36,15 +36,12 @@ EQUAL = 1e-6
 class FrequencySensitivities:
     """Derivatives of the lowest frequencies, one row a parameter.
 
-    Parameters
-    ----------
-    frequency_hz:
-        The frequencies [Hz] themselves.
-    d_lambda:
-        Of omega^2 [rad^2/s^2 per unit of the parameter]. Within a group in ascending order, whichever mode
-        each of them belongs to: those along the parameter, of which the group's mean alone is linear.
-    groups:
-        Modes, by number, that have one frequency.
+    Attributes:
+        frequency_hz: The frequencies [Hz] themselves.
+        d_lambda: Of omega^2 [rad^2/s^2 per unit of the parameter]. Within a group in ascending order,
+            whichever mode each of them belongs to: those along the parameter, of which the group's mean alone
+            is linear.
+        groups: Modes, by number, that have one frequency.
     """
 
     parameters: tuple[Parameter, ...]

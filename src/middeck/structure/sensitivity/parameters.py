@@ -32,6 +32,7 @@ from middeck.structure.model.environment import Environment
 from middeck.values import record
 
 AXES = "xyz"
+SIX = "123456"  # of a bushing: shifts along, then turns about its axes
 SHOWN = 5  # names in a hint
 STIFFNESS = ("EA", "GJ", "EI_y", "EI_z", "GA_y", "GA_z")
 INERTIA = ("rho_A", "rho_I_y", "rho_I_z")
@@ -44,6 +45,7 @@ SECTION = {
     **{"rho_A": "kg/m", "rho_I_y": "kg m", "rho_I_z": "kg m"},
 }
 SPRING = {"stiffness": "N/m", "free_length": "m"}
+BUSHING = {"stiffness": "N/m, N or N m/rad"}
 DAMPING = {"flexible": "", "suspension": "", "rigid": ""}
 SUSPENSION = {"cable_length": "m", "bounce_hz": "Hz", "moving_mass": "kg"}
 DEVICE = {**SUSPENSION, "force": "N", "stiffness": "N/m", "anchor": "m"}
@@ -162,9 +164,13 @@ def _walk(structure: Structure, environment: Environment) -> Iterator[Parameter]
     for kind, group, fields in (
         ("attach", "attach_points", {"offset": "m"}),
         ("spring", "springs", SPRING),
+        ("bushing", "bushings", BUSHING),
+        ("load", "loads", {"force": "N", "moment": "N m", "offset": "m"}),
     ):
         for i, part in enumerate(getattr(structure, group)):
             yield from _fields(f"{kind}.{part.name}", part, ("structure", group, i), fields)
+    for i, mass in enumerate(structure.masses):
+        yield from _fields(f"mass.{mass.name}", mass.body, ("structure", "masses", i, "body"), BODY)
     yield from _ports("actuator", "actuators", structure.actuators)
     yield from _ports("sensor", "sensors", structure.sensors)
     yield from _damping(structure.damping)
@@ -242,6 +248,8 @@ def _environment(environment: Environment) -> Iterator[Parameter]:
         yield from _fields("environment", environment.suspension, (*root, "suspension"), SUSPENSION)
     for i, device in enumerate(environment.devices):
         yield from _fields(f"environment.device.{device.name}", device, (*root, "devices", i), DEVICE)
+    for i, bushing in enumerate(environment.bushings):
+        yield from _fields(f"environment.bushing.{bushing.name}", bushing, (*root, "bushings", i), BUSHING)
     for i, spring in enumerate(environment.springs):
         name = f"environment.spring.{spring.name}"
         yield from _fields(name, spring, (*root, "springs", i), {**SPRING, "anchor": "m"})
@@ -261,10 +269,13 @@ def _fields(name: str, part: Any, path: Path, fields: dict[str, str]) -> Iterato
                     name=f"{name}.{field}.{axis}", unit=unit, value=float(value[i]), spots=((*spot, i),)
                 )
         else:
-            for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+            names = AXES if len(value) == len(AXES) else SIX
+            pairs = [(i, i) for i in range(len(value))]
+            pairs += [(i, j) for i in range(len(value)) for j in range(i + 1, len(value))]
+            for i, j in pairs:
                 spots = tuple((*spot, k) for k in dict.fromkeys([(i, j), (j, i)]))
                 yield Parameter(
-                    name=f"{name}.{field}.{AXES[i]}{AXES[j]}",
+                    name=f"{name}.{field}.{names[i]}{names[j]}",
                     unit=unit,
                     value=float(value[i, j]),
                     spots=spots,

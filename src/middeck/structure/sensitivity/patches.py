@@ -50,6 +50,7 @@ class _Whole(NamedTuple):
 
     model: Model
     frame: dict[str, int]
+    carrier: dict[str, str]  # node that carries each frame
     node: tuple[str, ...]  # that carries each joint
     used: frozenset[str]  # attach points that anything is tied to
     ties: frozenset[str]  # their nodes
@@ -73,12 +74,14 @@ def _survey(model: Model, environment: Environment) -> _Whole:
     carrier = {n.name: n.name for n in structure.nodes}
     for joint in structure.joints:
         carrier[joint.name] = carrier[joint.parent]
-    tied = [*environment.hung, *environment.springs]
-    used = frozenset([*(t.attach for t in tied), *(e for s in structure.springs for e in (s.start, s.end))])
-    frames = {a.frame for a in structure.attach_points if a.name in used}
+    tied = [*environment.hung, *environment.springs, *environment.bushings]
+    own = [*structure.springs, *structure.bushings]
+    used = frozenset([*(t.attach for t in tied), *(e for s in own for e in (s.start, s.end))])
+    frames = {a.frame for a in structure.attach_points if a.name in used} | {p.frame for p in structure.loads}
     return _Whole(
         model,
         {name: i for i, name in enumerate(model.frames[: model.tree.roots])},
+        carrier,
         tuple(carrier[j.name] for j in structure.joints),
         used,
         frozenset(carrier[f] for f in frames),
@@ -99,7 +102,8 @@ def _patch(whole: _Whole, structure: Structure, environment: Environment) -> Pat
     turned = [
         c for j, o, c in zip(structure.joints, old.joints, whole.node, strict=True) if heavy or j is not o
     ]
-    trees = {n.name for n in changed} | set(turned) | whole.jointed
+    bolted = [m.frame for m, o in zip(structure.masses, old.masses, strict=True) if heavy or m is not o]
+    trees = {n.name for n in changed} | set(turned) | whole.jointed | {whole.carrier[f] for f in bolted}
     kept = trees | whole.ties | {end for m in members for end in (m.start, m.end)}
     joints = np.array([i for i, c in enumerate(whole.node) if c in trees], dtype=int)
     part = lay_out(
@@ -111,6 +115,7 @@ def _patch(whole: _Whole, structure: Structure, environment: Environment) -> Pat
             attach_points=tuple(a for a in structure.attach_points if a.name in whole.used),
             actuators=(),
             sensors=(),
+            masses=tuple(m for m in structure.masses if whole.carrier[m.frame] in trees),
         )
     )
     roots = np.array([whole.frame[name] for name in part.frames[: part.tree.roots]], dtype=int)

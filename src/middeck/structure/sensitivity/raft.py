@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly.energy import Loads
+from middeck.structure.assembly.energy import Ground, Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.devices import SpringLaw
@@ -47,6 +47,8 @@ def merge_models(models: Sequence[Model]) -> Raft:
         first.structure,
         joints=tuple(j for m in models for j in m.structure.joints),
         springs=tuple(s for m in models for s in m.structure.springs),
+        bushings=tuple(b for m in models for b in m.structure.bushings),
+        loads=tuple(p for m in models for p in m.structure.loads),
     )
     merged = Model(
         structure=structure,
@@ -79,6 +81,8 @@ def merge_models(models: Sequence[Model]) -> Raft:
         attach_names=tuple(a for m in models for a in m.attach_names),
         attach_point=_shifted([m.attach_point for m in models], poses),
         spring_ends=_shifted([m.spring_ends for m in models], poses),
+        bushing_ends=_shifted([m.bushing_ends for m in models], poses),
+        load_point=_shifted([m.load_point for m in models], poses),
     )
     return Raft(merged, coordinates, tuple(int(p) for p in poses[:-1]))
 
@@ -99,6 +103,16 @@ def merge_loads(raft: Raft, loads: Sequence[Loads]) -> Loads:
         attach_point=_joined([x.attach_point + p for x, p in zip(loads, raft.first_pose, strict=True)]),
         law=SpringLaw(*law),
         mass=_joined([x.mass for x in loads]),
+        push=_joined([x.push for x in loads]),
+        ground=_merge_ground(raft, [x.ground for x in loads]),
+    )
+
+
+def _merge_ground(raft: Raft, ground: Sequence[Ground]) -> Ground:
+    return Ground(
+        point=_joined([g.point + p for g, p in zip(ground, raft.first_pose, strict=True)]),
+        stiffness=_joined([g.stiffness for g in ground]),
+        axes=_joined([g.axes for g in ground]),
     )
 
 

@@ -27,7 +27,7 @@ from middeck.structure.rest.pinned import (
     support_coordinates,
     support_forces,
 )
-from middeck.structure.rest.statics import static_coordinates
+from middeck.structure.rest.statics import static_freedom
 from middeck.structure.rest.suspension_tuning import pinned_loads, pinned_points
 from middeck.structure.sensitivity.patches import (
     STEP,
@@ -73,14 +73,14 @@ def differentiate_support(
         support_coordinates(p.model, config, s.pose, s.axis) - s.start
         for p, config, s in zip(patches, here, own, strict=True)
     ]
-    active = static_coordinates(rest.model)
+    free = static_freedom(rest.model)
     mass = mass_matrix(rest.model, state.config)
-    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * mass[active][:, active]
+    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
     change = _solve(
-        sp.csr_array(at.tangent[active][:, active]),
+        free.matrix(at.tangent),
         sp.csr_array(hold),
-        sp.csr_array(G[:, active]),
-        -(force + at.tangent @ drawn)[active],
+        free.columns(G),
+        -free.part(force + at.tangent @ drawn),
         -columns([derivative(s) for s in slip], len(rows)) - G @ drawn,
     )
     forces = (state.force + STEP * 1j * change[:, p] for p in range(len(patches)))

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, Loads, assemble, device_tension
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.stiff_members import check_beside_devices
@@ -41,14 +42,12 @@ from middeck.values import record
 class RestSensitivities:
     """Derivatives of a rest state, one column a parameter.
 
-    Parameters
-    ----------
-    motion:
-        Of the frame-tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint angles.
-    reaction, stiffness:
-        Load [N] and stiffness [N/m] of every device that hangs the article, as of `TunedSuspension`.
-    holding_torque, tension:
-        As of `Equilibrium`.
+    Attributes:
+        motion: Of the frame-tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint
+            angles.
+        reaction, stiffness: Load [N] and stiffness [N/m] of every device that hangs the article, as of
+            `TunedSuspension`.
+        holding_torque, tension: As of `Equilibrium`.
     """
 
     parameters: tuple[Parameter, ...]
@@ -108,6 +107,12 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     """The derivative of the rest state, with the patches that it came from."""
     check_beside_devices(rest, "derivatives of the rest state")
+    if np.any(rest.loads.push[:, 3:]):
+        raise NumericalError(
+            "no derivatives under a moment of fixed direction: it has no potential",
+            where=f"structure {rest.model.structure.title!r}",
+            hint="apply it by two forces on arms, loads with offsets",
+        )
     patches = make_patches(rest.model, rest.environment, parameters)
     drawn = columns([drawn_motion(rest.model, p) for p in patches], rest.model.tree.size)
     forces = differentiate_support(rest, patches, drawn)

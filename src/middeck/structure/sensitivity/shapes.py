@@ -25,9 +25,10 @@ import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble, mass_matrix
+from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import dynamic_coordinates
+from middeck.structure.rest.statics import dynamic_freedom
 from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import group_modes
 from middeck.structure.sensitivity.parameters import Parameter
@@ -40,13 +41,10 @@ from middeck.values import record
 class ModeSensitivity:
     """Derivatives of the lowest modes in one parameter.
 
-    Parameters
-    ----------
-    d_lambda:
-        Phi'(dK - lambda dM) Phi [rad^2/s^2 per unit] within each group of equal frequencies, zero between
-        groups: on its diagonal the derivatives of omega^2 of modes that are alone.
-    d_shapes:
-        Of the mass-normalised shapes, in the frame-tree coordinates of the rest state as it moves.
+    Attributes:
+        d_lambda: Phi'(dK - lambda dM) Phi [rad^2/s^2 per unit] within each group of equal frequencies, zero
+            between groups: on its diagonal the derivatives of omega^2 of modes that are alone.
+        d_shapes: Of the mass-normalised shapes, in the frame-tree coordinates of the rest state as it moves.
     """
 
     parameter: Parameter
@@ -88,32 +86,32 @@ def differentiate_shapes(
 ) -> Iterator[ModeSensitivity]:
     """Mode derivatives at each of the ``perturbed`` rest states."""
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
-    active = dynamic_coordinates(modes.equilibrium.model)
-    pencil = _Pencil.of(modes, active)
+    free = dynamic_freedom(modes.equilibrium.model)
+    pencil = _Pencil.of(modes, free)
     groups = group_modes(modes, count)
-    lam, shapes = modes.omega**2, modes.shapes[active]
-    changes = [_changes(rest, active) for rest in perturbed]
+    lam, shapes = modes.omega**2, free.part(modes.shapes)
+    changes = [_changes(rest, free) for rest in perturbed]
     d_lambda = np.zeros((len(parameters), count, count))
-    d_shapes = np.zeros((len(parameters), len(active), count))
+    d_shapes = np.zeros((len(parameters), modes.shapes.shape[0], count))
     for group in groups:
         own = list(group)
         for i in own:
             load = np.column_stack([dK @ shapes[:, i] - lam[i] * (dM @ shapes[:, i]) for dK, dM in changes])
             turn = np.column_stack([shapes[:, own].T @ (dM @ shapes[:, i]) for _, dM in changes])
             x = pencil.solve(lam[i], shapes[:, own], -load) - 0.5 * shapes[:, own] @ turn
-            d_shapes[:, active, i] = x.T
+            d_shapes[:, :, i] = free.spread(x).T
             d_lambda[:, own, i] = (shapes[:, own].T @ load).T
     for parameter, small, change in zip(parameters, d_lambda, d_shapes, strict=True):
         yield ModeSensitivity(parameter, 0.5 * (small + small.T), change)
 
 
-def _changes(rest: Equilibrium, active: np.ndarray) -> tuple[sp.csr_array, sp.csr_array]:
+def _changes(rest: Equilibrium, free: Freedom) -> tuple[sp.csr_array, sp.csr_array]:
     """dK and dM of the coordinates that move."""
     K = assemble(rest.model, rest.config, rest.loads).tangent
     M = mass_matrix(rest.model, rest.config, rest.loads)
     for matrix in (K, M):
         matrix.data = derivative(matrix.data)
-    return sp.csr_array(K[active][:, active]), sp.csr_array(M[active][:, active])
+    return free.matrix(K), free.matrix(M)
 
 
 class _Pencil(NamedTuple):
@@ -121,10 +119,10 @@ class _Pencil(NamedTuple):
     M: sp.csr_array
 
     @staticmethod
-    def of(modes: Modes, active: np.ndarray) -> _Pencil:
+    def of(modes: Modes, free: Freedom) -> _Pencil:
         rest = modes.equilibrium
         K = assemble(rest.model, rest.config, rest.loads).tangent
-        return _Pencil(sp.csr_array(K[active][:, active]), sp.csr_array(modes.mass[active][:, active]))
+        return _Pencil(free.matrix(K), free.matrix(modes.mass))
 
     def solve(self, lam: float, group: np.ndarray, load: np.ndarray) -> np.ndarray:
         """x of (K - lam M) x = load but for forces of the group, orthogonal to it in the mass."""

@@ -11,10 +11,11 @@ import scipy.sparse as sp
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, mass_matrix
 from middeck.structure.assembly.factorisation import Factor, factorise
+from middeck.structure.assembly.freedom import Freedom, allowed_motions
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.modes.eigen import ROUNDING
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import static_coordinates
+from middeck.structure.rest.statics import static_freedom
 
 # What a solution may leave of its load, over the terms that balance in it.
 SOLVED = 1e-9
@@ -28,7 +29,7 @@ class StaticSolver(NamedTuple):
 
     K: sp.csr_array
     mass: sp.csr_array
-    active: np.ndarray
+    moves: Freedom
     held: np.ndarray
     free: np.ndarray
     factor: Factor
@@ -36,24 +37,23 @@ class StaticSolver(NamedTuple):
     @staticmethod
     def at(rest: Equilibrium, at: Assembly) -> StaticSolver:
         """At a rest state whose potential is ``at``."""
-        active = static_coordinates(rest.model)
-        K = sp.csr_array(at.tangent[active][:, active])
-        M = sp.csr_array(mass_matrix(rest.model, rest.config, rest.loads)[active][:, active])
-        free = _free_motions(rest, K, M, float(np.abs(at.gradient[active]).max(initial=0.0)), active)
+        moves = static_freedom(rest.model)
+        K = moves.matrix(at.tangent)
+        M = moves.matrix(mass_matrix(rest.model, rest.config, rest.loads))
+        free = _free_motions(rest, K, M, float(np.abs(moves.part(at.gradient)).max(initial=0.0)), moves)
         _, pivots = cast("tuple[Any, np.ndarray]", sla.qr(free.T, mode="r", pivoting=True))
         held = pivots[: free.shape[1]]
         kept = np.setdiff1d(np.arange(len(free)), held)
         factor = factorise(sp.csr_array(K[kept][:, kept]))
         if factor is None:
             raise _loose()
-        return StaticSolver(K, M, active, held, free, factor)
+        return StaticSolver(K, M, moves, held, free, factor)
 
     def solve(self, load: np.ndarray) -> np.ndarray:
         """Displacements (coordinate, load) under loads, both of all coordinates."""
-        out = np.zeros_like(load)
         if not np.any(load):
-            return out
-        force = load[self.active]
+            return np.zeros_like(load)
+        force = self.moves.part(load)
         kept = np.setdiff1d(np.arange(len(force)), self.held)
         x = np.zeros_like(force)
         for _ in range(3):  # twice more for what rounding has left
@@ -61,8 +61,7 @@ class StaticSolver(NamedTuple):
         size = (abs(self.K) @ np.abs(x)).max(axis=0) + np.abs(force).max(axis=0)
         if not np.all(np.abs(force - self.K @ x).max(axis=0) <= SOLVED * size):
             raise _loose()
-        out[self.active] = x - self.free @ (self.free.T @ (self.mass @ x))
-        return out
+        return self.moves.spread(x - self.free @ (self.free.T @ (self.mass @ x)))
 
 
 def _loose() -> NumericalError:
@@ -73,10 +72,11 @@ def _loose() -> NumericalError:
 
 
 def _free_motions(
-    rest: Equilibrium, K: sp.csr_array, M: sp.csr_array, unbalanced: float, active: np.ndarray
+    rest: Equilibrium, K: sp.csr_array, M: sp.csr_array, unbalanced: float, moves: Freedom
 ) -> np.ndarray:
     """Rigid motions, joints held, that cost no energy but for rounding."""
-    T = rigid_columns(rest.model.tree, rest.config, rest.config.x.mean(axis=0))[active]
+    whole = rigid_columns(rest.model.tree, rest.config, rest.config.x.mean(axis=0))
+    T = moves.part(allowed_motions(rest.model.held, whole))
     stiffness, size = T.T @ (K @ T), np.abs(T).T @ (abs(K) @ np.abs(T))
     lam, turn = sla.eigh(0.5 * (stiffness + stiffness.T), T.T @ (M @ T))
     motions = T @ turn

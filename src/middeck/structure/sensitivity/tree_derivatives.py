@@ -64,13 +64,18 @@ def _loads(rest: Equilibrium, trees: Model) -> Loads:
     """The same loads at the attach points of the trees."""
     number = {int(pose): i for i, pose in enumerate(rest.model.attach_point)}
     points = [trees.attach_point[number[int(pose)]] for pose in rest.loads.attach_point]
-    return dataclasses.replace(rest.loads, attach_point=np.array(points, dtype=int))
+    ground = [trees.attach_point[number[int(pose)]] for pose in rest.loads.ground.point]
+    return dataclasses.replace(
+        rest.loads,
+        attach_point=np.array(points, dtype=int),
+        ground=dataclasses.replace(rest.loads.ground, point=np.array(ground, dtype=int)),
+    )
 
 
 def _neighbours(trees: Model) -> list[set[int]]:
-    """The trees that a spring ties to each tree."""
+    """The trees that a spring or a bushing ties to each tree."""
     out: list[set[int]] = [set() for _ in range(trees.tree.roots)]
-    for ends in trees.points.frame[trees.spring_ends]:
+    for ends in trees.points.frame[np.concatenate([trees.spring_ends, trees.bushing_ends])]:
         a, b = (joint_chain(trees.tree, int(frame))[0] for frame in ends)
         out[a].add(b)
         out[b].add(a)

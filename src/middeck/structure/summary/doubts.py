@@ -161,7 +161,7 @@ def _joints(structure: Structure) -> Iterator[str]:
 def _bodies(structure: Structure, of: Measures) -> Iterator[str]:
     """No part of an article turns as if all its mass were farther out than the article is long."""
     far = float(of.size @ of.size)
-    for part in (*structure.nodes, *structure.joints):
+    for part in (*structure.nodes, *structure.joints, *structure.masses):
         body = part.body
         largest = float(np.linalg.eigvalsh(body.inertia)[-1])
         if far > 0.0 and body.mass > 0.0 and largest > body.mass * far:

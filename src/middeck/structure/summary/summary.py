@@ -26,25 +26,19 @@ STATIONS = 24
 class Summary:
     """Masses and measures of a structure, undeformed, with its joints where statics begin.
 
-    Parameters
-    ----------
-    mass, centre, inertia:
-        Total [kg], centre of mass in W [m], and inertia about it in the axes of W [kg m^2].
-    size:
-        Sides [m] of the box in W around nodes, joints, centres of mass and attach points.
-    coordinates:
-        Degrees of freedom at its mesh.
-    bending_hz:
-        The scale of its lowest free-free bending frequency, by decades rather than by per cent; None where no
-        member bends. A uniform beam with the article's mass and length, and the mean compliance of 24 cuts
-        across it: EI of the members cut and their EA times the square of the distance from the middle.
-    slenderness:
-        Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA).
-    rounding:
-        Relative rounding error of the first frequency from the number of elements: 0.05 eps (L/h)^4 for a
-        straight beam.
-    warnings:
-        Implausible quantities, each with the part and what to try.
+    Attributes:
+        mass, centre, inertia: Total [kg], centre of mass in W [m], and inertia about it in the axes of W [kg
+            m^2].
+        size: Sides [m] of the box in W around nodes, joints, centres of mass and attach points.
+        coordinates: Degrees of freedom at its mesh.
+        bending_hz: The scale of its lowest free-free bending frequency, by decades rather than by per cent;
+            None where no member bends. A uniform beam with the article's mass and length, and the mean
+            compliance of 24 cuts across it: EI of the members cut and their EA times the square of the
+            distance from the middle.
+        slenderness: Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA).
+        rounding: Relative rounding error of the first frequency from the number of elements: 0.05 eps (L/h)^4
+            for a straight beam.
+        warnings: Implausible quantities, each with the part and what to try.
     """
 
     mass: float
@@ -137,11 +131,12 @@ def _mass_properties(
     structure: Structure, rods: _Rods, bodies_at: np.ndarray, R: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Bodies where they stand, and members as uniform rods with their rotary inertia."""
+    frames = (*structure.nodes, *structure.joints)
     carried = [
-        (i, part.body)
-        for i, part in enumerate((*structure.nodes, *structure.joints))
-        if part.body.mass != 0.0 or np.any(part.body.inertia)
+        (i, part.body) for i, part in enumerate(frames) if part.body.mass != 0.0 or np.any(part.body.inertia)
     ]
+    names = [part.name for part in frames]
+    carried += [(names.index(added.frame), added.body) for added in structure.masses]
     mass = np.concatenate([[body.mass for _, body in carried], rods.rho_A * rods.length])
     middle = rods.start + 0.5 * rods.length[:, None] * rods.along
     x = np.vstack([bodies_at.reshape(-1, 3), middle])

@@ -26,21 +26,17 @@ class Attitude:
     A rotation is split into a tilt, about a level axis, and then a turn about the vertical: no tilt, level.
     A tilt about x is thus one about the drawn article's own x, whatever way it then faces.
 
-    Parameters
-    ----------
-    tilt, heading:
-        Of the rigid body that fits the hung article best by mass: tilt [rad], and turn about the vertical.
-    node, node_rotation, node_tilt:
-        Name, whole rotation and tilt of every node; what differs from ``tilt`` is the article's own bending.
-    device, tension:
-        Name and pull [N] of every device and spring.
-    centre_of_mass:
-        As drawn.
-    hangs_from:
-        What the attach points in use span as drawn: a "point", a "line", a "plane" or "space".
-    lies_off:
-        From that point, line or plane to the centre of mass, normal to it. A rigid article on a point or a
-        level line comes to rest with this vector downwards: what of it is not downwards now, tilts it.
+    Attributes:
+        tilt, heading: Of the rigid body that fits the hung article best by mass: tilt [rad], and turn about
+            the vertical.
+        node, node_rotation, node_tilt: Name, whole rotation and tilt of every node; what differs from
+            ``tilt`` is the article's own bending.
+        device, tension: Name and pull [N] of every device and spring.
+        centre_of_mass: As drawn.
+        hangs_from: What the attach points in use span as drawn: a "point", a "line", a "plane" or "space".
+        lies_off: From that point, line or plane to the centre of mass, normal to it. A rigid article on a
+            point or a level line comes to rest with this vector downwards: what of it is not downwards now,
+            tilts it.
     """
 
     tilt: Float[np.ndarray, "3"]

@@ -20,7 +20,7 @@ from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import restrict, static_coordinates
+from middeck.structure.rest.statics import static_freedom
 from middeck.values import record
 
 UNMOVED = 1e-9
@@ -31,12 +31,9 @@ UNMOVED = 1e-9
 class RestBand:
     """Half widths of the band in which an article may rest, to first order in the friction.
 
-    Parameters
-    ----------
-    device, travel:
-        Name of each device and spring, and how far its attach point may rest along it [m].
-    shift, turn:
-        Of the whole article, by mass, along [m] and about [rad] the world axes.
+    Attributes:
+        device, travel: Name of each device and spring, and how far its attach point may rest along it [m].
+        shift, turn: Of the whole article, by mass, along [m] and about [rad] the world axes.
     """
 
     device: tuple[str, ...]
@@ -53,21 +50,20 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
     where the rest state is not stable against some motion: friction would then hold it anywhere.
     """
     model, config, loads = equilibrium.model, equilibrium.config, equilibrium.loads
-    active = static_coordinates(model)
+    free = static_freedom(model)
     rows = device_rows(equilibrium)
     friction = np.array([0.0 if f is None else f.slip_torque for f in _frictions(equilibrium)])
     # Beside stiff members only carried coordinates keep the digits of what is soft.
     T = transport(config, model.tree)
     carried = rows @ T
-    factor = positive_factor(restrict(assemble_carried(model, config, loads).tangent, active))
+    factor = positive_factor(free.matrix(assemble_carried(model, config, loads).tangent))
     if factor is None:
         raise EquilibriumError(
             "a motion has no stiffness: with friction the article could rest anywhere along it",
             where="estimate_rest_band",
             hint="look for modes at zero frequency",
         )
-    moved = np.zeros((model.tree.size, len(rows)))
-    moved[active] = factor.solve(carried[:, active].T) * friction
+    moved = free.spread(factor.solve(free.part(carried.T)) * friction)
     M = mass_matrix(model, config)
     whole = rigid_columns(model.tree, config, config.x.mean(axis=0))
     rigid = np.linalg.solve(whole.T @ (M @ whole), whole.T @ (M @ (T @ moved)))
@@ -96,23 +92,15 @@ def _frictions(equilibrium: Equilibrium) -> tuple[Friction | None, ...]:
 class DeviceFrictionCurve:
     """One mode of a hung article against its amplitude, with the friction of its devices.
 
-    Parameters
-    ----------
-    name:
-        Of the mode.
-    amplitude:
-        Of the device with friction that travels most [m], zero to peak.
-    device, travel:
-        Names of the devices with friction, and the amplitude of each [m].
-    stiffness, loss:
-        What the friction of each is equivalent to [N/m].
-    omega:
-        Angular frequency [rad/s] with the equivalent stiffnesses.
-    zeta:
-        Damping ratio -Re s/|s| of the complex eigenvalue, modal damping included.
-    shape_change:
-        Largest part of another mode that the equivalent stiffnesses would mix into this one, to first order.
-        Above a tenth or so the numbers are a sketch.
+    Attributes:
+        name: Of the mode.
+        amplitude: Of the device with friction that travels most [m], zero to peak.
+        device, travel: Names of the devices with friction, and the amplitude of each [m].
+        stiffness, loss: What the friction of each is equivalent to [N/m].
+        omega: Angular frequency [rad/s] with the equivalent stiffnesses.
+        zeta: Damping ratio -Re s/|s| of the complex eigenvalue, modal damping included.
+        shape_change: Largest part of another mode that the equivalent stiffnesses would mix into this one, to
+            first order. Above a tenth or so the numbers are a sketch.
     """
 
     name: str

@@ -38,16 +38,11 @@ of offsets that do level an article it is some 10 rad/m."""
 class Levelling:
     """An article before and after its attach points were moved.
 
-    Parameters
-    ----------
-    structure, equilibrium:
-        With the attach points that level it.
-    before, after:
-        How it hung, and how it hangs.
-    moved, change:
-        (attach point, axis of its frame) and by how much it moved [m].
-    history:
-        Largest of the tilts sought [rad] at every iteration.
+    Attributes:
+        structure, equilibrium: With the attach points that level it.
+        before, after: How it hung, and how it hangs.
+        moved, change: (attach point, axis of its frame) and by how much it moved [m].
+        history: Largest of the tilts sought [rad] at every iteration.
     """
 
     structure: Structure
@@ -82,16 +77,11 @@ def level(
     stiffnesses and anchors included. Of more offsets than tilts the least change (in the root of the sum of
     squares) is taken. What is returned was solved for anew: its tilt is that of its own rest state.
 
-    Parameters
-    ----------
-    free:
-        (attach point, "x", "y" or "z" of its frame): the offsets that may change.
-    about:
-        Axes of the drawn article; by default all but the one nearest to the vertical.
-    node:
-        Level this node instead of the rigid body that fits the article best.
-    limit:
-        Largest change of an offset [m].
+    Args:
+        free: (attach point, "x", "y" or "z" of its frame): the offsets that may change.
+        about: Axes of the drawn article; by default all but the one nearest to the vertical.
+        node: Level this node instead of the rigid body that fits the article best.
+        limit: Largest change of an offset [m].
 
     Raises `ConfigError` for names that the article lacks, a limit that is not positive, or fewer offsets
     than tilts; `EquilibriumError` where the offsets do not move the tilts, a change beyond ``limit`` would be

@@ -1,0 +1,150 @@
+"""What is left to move where clamps hold nodes and joints are held: exact, nothing is stiff in its place.
+
+A clamp's directions need not be those of W. At a node that is held along others its coordinates are turned
+into them, and then some are struck out. Only equations are turned: shapes, gradients and masses stay in W.
+A general linear constraint would be another set of columns in the place of the turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Bool, Float, Int
+
+from middeck.errors import ConfigError
+from middeck.structure.model.clamps import SQUARE, Clamp, held_directions
+from middeck.values import record
+
+# A motion whose largest part moves what is held by less than this is none of it: rounding.
+STILL = 1e-9
+
+
+@record
+class Held:
+    """Which coordinates clamps hold, after ``axes`` have turned them; None where all are those of W.
+
+    ``moved`` is the prescribed displacement of each root: a shift in W [m] and a rotation vector [rad];
+    ``pinned`` are the roots that are held along any way.
+    """
+
+    fixed: Bool[np.ndarray, " coordinate"]
+    axes: sp.csr_array | None
+    moved: Float[np.ndarray, "root 6"]
+    pinned: Int[np.ndarray, " pinned"]
+
+
+class Freedom(NamedTuple):
+    """The coordinates that move, out of those that ``axes`` make."""
+
+    active: Bool[np.ndarray, " coordinate"]
+    axes: sp.csr_array | None
+
+    def matrix(self, K: sp.csr_array) -> sp.csr_array:
+        """Of a symmetric matrix in W what acts on the coordinates that move; itself where all do."""
+        return restrict(K if self.axes is None else sp.csr_array(self.axes.T @ K @ self.axes), self.active)
+
+    def part(self, load: np.ndarray) -> np.ndarray:
+        """Of loads in W, one or more columns, what acts on the coordinates that move."""
+        return (load if self.axes is None else self.axes.T @ load)[self.active]
+
+    def columns(self, rows: sp.csr_array) -> sp.csr_array:
+        """Readings of coordinates in W as readings of the coordinates that move."""
+        return sp.csr_array((rows if self.axes is None else rows @ self.axes)[:, self.active])
+
+    def spread(self, q: np.ndarray) -> np.ndarray:
+        """Displacements in W, one or more columns, of the coordinates that move: zero where they are held."""
+        full = np.zeros((len(self.active), *q.shape[1:]), dtype=q.dtype)
+        full[self.active] = q
+        return full if self.axes is None else self.axes @ full
+
+    def beyond(self, load: np.ndarray) -> np.ndarray:
+        """What the others take of ``load`` in W: clamps, and joints that are held."""
+        turned = load if self.axes is None else self.axes.T @ load
+        left = np.where(self.active, 0.0, turned)
+        return left if self.axes is None else self.axes @ left
+
+    def within(self, load: np.ndarray) -> np.ndarray:
+        """``load`` in W without what clamps and held joints take."""
+        return self.spread(self.part(load))
+
+
+def allowed_motions(
+    held: Held | None, motions: Float[np.ndarray, "coordinate motion"]
+) -> Float[np.ndarray, "coordinate allowed"]:
+    """A basis of the combinations of ``motions`` in W that move nothing ``held``; all if nothing is."""
+    if held is None or not motions.shape[1]:
+        return motions
+    return motions @ _still(motions, (motions if held.axes is None else held.axes.T @ motions)[held.fixed])
+
+
+def whole_motions(held: Held, rigid: Float[np.ndarray, "coordinate 6"]) -> Float[np.ndarray, "6 motion"]:
+    """Combinations of the ``rigid`` columns that turn about what is ``held``, by any angle."""
+    fixed = held.fixed.copy()
+    fixed[: held.moved.size].reshape(-1, 6)[held.pinned, :3] = True
+    return _still(rigid, (rigid if held.axes is None else held.axes.T @ rigid)[fixed])
+
+
+def _still(motions: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Combinations of ``motions`` of which the rows ``moved`` are zero."""
+    size = np.sqrt(np.einsum("im,im->m", motions, motions))
+    _, parts, turn = np.linalg.svd(moved / size)
+    return turn[np.append(parts, np.zeros(len(turn) - len(parts))) < STILL].T / size[:, None]
+
+
+def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
+    """Rows and columns of the coordinates that move; the matrix itself where all do."""
+    if np.all(active):
+        return K
+    rows = np.repeat(np.arange(len(active)), np.diff(K.indptr))
+    kept = active[rows] & active[K.indices]
+    place = np.cumsum(active) - 1
+    size = int(np.sum(active))
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(place[rows[kept]], minlength=size))])
+    return sp.csr_array((K.data[kept], place[K.indices[kept]], indptr), shape=(size, size))
+
+
+def hold_nodes(clamps: Sequence[Clamp], roots: Mapping[str, int], size: int, count: int) -> Held | None:
+    """What ``clamps`` hold of ``count`` roots, by the names of nodes; None for no clamps.
+
+    Raises `ConfigError` for an unknown node and for a direction that is held twice.
+    """
+    if not clamps:
+        return None
+    fixed, moved = np.zeros(size, dtype=bool), np.zeros((count, 6))
+    turned: dict[int, np.ndarray] = {}
+    for node in dict.fromkeys(c.node for c in clamps):
+        if node not in roots:
+            raise ConfigError(
+                f"no node {node!r} to clamp", where="clamps", hint=f"nodes are {', '.join(roots)}"
+            )
+        first = 6 * roots[node]
+        for start, held in zip((first, first + 3), held_directions(clamps, node), strict=True):
+            axes, struck = _axes(held)
+            fixed[start : start + 3] = struck
+            if axes is not None:
+                turned[start] = axes
+    for clamp in clamps:
+        moved[roots[clamp.node]] += np.concatenate([clamp.axes @ clamp.shift, clamp.axes @ clamp.turn])
+    pinned = np.array(sorted({roots[c.node] for c in clamps if c.along}), dtype=int)
+    return Held(fixed, _block_diagonal(turned, size) if turned else None, moved, pinned)
+
+
+def _axes(held: Sequence[np.ndarray]) -> tuple[np.ndarray | None, np.ndarray]:
+    """Three axes among which the ``held`` directions are, None for those of W, and which of them are held."""
+    whole = [np.flatnonzero(np.abs(axis) > 1.0 - SQUARE) for axis in held]
+    if len(held) in (0, 3) or all(len(w) for w in whole):
+        struck = np.full(3, len(held) == 3)
+        struck[[int(w[0]) for w in whole if len(w)]] = True
+        return None, struck
+    axes, _ = np.linalg.qr(np.column_stack([*held, np.eye(3)]))
+    return axes, np.arange(3) < len(held)
+
+
+def _block_diagonal(turned: Mapping[int, np.ndarray], size: int) -> sp.csr_array:
+    out = sp.lil_array(sp.eye_array(size))
+    for start, axes in turned.items():
+        out[start : start + 3, start : start + 3] = axes
+    return sp.csr_array(out)

@@ -1,0 +1,50 @@
+"""Load cases: what is hung on an article, pushes it or displaces it in one test, and is taken off again."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from middeck.errors import ConfigError
+from middeck.structure.model.article import LoadCase, Structure
+from middeck.structure.model.environment import Environment
+
+
+def apply_load_case(
+    structure: Structure, environment: Environment, case: LoadCase | str | None
+) -> tuple[Structure, Environment]:
+    """Both with the loads, masses and prescribed displacements of ``case``; as they are without one.
+
+    A name means one of the article's own. Raises `ConfigError` where it has none of this name, or a load or a
+    mass of the same name already.
+    """
+    if case is None:
+        return structure, environment
+    case = _own_case(structure, case) if isinstance(case, str) else case
+    for what, new, old in (("load", case.loads, structure.loads), ("mass", case.masses, structure.masses)):
+        taken = {part.name for part in old}
+        for part in new:
+            if part.name in taken:
+                raise ConfigError(
+                    f"a second {what} {part.name!r}", where=f"load case {case.name!r}", hint="another name"
+                )
+            taken.add(part.name)
+    loaded = dataclasses.replace(
+        structure,
+        loads=(*structure.loads, *case.loads),
+        masses=(*structure.masses, *case.masses),
+    )
+    if not case.prescribed:
+        return loaded, environment
+    return loaded, dataclasses.replace(environment, clamps=(*environment.clamps, *case.prescribed))
+
+
+def _own_case(structure: Structure, name: str) -> LoadCase:
+    for case in structure.load_cases:
+        if case.name == name:
+            return case
+    known = ", ".join(case.name for case in structure.load_cases)
+    raise ConfigError(
+        f"no load case {name!r}",
+        where=f"structure {structure.title!r}",
+        hint=f"load cases are {known}" if known else "the article has none: give it [[load_case]] tables",
+    )

@@ -1,0 +1,197 @@
+"""Loads, added masses and prescribed displacements against the elastica and other closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.optimize as so
+import scipy.special as ss
+
+from middeck.errors import ConfigError, EquilibriumError
+from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.model.article import AddedMass, LoadCase, PointLoad, Structure
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from structure_builders import GRAVITY, TUBE, body, member, node, straight_beam, structure
+
+L, EI, RHO = 2.0, 100.0, 0.5
+NONE = np.zeros(3)
+WALL = Environment(title="wall", gravity=NONE, clamps=(Clamp(node="a"),))
+# So stiff along and in shear that only bending counts, as in the classical elastica.
+INEXTENSIBLE = dataclasses.replace(TUBE, EA=1e9)
+
+
+def push(force: tuple[float, ...] = (0, 0, 0), moment: tuple[float, ...] = (0, 0, 0)) -> LoadCase:
+    load = PointLoad(name="push", frame="b", force=np.array(force), moment=np.array(moment))
+    return LoadCase(name="case", loads=(load,))
+
+
+def tip(rest: Equilibrium) -> np.ndarray:
+    assert rest.converged
+    return rest.config.x[1]
+
+
+@pytest.mark.parametrize("part", [0.3, 1.0])
+def test_an_end_moment_rolls_a_cantilever_up_into_a_circle(part: float) -> None:
+    beam = straight_beam(TUBE, L, 12)
+    rest = solve_equilibrium(beam, WALL, push(moment=(0, 0, part * 2.0 * np.pi * EI / L)))
+    r, angle = L / (2.0 * np.pi * part), 2.0 * np.pi * part
+    np.testing.assert_allclose(tip(rest), [r * np.sin(angle), r * (1.0 - np.cos(angle)), 0.0], atol=1e-6 * L)
+    np.testing.assert_allclose(rest.reactions[0].moment, [0, 0, -angle * EI / L], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("alpha", [1.0, 10.0])
+def test_a_dead_tip_load_bends_the_elastica_of_bisshopp_and_drucker(alpha: float) -> None:
+    """Bisshopp and Drucker 1945, Q. Appl. Math. 3: P L^2 / EI = alpha."""
+
+    def modulus(k: float) -> float:
+        return float(ss.ellipk(k * k) - ss.ellipkinc(np.arcsin(1.0 / (k * np.sqrt(2.0))), k * k))
+
+    k = so.brentq(lambda k: modulus(k) - np.sqrt(alpha), 1.0 / np.sqrt(2.0) + 1e-12, 1.0 - 1e-14)
+    start = np.arcsin(1.0 / (k * np.sqrt(2.0)))
+    down = 1.0 - 2.0 * (ss.ellipe(k * k) - ss.ellipeinc(start, k * k)) / np.sqrt(alpha)
+    along = np.sqrt(2.0 * (2.0 * k * k - 1.0) / alpha)
+    rest = solve_equilibrium(straight_beam(INEXTENSIBLE, L, 16), WALL, push(force=(0, -alpha * EI / L**2, 0)))
+    np.testing.assert_allclose(tip(rest) / L, [along, -down, 0.0], atol=2e-5)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
+def test_a_tip_mass_lowers_a_cantilever_by_the_closed_form(ratio: float) -> None:
+    case = LoadCase(name="tip", masses=(AddedMass("tip", "b", body(ratio * RHO * L)),))
+
+    def residual(b: float) -> float:
+        return 1.0 + np.cos(b) * np.cosh(b) + ratio * b * (np.cos(b) * np.sinh(b) - np.sin(b) * np.cosh(b))
+
+    beta = so.brentq(residual, 0.1, 1.8751)
+    modes = solve_modes(solve_equilibrium(straight_beam(TUBE, L, 8), WALL, case))
+    assert modes.omega[0] == pytest.approx((beta / L) ** 2 * np.sqrt(EI / RHO), rel=1e-5)
+    assert modes.equilibrium.model.structure.mass == pytest.approx(RHO * L * (1.0 + ratio))
+
+
+def test_gravity_pulls_an_added_mass_down_at_its_offset() -> None:
+    place = np.array([0.0, 0.0, 0.2])
+    mass = AddedMass("lump", "b", dataclasses.replace(body(3.0), cg=place))
+    light = straight_beam(dataclasses.replace(TUBE, rho_A=0.0), L, 4)
+    rest = solve_equilibrium(
+        light, Environment.clamped("a", gravity=1e-6), LoadCase(name="c", masses=(mass,))
+    )
+    assert tip(rest)[1] == pytest.approx(-3e-6 * L**3 / (3.0 * EI), rel=1e-6)
+    (wall,) = rest.reactions
+    np.testing.assert_allclose(wall.force, [0.0, 3e-6, 0.0], atol=1e-14)
+    np.testing.assert_allclose(wall.moment, [-0.2 * 3e-6, 0.0, L * 3e-6], atol=1e-12)
+
+
+def both_ends(**moves: np.ndarray) -> LoadCase:
+    return LoadCase(name="settles", prescribed=(Clamp(node="b", **moves),))
+
+
+def test_a_settling_support_bends_a_built_in_beam() -> None:
+    d = 1e-8
+    rest = solve_equilibrium(straight_beam(TUBE, L, 4), WALL, both_ends(shift=np.array([0.0, d, 0.0])))
+    wall, support = rest.reactions
+    np.testing.assert_allclose(support.force, [0.0, 12.0 * EI * d / L**3, 0.0], atol=1e-10)
+    np.testing.assert_allclose(wall.moment, [0.0, 0.0, -6.0 * EI * d / L**2], atol=1e-10)
+    rest = solve_equilibrium(straight_beam(TUBE, L, 4), WALL, both_ends(turn=np.array([0.0, d, 0.0])))
+    wall, support = rest.reactions
+    np.testing.assert_allclose(support.moment, [0.0, 4.0 * EI * d / L, 0.0], atol=1e-10)
+    np.testing.assert_allclose(wall.moment, [0.0, 2.0 * EI * d / L, 0.0], atol=1e-10)
+
+
+def test_a_prescribed_turn_of_any_size_carries_a_free_end_along() -> None:
+    axes, turn = rotation_exp(np.array([0.5, 0.1, -0.3])), np.array([0.4, -1.1, 1.6])
+    shift = np.array([3.0, -1.0, 0.5])
+    case = LoadCase(name="turn", prescribed=(Clamp(node="a", axes=axes, shift=shift, turn=turn),))
+    rest = solve_equilibrium(
+        straight_beam(TUBE, L, 4), Environment(title="free", gravity=NONE, clamps=()), case
+    )
+    R = rotation_exp(axes @ turn)
+    np.testing.assert_allclose(tip(rest), axes @ shift + R @ [L, 0.0, 0.0], atol=1e-8)
+    np.testing.assert_allclose(rest.config.R[1], R, atol=1e-8)
+    modes = solve_modes(rest)
+    want = solve_modes(solve_equilibrium(straight_beam(TUBE, L, 4), WALL))
+    np.testing.assert_allclose(modes.omega[:6], want.omega[:6], rtol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_reactions_balance_random_load_cases(seed: int) -> None:
+    rng = np.random.default_rng([41, seed])
+    rest, places, pulls, moments = random_case(rng)
+    assert rest.converged
+    where = dict(zip(rest.model.frames, rest.config.x, strict=False))
+    force = sum(pulls) + sum(r.force for r in rest.reactions)
+    moment = sum(np.cross(x, p) for x, p in zip(places, pulls, strict=True)) + sum(moments)
+    moment = moment + sum(r.moment + np.cross(where[r.at], r.force) for r in rest.reactions)
+    np.testing.assert_allclose(force, 0.0, atol=1e-7)
+    np.testing.assert_allclose(moment, 0.0, atol=1e-7)
+
+
+def random_case(
+    rng: np.random.Generator,
+) -> tuple[Equilibrium, list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+    """A clamped random frame under weight, forces at offsets, moments and added masses."""
+    places = rng.uniform(-1.0, 1.0, (4, 3))
+    nodes = [node(f"n{i}", p) for i, p in enumerate(places)]
+    light = dataclasses.replace(TUBE, rho_A=0.0)
+    members = [member(f"n{i}", f"n{j}", light, 2) for i, j in ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))]
+    loads = [
+        PointLoad(name=f"p{i}", frame=f"n{i}", force=f, moment=m, offset=o)
+        for i, (f, m, o) in enumerate(rng.standard_normal((4, 3, 3)) * [[[3.0], [2.0], [0.1]]])
+    ]
+    lumps = [dataclasses.replace(body(m), cg=rng.uniform(-0.1, 0.1, 3)) for m in rng.uniform(0.1, 1.0, 4)]
+    masses = [AddedMass(f"m{i}", f"n{i}", lump) for i, lump in enumerate(lumps)]
+    gravity = rng.standard_normal(3)
+    clamps = (
+        Clamp(node="n0", along="xz", about="yz", axes=rotation_exp(rng.standard_normal(3))),
+        Clamp(node="n1", along="xyz", about="", axes=rotation_exp(rng.standard_normal(3))),
+        Clamp(node="n3", along="y", about="", axes=rotation_exp(rng.standard_normal(3))),
+    )
+    rest = solve_equilibrium(
+        structure(nodes, members),
+        Environment(title="bench", gravity=gravity, clamps=clamps),
+        LoadCase(name="all", loads=tuple(loads), masses=tuple(masses)),
+    )
+    x, R = rest.config.x, rest.config.R
+    at = [x[i] + R[i] @ p.offset for i, p in enumerate(loads)]
+    at += [x[i] + R[i] @ m.body.cg for i, m in enumerate(masses)]
+    pulls = [*(p.force for p in loads), *(m.body.mass * gravity for m in masses)]
+    return rest, at, pulls, [p.moment for p in loads]
+
+
+def free_bar() -> Structure:
+    return structure([node("a", (0, 0, 0), body(1.0, inertia=(1, 1, 1)))])
+
+
+def test_what_cannot_be_at_rest_is_refused() -> None:
+    orbit = Environment.orbit()
+    thrust = PointLoad(name="thrust", frame="a", force=np.array([1.0, 0.0, 0.0]))
+    couple = PointLoad(name="couple", frame="a", moment=np.array([1.0, 0.0, 0.0]))
+    with pytest.raises(EquilibriumError, match=r"do not balance.*falls along \[1.0, 0.0, 0.0\]"):
+        solve_equilibrium(free_bar(), orbit, LoadCase(name="c", loads=(thrust,)))
+    with pytest.raises(EquilibriumError, match="turn the free article"):
+        solve_equilibrium(free_bar(), orbit, LoadCase(name="c", loads=(couple,)))
+    with pytest.raises(ConfigError, match="a second load 'thrust'"):
+        solve_equilibrium(free_bar(), orbit, LoadCase(name="c", loads=(thrust, thrust)))
+    lost = dataclasses.replace(thrust, frame="q")
+    with pytest.raises(ConfigError, match="names frame 'q', which there is not"):
+        solve_equilibrium(free_bar(), orbit, LoadCase(name="c", loads=(lost,)))
+
+
+def test_a_load_on_what_is_held_goes_into_the_reaction_alone() -> None:
+    beam = straight_beam(TUBE, L, 2)
+    load = PointLoad(name="push", frame="a", force=np.array([1.0, 2.0, 3.0]))
+    rest = solve_equilibrium(beam, WALL, LoadCase(name="c", loads=(load,)))
+    np.testing.assert_allclose(rest.reactions[0].force, [-1.0, -2.0, -3.0])
+    np.testing.assert_array_equal(rest.config.x, rest.model.rest.x)
+
+
+def test_gravity_and_a_load_may_balance() -> None:
+    rest = solve_equilibrium(
+        free_bar(),
+        Environment(title="lab", gravity=GRAVITY),
+        LoadCase(name="c", loads=(PointLoad(name="up", frame="a", force=-GRAVITY),)),
+    )
+    assert rest.converged
