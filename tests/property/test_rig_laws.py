@@ -116,7 +116,6 @@ def test_an_encoder_is_right_to_half_a_step_and_odd(seed):
     assert np.array_equal(run(rig_of(plant, sensor=Encoder(step)), -u).readings, -counted)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seeds, st.sampled_from([0.0, 1.0, 2.0, 0.37, 1.5, 4.9]), st.integers(1, 3), st.booleans())
 def test_with_nothing_switched_on_it_is_the_sampled_plant(seed, delay, steps, accelerates):
     """In blocks and tick by tick, angles and accelerations, with whatever delay."""
