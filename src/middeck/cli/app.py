@@ -11,6 +11,7 @@ from middeck import __version__
 
 VERBS = (
     "study",
+    "convert",
     "check",
     "level",
     "modes",

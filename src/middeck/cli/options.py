@@ -20,6 +20,7 @@ COMMANDS = (".csv", ".npz")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")
 RESPONSES = (".uff", ".unv", ".uf", ".58")
 STREAMS = (".h5", ".hdf5", ".csv")
+ARTICLES = (".toml",)
 
 
 class Verb(click.Command):

@@ -121,7 +121,7 @@ def _rods(structure: Structure) -> _Rods:
         return np.array([getattr(s, name) for s in sections], dtype=float)
 
     return _Rods(
-        x + geometry.reach[:, :1] * along,
+        x + geometry.offset[:, 0],
         along,
         geometry.length,
         geometry.triad,
