@@ -29,14 +29,10 @@ class Card(NamedTuple):
         return next(line for first, line in reversed(self.lines) if first <= field or not first)
 
 
-class _Row(NamedTuple):
-    """One line cut up: a card's name or a continuation's mark, the fields, and the mark at the end."""
-
-    head: str
-    fields: list[str]
-    tail: str
-    large: bool
-    line: Line
+# One line cut up: a card's name or a continuation's mark, the fields, the mark at the end, whether its fields
+# are large, and the line. A plain tuple, for there are as many as lines.
+_Row = tuple[str, list[str], str, bool, Line]
+HEAD, TAIL, LINE = 0, 2, 4
 
 
 def join_cards(lines: Iterable[Line]) -> list[Card]:
@@ -50,14 +46,15 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
         if isinstance(row, Fault):
             faults.append(row)
             continue
-        if row.head and row.head[0] not in MARKS:
+        head = row[HEAD]
+        if head[0] not in MARKS:
             group = [row]
             groups.append(group)
             continue
-        mark = row.head[1:].strip()
+        mark = head[1:].strip()
         if not group:
             faults.append(_fault(line, "a continuation of nothing"))
-        elif not mark or _mark(group[-1].tail) == mark:
+        elif not mark or _mark(group[-1][TAIL]) == mark:
             group.append(row)
         else:
             group = [row]
@@ -65,7 +62,8 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     if apart:
         faults += _adopt(groups, apart)
     for group in groups:
-        faults += _forgotten(group)
+        if group[-1][TAIL]:
+            faults += _forgotten(group)
     raise_faults(faults)
     return [_joined(group) for group in groups]
 
@@ -79,21 +77,21 @@ def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
     faults: list[Fault] = []
     waiting: dict[str, list[list[_Row]]] = {}
     for group in apart:
-        waiting.setdefault(group[0].head[1:].strip(), []).append(group)
+        waiting.setdefault(group[0][HEAD][1:].strip(), []).append(group)
     for mark, found in waiting.items():
-        faults += [_fault(g[0].line, f"a second continuation {mark!r}") for g in found[1:]]
+        faults += [_fault(g[0][LINE], f"a second continuation {mark!r}") for g in found[1:]]
     asked: dict[str, Line] = {}
     for group in groups:
-        mark = _mark(group[-1].tail)
+        mark = _mark(group[-1][TAIL])
         while mark in waiting:
             if mark in asked:
-                faults.append(_fault(group[-1].line, f"a second card that goes on at {mark!r}"))
+                faults.append(_fault(group[-1][LINE], f"a second card that goes on at {mark!r}"))
                 break
-            asked[mark] = group[-1].line
+            asked[mark] = group[-1][LINE]
             group += waiting[mark][0]
-            mark = _mark(group[-1].tail)
+            mark = _mark(group[-1][TAIL])
     faults += [
-        _fault(g[0].line, f"a continuation {mark!r} of no card")
+        _fault(g[0][LINE], f"a continuation {mark!r} of no card")
         for mark, (g, *_) in waiting.items()
         if mark not in asked
     ]
@@ -102,48 +100,48 @@ def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
 
 def _forgotten(group: list[_Row]) -> list[Fault]:
     """A last row that announces a continuation, with a mark of its own, which is nowhere."""
-    tail = group[-1].tail
+    tail = group[-1][TAIL]
     if tail[:1] in MARKS and tail[1:].strip():
-        return [_fault(group[-1].line, f"the continuation {tail[1:].strip()!r} is missing")]
+        return [_fault(group[-1][LINE], f"the continuation {tail[1:].strip()!r} is missing")]
     return []
 
 
 def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
-    return Fault(
-        file=line.file, line=line.number, key="", message=message, value=line.text.strip()[:40], hint=hint
-    )
+    text, file, number = line
+    return Fault(file=file, line=number, key="", message=message, value=text.strip()[:40], hint=hint)
 
 
 def _joined(group: list[_Row]) -> Card:
+    head, first, _, _, line = group[0]
+    if len(group) == 1:
+        while first and not first[-1]:
+            first.pop()
+        return Card(head, tuple(first), ((0, line),))
     fields: list[str] = []
     lines: list[tuple[int, Line]] = []
     half = False
-    for row in group:
-        if half and not row.large:
+    for _, row_fields, _, large, line in group:
+        if half and not large:
             fields += [""] * (ROW // 2)
-        half = row.large and not half
-        lines.append((len(fields), row.line))
-        fields += row.fields
+        half = large and not half
+        lines.append((len(fields), line))
+        fields += row_fields + [""] * ((ROW // 2 if large else ROW) - len(row_fields))
     while fields and not fields[-1]:
         fields.pop()
-    return Card(group[0].head, tuple(fields), tuple(lines))
+    return Card(head, tuple(fields), tuple(lines))
 
 
 def _cut(line: Line) -> _Row | Fault:
-    text = line.text.upper()
+    text = line[0].upper()
     if "," in text:
         return _cut_free(text, line)
     if "\t" in text:
         text = text.expandtabs(8)
-    head = text[:8].strip()
+    head, end = text[:8].strip(), len(text)
+    tail = text[72:80].strip() if end > 72 else ""
     if "*" in head:
-        fields = [text[8:24].strip(), text[24:40].strip(), text[40:56].strip(), text[56:72].strip()]
-        return _Row(_large(head), fields, text[72:80].strip(), True, line)
-    fields = [
-        text[8:16].strip(), text[16:24].strip(), text[24:32].strip(), text[32:40].strip(),
-        text[40:48].strip(), text[48:56].strip(), text[56:64].strip(), text[64:72].strip(),
-    ]  # fmt: skip
-    return _Row(head or "+", fields, text[72:80].strip(), False, line)
+        return _large(head), [text[i : i + 16].strip() for i in range(8, min(end, 72), 16)], tail, True, line
+    return head or "+", [text[i : i + 8].strip() for i in range(8, min(end, 72), 8)], tail, False, line
 
 
 def _large(head: str) -> str:
@@ -158,5 +156,5 @@ def _cut_free(text: str, line: Line) -> _Row | Fault:
     if any(fields[room + 1 :]):
         return _fault(line, f"more than {room} fields in one line", "break it with a continuation")
     tail = fields[room] if len(fields) > room else ""
-    fields = (fields + [""] * room)[:room]
-    return _Row(_large(head) if large else head or "+", fields, tail, large, line)
+    fields = fields[:room]
+    return _large(head) if large else head or "+", fields, tail, large, line

@@ -33,7 +33,7 @@ def read_selection(lines: Iterable[Line]) -> Selection:
     where: dict[str, Line] = {}
     params: list[Line] = []
     for line in lines:
-        text = line.text.upper()
+        text = line[0].upper()
         if re.match(r"\s*PARAM\s*[, ]", text):
             params.append(line)
             continue

@@ -23,13 +23,11 @@ from middeck.structure.model.connectivity import separate_parts, some_names
 __all__ = ["Conversion", "Formulation", "convert_deck", "likely_units", "read_deck"]
 
 Formulation = Literal["consistent", "coupled", "lumped"]
+REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
 NO_PART = {
     "loads are no part of an article": ("GRAV", "FORCE", "MOMENT", "LOAD"),
-    "sets of a reduction: the article is not reduced": (
-        *("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1"),
-        "SPOINT",
-    ),
+    "sets of a reduction: the article is not reduced": (*REDUCTION, "SPOINT"),
     "an article that is free needs none": ("SUPORT", "SUPORT1"),
     "how to solve": ("EIGR", "EIGRL"),
 }
@@ -41,7 +39,8 @@ ROUNDING = 1e-12
 class Conversion(NamedTuple):
     """An article's document, and what became of the cards.
 
-    ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why); ``notes`` are sentences for the report.
+    ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
+    ``notes`` are sentences for the report.
     """
 
     document: dict[str, Any]
@@ -194,8 +193,8 @@ class _Converter:
             line = selection.lines[command]
             faults.append(
                 Fault(
-                    file=line.file,
-                    line=line.number,
+                    file=line[1],
+                    line=line[2],
                     key=command,
                     message="matrices by direct input are not converted yet",
                     value=matrix,
@@ -204,7 +203,7 @@ class _Converter:
         if selection.sets.get("NSM"):
             line = selection.lines["NSM"]
             faults.append(
-                Fault(file=line.file, line=line.number, key="NSM", message="NSM sets are not converted yet")
+                Fault(file=line[1], line=line[2], key="NSM", message="NSM sets are not converted yet")
             )
 
     def _check_whole(self, kept: set[int], bars: list[Bar], carriers: dict[int, int]) -> None:

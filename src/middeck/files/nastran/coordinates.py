@@ -92,8 +92,7 @@ class _Resolver:
             if cp is None:
                 cp = self.cp
             if cp == 0:
-                values = entry.values
-                self.grids[number] = np.array((values["x1"], values["x2"], values["x3"]))
+                self.grids[number] = np.array(entry.values[2:5])
             else:
                 self._resolve(("grid", number), entry)
         raise_some(list(self.faults.values()))

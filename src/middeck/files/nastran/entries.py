@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from middeck.files.faults import Fault, nearest, raise_faults
@@ -13,12 +14,15 @@ from middeck.files.nastran.formats import (
     IDLE,
     NOT_YET,
     PARSED,
+    PLACES,
     REDUCE,
     REQUIRED,
     Format,
 )
 from middeck.files.nastran.numbers import integer, real
 
+# Names of which two may stand on one card.
+DOUBLE = frozenset(("PELAS", "CORD1R", "CORD1C", "CORD1S"))
 SHOWN = 20  # faults in one report
 # Names that share one space of numbers.
 SPACES = {
@@ -30,31 +34,31 @@ SPACES = {
     **{name: name for name in ("MAT1", "PARAM", "GRDSET", "BAROR", "BEAMOR", "EIGRL", "EIGR", "SUPORT1")},
 }
 WANTED = {
-    "n": "an integer > 0",
-    "i": "an integer",
-    "r": "a real number, with a decimal point",
-    "g": "a grid or a real number, with a decimal point",
-    "c": "components out of 123456",
-    "t": "a name",
-    "-": "blank",
+    "n": "must be an integer > 0",
+    "i": "must be an integer",
+    "r": "must be a real number, with a decimal point",
+    "g": "must be a grid or a real number, with a decimal point",
+    "c": "must be components out of 123456",
+    "t": "must be a name",
+    "-": "must be blank",
 }
 
 
 class Entry(NamedTuple):
-    """A card with its fields by name; a blank field without a default is None."""
+    """A card with the values of its fields in their order; a blank field without a default is None."""
 
     name: str
-    values: dict[str, Any]
+    values: tuple[Any, ...]
     card: Card
 
     def __getitem__(self, key: Any) -> Any:
-        """The value of the field ``key``."""
-        return self.values[key]
+        """The value of the field that is named ``key``."""
+        return self.values[PLACES[self.name][key]]
 
     @property
     def id(self) -> Any:
         """What it goes by: its first field."""
-        return next(iter(self.values.values()), None)
+        return self.values[0]
 
     @property
     def label(self) -> str:
@@ -63,19 +67,23 @@ class Entry(NamedTuple):
 
     def fault(self, message: str, key: str = "", hint: str = "") -> Fault:
         """A complaint about the field ``key`` or about the whole card."""
-        place, field = 0, ""
-        if key:
-            names = [f.name for f in PARSED[self.name].fields]
-            place = names.index(key) if key in names else len(names)
-            field = f" field {_number(place)} ({key.upper()})"
-        line = self.card.line(place)
-        value = self.card.fields[place] if key and place < len(self.card.fields) else ""
+        if not key:
+            _, file, number = self.card.line()
+            return Fault(file=file, line=number, key=self.label, message=message, hint=hint)
+        return self.fault_at(PLACES[self.name][key], message, hint)
+
+    def fault_at(self, place: int, message: str, hint: str = "") -> Fault:
+        """A complaint about the field at ``place``; the first after the name is 0."""
+        layout, fields = PARSED[self.name], self.card.fields
+        field = layout.fields[place] if place < len(layout.fields) else layout.rest
+        named = f" ({field.name.upper()})" if field and field.name else ""
+        _, file, number = self.card.line(place)
         return Fault(
-            file=line.file,
-            line=line.number,
-            key=f"{self.label}{field}",
+            file=file,
+            line=number,
+            key=f"{self.name} {fields[0] if fields else ''} field {_number(place)}{named}",
             message=message,
-            value=value,
+            value=fields[place] if place < len(fields) else "",
             hint=hint,
         )
 
@@ -101,32 +109,39 @@ def read_entries(cards: Iterable[Card]) -> Entries:
     Raises `ConfigError` with everything wrong: fields, unknown cards, elements that are not read, and numbers
     given twice with unequal content.
     """
+    groups: dict[str, list[Card]] = {}
+    for card in cards:
+        groups.setdefault(card.name, []).append(card)
     faults: list[Fault] = []
     by_name: dict[str, list[Entry]] = {}
     seen: dict[tuple[str, Any], Entry] = {}
     idle: Counter[str] = Counter()
-    refused: dict[str, list[Card]] = {}
-    reals: dict[str, float] = {}
-    for card in cards:
-        layout = PARSED.get(card.name)
-        if layout is None:
-            if card.name in IDLE:
-                idle[card.name] += 1
-            else:
-                refused.setdefault(card.name, []).append(card)
-            continue
-        for part in _halves(card):
-            entry = _read(part, layout, reals, faults)
-            space = SPACES.get(card.name)
-            if space is not None:
-                other = seen.setdefault((space, entry.id), entry)
-                if other is not entry:
-                    faults += _twice(entry, other, space)
-                    continue
-            by_name.setdefault(card.name, []).append(entry)
-    faults += [_refusal(name, found) for name, found in refused.items()]
+    for name, found in groups.items():
+        layout = PARSED.get(name)
+        if layout is not None:
+            found = [part for card in found for part in _halves(card)] if name in DOUBLE else found
+            read = _read(name, found, layout, faults)
+            by_name[name] = _distinct(read, SPACES[name], seen, faults) if name in SPACES else read
+        elif name in IDLE:
+            idle[name] = len(found)
+        else:
+            faults.append(_refusal(name, found))
     raise_some(faults)
     return Entries(by_name, idle)
+
+
+def _distinct(
+    entries: list[Entry], space: str, seen: dict[tuple[str, Any], Entry], faults: list[Fault]
+) -> list[Entry]:
+    """The ``entries`` without equal duplicates; unequal ones are faults."""
+    kept: list[Entry] = []
+    for entry in entries:
+        other = seen.setdefault((space, entry.id), entry)
+        if other is entry:
+            kept.append(entry)
+        else:
+            faults += _twice(entry, other, space)
+    return kept
 
 
 def raise_some(faults: Sequence[Fault]) -> None:
@@ -140,50 +155,34 @@ def raise_some(faults: Sequence[Fault]) -> None:
     raise_faults(faults)
 
 
-def _read(card: Card, layout: Format, reals: dict[str, float], faults: list[Fault]) -> Entry:
-    values: dict[str, Any] = {}
-    entry = Entry(card.name, values, card)
-    fields, given = card.fields, len(card.fields)
-    wrong: list[tuple[int, str, str]] = []
-    for place, (name, kind, default) in enumerate(layout.fields):
-        text = fields[place] if place < given else ""
-        if text:
-            value = reals.get(text) if kind == "r" else None
-            if value is None:
-                value = _value(text, kind, reals)
-                if value is None and kind != "*":
-                    wrong.append((place, name, f"must be {WANTED[kind]}"))
-        else:
-            value = default
-            if default is REQUIRED:
-                value = None
-                wrong.append((place, name, f"missing: {WANTED[kind]}"))
-        if name:
-            values[name] = value
-    count = len(layout.fields)
-    if layout.rest is not None:
-        rest = [(_value(t, layout.rest.kind, reals) if t else None) for t in fields[count:]]
-        values[layout.rest.name] = rest
-        wrong += [
-            (count + i, layout.rest.name, f"must be {WANTED[layout.rest.kind]}")
-            for i, value in enumerate(rest)
-            if value is None and fields[count + i]
-        ]
-    else:
-        wrong += [(i, "", "must be blank") for i in range(count, given) if fields[i]]
-    for place, name, message in wrong:
-        line = card.line(place)
-        named = f" ({name.upper()})" if name else ""
-        faults.append(
-            Fault(
-                file=line.file,
-                line=line.number,
-                key=f"{card.name} {fields[0] if fields else ''} field {_number(place)}{named}",
-                message=message,
-                value=fields[place] if place < given else "",
-            )
-        )
-    return entry
+def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> list[Entry]:
+    """The cards of one name, field by field over all of them: a text that many have is looked at once."""
+    count, rest = len(layout.fields), layout.rest
+    columns = list(zip_longest(*(card.fields[:count] for card in cards), fillvalue=""))
+    columns += [("",) * len(cards)] * (count - len(columns))
+    wrong: list[tuple[int, int, str]] = []
+    read: list[list[Any]] = []
+    for place, (field, texts) in enumerate(zip(layout.fields, columns, strict=True)):
+        values = {text: _value(text, field.kind) for text in set(texts)}
+        bad = {text for text, value in values.items() if value is None and text and field.kind != "*"}
+        values[""] = None if field.default is REQUIRED else field.default
+        if bad or (field.default is REQUIRED and "" in texts):
+            missing = f"missing; {WANTED[field.kind]}"
+            wrong += [(i, place, WANTED[field.kind]) for i, text in enumerate(texts) if text in bad]
+            if field.default is REQUIRED:
+                wrong += [(i, place, missing) for i, text in enumerate(texts) if not text]
+        read.append(list(map(values.__getitem__, texts)))
+    if rest is not None:
+        read.append([[_value(t, rest.kind) if t else None for t in card.fields[count:]] for card in cards])
+    for i, card in enumerate(cards):
+        if len(card.fields) > count:
+            more = card.fields[count:]
+            found = [None] * len(more) if rest is None else read[-1][i]
+            what = WANTED.get("-" if rest is None else rest.kind, "")
+            wrong += [(i, count + k, what) for k, text in enumerate(more) if text and found[k] is None]
+    entries = [Entry(name, row, card) for card, row in zip(cards, zip(*read, strict=True), strict=True)]
+    faults += [entries[i].fault_at(place, what) for i, place, what in sorted(wrong)]
+    return entries
 
 
 def _number(place: int) -> int:
@@ -191,17 +190,14 @@ def _number(place: int) -> int:
     return place + 2 + 2 * (place // 8)
 
 
-def _value(text: str, kind: str, reals: dict[str, float]) -> Any:
+def _value(text: str, kind: str) -> Any:
     """The value of a field that is not blank; None if it is not of its kind."""
+    if kind == "r":
+        return real(text)
+    if kind in "ni":
+        value = integer(text)
+        return None if value is None or (kind == "n" and value <= 0) else value
     match kind:
-        case "n" | "i":
-            value = integer(text)
-            return None if value is None or (kind == "n" and value <= 0) else value
-        case "r":
-            value = real(text)
-            if value is not None:
-                reals[text] = value
-            return value
         case "g":
             value = integer(text)
             return real(text) if value is None else value
@@ -218,10 +214,9 @@ def _value(text: str, kind: str, reals: dict[str, float]) -> Any:
 
 def _halves(card: Card) -> list[Card]:
     """Two coordinate systems, or two springs, may stand on one card."""
-    width = {"CORD1": 4, "PELAS": 4}.get(card.name[:5])
-    if width is None or not any(card.fields[width:]):
+    if not any(card.fields[4:]):
         return [card]
-    return [Card(card.name, part, card.lines) for part in (card.fields[:width], card.fields[width:])]
+    return [Card(card.name, part, card.lines) for part in (card.fields[:4], card.fields[4:])]
 
 
 def _twice(entry: Entry, other: Entry, space: str) -> list[Fault]:
@@ -231,7 +226,7 @@ def _twice(entry: Entry, other: Entry, space: str) -> list[Fault]:
     return [
         entry.fault(
             f"a second {space} {entry.id} with other content; the first is {other.label} "
-            f"at {line.file}:{line.number}",
+            f"at {line[1]}:{line[2]}",
             hint="leave one of them out",
         )
     ]
@@ -249,4 +244,4 @@ def _refusal(name: str, found: list[Card]) -> Fault:
             f"no card of this name ({count})",
             nearest(name, [*PARSED, *IDLE]) if name.isalnum() else "columns of eight, or commas",
         )
-    return Fault(file=line.file, line=line.number, key=name, message=message, hint=hint)
+    return Fault(file=line[1], line=line[2], key=name, message=message, hint=hint)

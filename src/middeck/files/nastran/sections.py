@@ -17,12 +17,8 @@ PATH_LINES = 8
 DEPTH = 32
 
 
-class Line(NamedTuple):
-    """A line of a file, without its end and its comment."""
-
-    text: str
-    file: str
-    number: int
+# A line of a file without its end and its comment, the file, and its number. A plain tuple: there are many.
+Line = tuple[str, str, int]
 
 
 class Sections(NamedTuple):
@@ -44,7 +40,7 @@ def read_sections(path: str | Path) -> Sections:
     reader = _Reader(Path(path))
     reader.read(Path(path), ())
     head, bulk = reader.head, reader.bulk
-    cend = next((i for i, line in enumerate(head) if _CEND.match(line.text)), None)
+    cend = next((i for i, line in enumerate(head) if _CEND.match(line[0])), None)
     if not reader.begun:
         if cend is not None:
             _cut_off(head[-1], "BEGIN BULK")
@@ -61,8 +57,8 @@ def read_sections(path: str | Path) -> Sections:
 def _cut_off(last: Line, end: str) -> None:
     raise_fault(
         Fault(
-            file=last.file,
-            line=last.number,
+            file=last[1],
+            line=last[2],
             key="",
             message=f"the deck ends here without {end}",
             hint="is the file whole?",
@@ -95,23 +91,23 @@ class _Reader:
                 include = _INCLUDE.match(text)
                 if include:
                     named, number = _quoted(include.group(1), texts, number)
-                    self._include(named, Line(text, file, number), path, within)
+                    self._include(named, (text, file, number), path, within)
                     continue
                 if _BEGIN.match(text):
-                    self._begin(Line(text, file, number))
+                    self._begin((text, file, number))
                     continue
                 if _ENDDATA.match(text):
                     # A bulk data file of its own may end likewise.
                     self.ended = True
                     continue
-            (self.bulk if self.begun else self.head).append(Line(text, file, number))
+            (self.bulk if self.begun else self.head).append((text, file, number))
 
     def _begin(self, line: Line) -> None:
-        if self.begun or "SUPER" in line.text.upper():
+        if self.begun or "SUPER" in line[0].upper():
             raise_fault(
                 Fault(
-                    file=line.file,
-                    line=line.number,
+                    file=line[1],
+                    line=line[2],
                     key="BEGIN",
                     message="a second bulk data section: part superelements are not read",
                     hint="a deck without superelements",
@@ -124,8 +120,8 @@ class _Reader:
         places = list(dict.fromkeys((path.parent / given, self.deck.parent / given)))
         found = next((place for place in places if place.is_file()), None)
         fault = Fault(
-            file=line.file,
-            line=line.number,
+            file=line[1],
+            line=line[2],
             key="INCLUDE",
             message="there is no such file",
             value=named,
@@ -139,7 +135,7 @@ class _Reader:
         chain = (*within, path.resolve())
         if found.resolve() in chain or len(chain) > DEPTH:
             raise_fault(
-                Fault(file=line.file, line=line.number, key="INCLUDE", message="includes itself", value=named)
+                Fault(file=line[1], line=line[2], key="INCLUDE", message="includes itself", value=named)
             )
         self.read(found, chain)
 

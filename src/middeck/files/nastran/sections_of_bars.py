@@ -105,7 +105,7 @@ class Sections:
 
 
 def read_material(card: Entry) -> Material:
-    """Moduli of a MAT1, of which one may follow from the others; raises `ValueError` for those of no solid."""
+    """Moduli of a MAT1, one of which may follow from others; raises `ValueError` for those of no solid."""
     E, G, nu = card["e"], card["g"], card["nu"]
     if E is None and G is not None and nu is not None:
         E = 2.0 * (1.0 + nu) * G
@@ -154,10 +154,9 @@ def _constant_beam(entry: Entry) -> tuple[float, float]:
             raise ValueError("a beam that tapers is not converted yet")
         stress = rows[0][0] == "YES" or (len(rows) > 1 and not any(rows[1]))
         rows = rows[2 if stress else 1 :]
-    values = [real(text) if text else None for row in rows for text in row]
-    if any(
-        value is None and text for value, text in zip(values, [t for row in rows for t in row], strict=True)
-    ):
+    texts = [text for row in rows for text in row]
+    values = [real(text) if text else None for text in texts]
+    if any(text and value is None for text, value in zip(texts, values, strict=True)):
         raise ValueError("a field of its last lines is not a real number")
     values += [None] * (2 * ROW - len(values))
     if len(values) > 2 * ROW or any(value for value in values[4:]):
