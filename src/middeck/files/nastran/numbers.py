@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import re
 
-_REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d{1,4})|[ED](\d{1,4}))?")
+_REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d{1,4})|[ED](\d{1,4}))?", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d{1,15}", re.ASCII)
-DIGITS = 16
 
 
 def real(text: str) -> float | None:
@@ -16,7 +15,7 @@ def real(text: str) -> float | None:
     >>> real("6.894+7"), real("2.74-6"), real("1.D3"), real(".5"), real("7")
     (68940000.0, 2.74e-06, 1000.0, 0.5, None)
     """
-    if "." in text and "_" not in text:  # what Python writes alike, at a third of the time
+    if "." in text and "_" not in text and text.isascii():  # what Python writes alike, at a third of the time
         try:
             value = float(text)
         except ValueError:
@@ -38,4 +37,4 @@ def integer(text: str) -> int | None:
     >>> integer("-12"), integer("12."), integer("1 2")
     (-12, None, None)
     """
-    return int(text) if (text.isdecimal() and len(text) < DIGITS) or _INTEGER.fullmatch(text) else None
+    return int(text) if _INTEGER.fullmatch(text) else None
