@@ -112,7 +112,7 @@ class _Converter:
             "section": sections,
             "node": [self._node(grid, bodies.get(grid)) for grid in self.places.grids if grid in kept],
             "strut": struts,
-            "attach": [self._rider(grid, carriers[grid]) for grid in self.places.grids if grid in carriers],
+            "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept],
         }
         converted = Counter(bar.entry.name for bar in bars)
         converted.update(entry.name for entry in entries.of("CONM1", "CONM2"))

@@ -40,6 +40,7 @@ WANTED = {
     "g": "must be a grid or a real number, with a decimal point",
     "c": "must be components out of 123456",
     "t": "must be a name",
+    "a": "must not be blank",
     "-": "must be blank",
 }
 
@@ -163,7 +164,7 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
     wrong: list[tuple[int, int, str]] = []
     read: list[list[Any]] = []
     for place, (field, texts) in enumerate(zip(layout.fields, columns, strict=True)):
-        values = {text: _value(text, field.kind) for text in set(texts)}
+        values = {text: _value(text, field.kind) for text in set(texts) - {""}}
         bad = {text for text, value in values.items() if value is None and text and field.kind != "*"}
         values[""] = None if field.default is REQUIRED else field.default
         if bad or (field.default is REQUIRED and "" in texts):
@@ -178,7 +179,7 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
         if len(card.fields) > count:
             more = card.fields[count:]
             found = [None] * len(more) if rest is None else read[-1][i]
-            what = WANTED.get("-" if rest is None else rest.kind, "")
+            what = WANTED["-" if rest is None else rest.kind]
             wrong += [(i, count + k, what) for k, text in enumerate(more) if text and found[k] is None]
     entries = [Entry(name, row, card) for card, row in zip(cards, zip(*read, strict=True), strict=True)]
     faults += [entries[i].fault_at(place, what) for i, place, what in sorted(wrong)]
