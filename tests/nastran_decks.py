@@ -100,7 +100,7 @@ def components(
     return np.array([along @ e_r, along @ e_polar, along @ e_phi])
 
 
-def random_deck(seed: int, coupled: bool = True, grids: int = 9) -> RandomDeck:
+def random_deck(seed: int, rods: bool = False, grids: int = 9) -> RandomDeck:
     """Bars in a tree with extra ones, coordinate systems in chains, offsets, rigid links and masses."""
     rng = np.random.default_rng(seed)
     lines: list[str] = []
@@ -168,6 +168,15 @@ def random_deck(seed: int, coupled: bool = True, grids: int = 9) -> RandomDeck:
         bars.append(
             {"ends": (a, b), "arms": w, "up": up if g0 is None else places[g0] - places[a], **properties[pid]}
         )
+    for k in range(2 if rods else 0):
+        a, b = (int(n) for n in rng.choice(names[:-3], 2, replace=False))
+        rod = {"A": 1e-4 * rng.uniform(1, 3), "I1": 0.0, "I2": 0.0, "I12": 0.0, "J": 1.7e-9, "nsm": 0.13 * k}
+        if k:
+            lines += card(rng, "CONROD", 200, a, b, 3, rod["A"], rod["J"], None, rod["nsm"])
+        else:
+            lines += card(rng, "PROD", 8, 3, rod["A"], rod["J"]) + card(rng, "CROD", 201, 8, a, b)
+        none = np.zeros(3)
+        bars.append({"ends": (a, b), "arms": [none, none], "up": rng.standard_normal(3), **rod})
     bodies: list[dict[str, Any]] = []
     for k, grid in enumerate((names[2], names[-1], names[-1])):
         mass, arm, R = rng.uniform(0.1, 1.0), 0.1 * rng.standard_normal(3), turned(rng)
@@ -193,7 +202,7 @@ def random_deck(seed: int, coupled: bool = True, grids: int = 9) -> RandomDeck:
             own[2, 2],
         )
         bodies.append({"grid": grid, "mass": mass, "arm": arm, "inertia": inertia})
-    head = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", *(["PARAM   COUPMASS1"] if coupled else [])]
+    head = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", "PARAM   COUPMASS1"]
     return RandomDeck("\n".join([*head, *lines, "ENDDATA", ""]), places, bars, riders, bodies)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -95,7 +94,7 @@ class _Converter:
         used = {grid for bar in bars for grid in bar.grids} | {mass.grid for mass in masses}
         carriers = find_carriers(entries, self.places.grids, used)
         self._check_unconverted(used, carriers, faults)
-        self._check_rods(bars, faults)
+        self._check_rods(bars, carriers, faults)
         raise_some(faults)
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in _halves(bar)]
@@ -122,16 +121,15 @@ class _Converter:
         return Conversion(document, read, dict(converted), tuple(self.left_out), tuple(self.notes))
 
     def _check_systems(self, faults: list[Fault]) -> None:
-        for entry in self.deck.entries.of("GRID"):
+        for entry in self.deck.entries.of("GRDSET", "GRID"):
             cd = entry["cd"]
             if cd is not None and cd > 0 and cd not in self.places.systems:
                 faults.append(entry.fault(f"there is no coordinate system {cd}", "cd"))
+        raise_some(faults)
 
-    def _check_rods(self, bars: Iterable[Bar], faults: list[Fault]) -> None:
+    def _check_rods(self, bars: list[Bar], carriers: dict[int, int], faults: list[Fault]) -> None:
         """A grid that only rods join turns against nothing; the coupled mass of rods is not a bar's."""
-        bars = list(bars)
-        held = {grid for bar in bars if bar.section.shape.i1 > 0.0 for grid in bar.grids}
-        carried = {g for entry in self.deck.entries.of("RBE2", "RBAR") for g in _grids_named(entry)}
+        held = {carriers.get(grid, grid) for bar in bars if bar.section.shape.i1 > 0.0 for grid in bar.grids}
         for bar in bars:
             if bar.entry.name not in ("CROD", "CONROD"):
                 continue
@@ -142,12 +140,11 @@ class _Converter:
                         hint="consistent or lumped mass",
                     )
                 )
-            for grid in bar.grids:
-                if grid not in held and grid not in carried:
-                    faults.append(
-                        bar.entry.fault(f"grid {grid} is joined by rods only: nothing holds its rotation yet")
-                    )
-                    held.add(grid)
+            faults += [
+                bar.entry.fault(f"grid {grid} is joined by rods only: nothing holds its rotation")
+                for grid in bar.grids
+                if carriers.get(grid, grid) not in held
+            ]
 
     def _check_unconverted(self, used: set[int], carriers: dict[int, int], faults: list[Fault]) -> None:
         """Refuse what is not converted yet and would change the modes; list what would not."""
