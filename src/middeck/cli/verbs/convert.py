@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck convert full.dat --units mm-kg-s-mN -o full.toml
-  middeck convert full.dat --units mm-kg-s --mass-formulation coupled -o full.toml
+  middeck convert data/nastran-truss/full.dat --units mm-kg-s-mN -o full.toml
+  middeck convert data/nastran-truss/full.dat --units mm-kg-s \\
+    --mass-formulation coupled --json
 """
 
 
