@@ -251,7 +251,7 @@ def test_moments_of_shapes_are_integrals(name, dims):
 
 
 def test_torsion_constants():
-    """A solid rectangle by its series (Timoshenko and Goodier 1970, article 109); a thin box against a tube."""
+    """A rectangle by its series (Timoshenko and Goodier 1970, article 109), and thin walls."""
     long, short = 3.0, 1.0
     n = np.arange(1, 40, 2)
     exact = (
@@ -293,7 +293,8 @@ def test_units_are_consistent_or_refused():
 def test_a_deck_of_three_files_and_sections(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "a.dat").write_text(
-        "include 'gone.v9'\nSOL 103\nCEND\nMPC = 701\nSPC=5\nBEGIN BULK\nINCLUDE 'sub/\n  b.blk'\nENDDATA\nrubbish\n"
+        "include 'gone.v9'\nSOL 103\nCEND\nMPC = 701\nSPC=5\nBEGIN BULK\n"
+        "INCLUDE 'sub/\n  b.blk'\nENDDATA\nrubbish\n"
     )
     (tmp_path / "sub/b.blk").write_text("GRID,1\ninclude c.blk $ beside\nGRID,2")
     (tmp_path / "sub/c.blk").write_bytes(b"GRID,3\r\n$ \xe9t\xe9\r\nMPC,702,1,1,1.,2,1,-1.\r\n")

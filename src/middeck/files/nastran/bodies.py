@@ -52,7 +52,8 @@ def _together(grid: int, group: list[Mass]) -> Mass:
     if len(group) == 1:
         return group[0]
     total = sum(part.mass for part in group)
-    centre = sum(part.mass * part.centre for part in group) / total if total else group[0].centre
+    moment = sum((part.mass * part.centre for part in group), np.zeros(3))
+    centre = moment / total if total else group[0].centre
     inertia = sum(
         (part.inertia + _moved(part.mass, part.centre - centre) for part in group), np.zeros((3, 3))
     )

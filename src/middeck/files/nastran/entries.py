@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
@@ -23,6 +25,8 @@ from middeck.files.nastran.numbers import integer, real
 
 # Names of which two may stand on one card.
 DOUBLE = frozenset(("PELAS", "CORD1R", "CORD1C", "CORD1S"))
+PLAIN = frozenset("0123456789.+-E")
+DIGITS = 16  # more than an integer may have
 SHOWN = 20  # faults in one report
 # Names that share one space of numbers.
 SPACES = {
@@ -164,6 +168,10 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
     wrong: list[tuple[int, int, str]] = []
     read: list[list[Any]] = []
     for place, (field, texts) in enumerate(zip(layout.fields, columns, strict=True)):
+        numbers = _plain(texts, field.kind)
+        if numbers is not None:
+            read.append(numbers)
+            continue
         values = {text: _value(text, field.kind) for text in set(texts) - {""}}
         bad = {text for text, value in values.items() if value is None and text and field.kind != "*"}
         values[""] = None if field.default is REQUIRED else field.default
@@ -189,6 +197,19 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
 def _number(place: int) -> int:
     """The number of a field on its card as manuals count: 1 is the name, 10 and its like are marks."""
     return place + 2 + 2 * (place // 8)
+
+
+def _plain(texts: tuple[str, ...], kind: str) -> list[Any] | None:
+    """The values of a column without blanks that Python would write alike; None for any other."""
+    whole = "" if "" in texts else "".join(texts)
+    if kind == "r" and whole and PLAIN.issuperset(whole) and all("." in text for text in texts):
+        with contextlib.suppress(ValueError):
+            numbers = list(map(float, texts))
+            return numbers if all(map(math.isfinite, numbers)) else None
+    if kind in "ni" and whole.isdecimal() and whole.isascii() and max(map(len, texts)) < DIGITS:
+        numbers = list(map(int, texts))
+        return numbers if kind == "i" or min(numbers) > 0 else None
+    return None
 
 
 def _value(text: str, kind: str) -> Any:

@@ -106,14 +106,14 @@ class Sections:
 
 def read_material(card: Entry) -> Material:
     """Moduli of a MAT1, one of which may follow from others; raises `ValueError` for those of no solid."""
-    E, G, nu = card["e"], card["g"], card["nu"]
-    if E is None and G is not None and nu is not None:
-        E = 2.0 * (1.0 + nu) * G
-    if G is None:
-        G = 0.0 if nu is None else (E or 0.0) / (2.0 * (1.0 + nu)) if nu > -1.0 else -1.0
-    if E is None or not E > 0.0 or G < 0.0 or card["rho"] < 0.0:
-        raise ValueError(f"MAT1 {card.id} has E = {E}, G = {G}, rho = {card['rho']}, which no solid has")
-    return Material(E, G, card["rho"])
+    young, shear, nu = card["e"], card["g"], card["nu"]
+    if young is None and shear is not None and nu is not None:
+        young = 2.0 * (1.0 + nu) * shear
+    if shear is None:
+        shear = 0.0 if nu is None else (young or 0.0) / (2.0 * (1.0 + nu)) if nu > -1.0 else -1.0
+    if young is None or not young > 0.0 or shear < 0.0 or card["rho"] < 0.0:
+        raise ValueError(f"MAT1 {card.id} has E {young}, G {shear} and rho {card['rho']}: no solid has them")
+    return Material(young, shear, card["rho"])
 
 
 def principal_axes(section: BarSection) -> tuple[SectionShape, float]:

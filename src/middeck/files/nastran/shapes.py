@@ -25,14 +25,24 @@ class SectionShape(NamedTuple):
     k2: float = np.inf
 
 
+def _need(walls: bool) -> None:
+    if not walls:
+        raise ValueError("walls thicker than the section")
+
+
 def _rod(r: float) -> SectionShape:
     i = PI * r**4 / 4.0
     return SectionShape(PI * r * r, i, i, 2.0 * i, 0.9, 0.9)
 
 
 def _tube(outer: float, inner: float) -> SectionShape:
+    _need(outer > inner >= 0.0)
     i = PI * (outer**4 - inner**4) / 4.0
     return SectionShape(PI * (outer**2 - inner**2), i, i, 2.0 * i, 0.5, 0.5)
+
+
+def _tube2(outer: float, thickness: float) -> SectionShape:
+    return _tube(outer, outer - thickness)
 
 
 def _bar(width: float, height: float) -> SectionShape:
@@ -45,6 +55,7 @@ def _bar(width: float, height: float) -> SectionShape:
 
 def _box(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
     w, h = width - 2.0 * t_web, height - 2.0 * t_flange
+    _need(w > 0.0 and h > 0.0)
     around = (width - t_web) / t_flange + (height - t_flange) / t_web
     return SectionShape(
         width * height - w * h,
@@ -58,6 +69,7 @@ def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_
     if lower != upper or t_lower != t_upper:
         raise ValueError("an I whose flanges differ: its shear centre is not its centroid")
     inside = height - 2.0 * t_lower
+    _need(inside > 0.0 and lower > web)
     return SectionShape(
         2.0 * lower * t_lower + inside * web,
         (lower * height**3 - (lower - web) * inside**3) / 12.0,
@@ -67,6 +79,7 @@ def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_
 
 
 def _i1(flange: float, web: float, inside: float, height: float) -> SectionShape:
+    _need(height > inside)
     t, width = (height - inside) / 2.0, flange + web
     return _i(height, width, width, web, t, t)
 
@@ -74,7 +87,7 @@ def _i1(flange: float, web: float, inside: float, height: float) -> SectionShape
 SHAPES: dict[str, tuple[int, Callable[..., SectionShape]]] = {
     "ROD": (1, _rod),
     "TUBE": (2, _tube),
-    "TUBE2": (2, lambda outer, t: _tube(outer, outer - t)),
+    "TUBE2": (2, _tube2),
     "BAR": (2, _bar),
     "BOX": (4, _box),
     "I": (6, _i),
@@ -95,10 +108,4 @@ def section_shape(name: str, dims: list[float]) -> SectionShape:
     solid = name == "TUBE" and dims[1] == 0.0
     if any(not d > 0.0 for d in (dims[:1] if solid else dims)):
         raise ValueError("a dimension that is not > 0")
-    shape = make(*dims)
-    walls = {"BOX": lambda w, h, f, b: w > 2.0 * b and h > 2.0 * f, "TUBE": lambda a, b: a > b,
-             "TUBE2": lambda a, t: a >= t, "I": lambda h, a, b, w, t, u: h > t + u and a > w,
-             "I1": lambda f, w, i, h: h > i}  # fmt: skip
-    if name in walls and not walls[name](*dims):
-        raise ValueError("walls thicker than the section")
-    return shape
+    return make(*dims)
