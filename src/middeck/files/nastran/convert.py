@@ -236,6 +236,9 @@ class _Converter:
         damped = [e for e in entries.of("MAT1", "PELAS") if e["ge"]]
         self._leave("MAT1 GE", len(damped), "damping of materials: give it in the article's [damping]")
         self.notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
+        stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} & {"BOX", "I", "I1"}
+        if stiff:
+            self.notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")
         if deck.bulk_only:
             self.notes.append("bulk data only: no case control, nothing is selected")
         if deck.entries.of("ASET", "ASET1"):

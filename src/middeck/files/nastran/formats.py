@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 REQUIRED = object()
-_COORDINATES = "cid:n rid:i=0 a1:r a2:r a3:r b1:r b2:r b3:r c1:r c2:r c3:r"
+_COORDINATES = "cid:n rid:i=0 " + " ".join(f"{point}{i}:r=0" for point in "abc" for i in "123")
 _THREE_GRIDS = "cid:n g1:n g2:n g3:n cidb:n= g1b:n= g2b:n= g3b:n="
 _FORCE = "sid:n g:n cid:i=0 f:r n1:r=0 n2:r=0 n3:r=0"
 _BAR_ENDS = (
