@@ -58,6 +58,7 @@ def test_the_deck_is_sound(tmp_path):
         ("CBAR,21,1,1,4,0.,1.,0.\n,5", "released degrees of freedom (pins)"),
         ("CBAR,21,1,1,4,0.,1.,0.,GOO\n,,,.1", "offsets in other axes"),
         ("PBAR,2,9,1.\nCBAR,21,2,1,4,0.,1.,0.", "there is no MAT1 9"),
+        ("MAT1,2,7.+10,.33,2.7+3\nPBAR,2,2,1.\nCBAR,21,2,1,4,0.,1.,0.", "MAT1 2 has Poisson's ratio 2700.0"),
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
         ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),

@@ -107,10 +107,12 @@ class Sections:
 def read_material(card: Entry) -> Material:
     """Moduli of a MAT1, one of which may follow from others; raises `ValueError` for those of no solid."""
     young, shear, nu = card["e"], card["g"], card["nu"]
+    if nu is not None and not -1.0 < nu <= 0.5:
+        raise ValueError(f"MAT1 {card.id} has Poisson's ratio {nu}; must be > -1 and <= 0.5")
     if young is None and shear is not None and nu is not None:
         young = 2.0 * (1.0 + nu) * shear
     if shear is None:
-        shear = 0.0 if nu is None else (young or 0.0) / (2.0 * (1.0 + nu)) if nu > -1.0 else -1.0
+        shear = 0.0 if nu is None else (young or 0.0) / (2.0 * (1.0 + nu))
     if young is None or not young > 0.0 or shear < 0.0 or card["rho"] < 0.0:
         raise ValueError(f"MAT1 {card.id} has E {young}, G {shear} and rho {card['rho']}: no solid has them")
     return Material(young, shear, card["rho"])
