@@ -120,6 +120,7 @@ WRITES = {
     ("design", "--output"): options.SYSTEMS,
     ("excite", "--output"): options.COMMANDS,
     ("record", "--output"): options.RECORDS,
+    ("convert", "--output"): options.ARTICLES,
 }
 ENDINGS = (".json", ".mat", ".c", ".svg", ".png", ".pdf", ".csv", ".npz", ".h5", ".uff", ".txt", ".toml", "")
 

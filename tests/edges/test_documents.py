@@ -208,7 +208,7 @@ ONE_FAULT = {
         'to = "n2"',
         "strut.0.to",
         "n1 to n2",
-        "the nodes are 0 m apart and take 0.05 m",
+        "its ends are 0 m apart and take 0.05 m",
         "move the nodes apart",
     ),
     "member shorter than its nodes": (
@@ -216,7 +216,7 @@ ONE_FAULT = {
         'to = "n2"',
         "strut.0.to",
         "n1 to n2",
-        "the nodes are 0.04 m apart and take 0.05 m",
+        "its ends are 0.04 m apart and take 0.05 m",
         "size_m",
     ),
     "unknown node": (('to = "n2"', 'to = "n22"'), '"n22"', "strut.0.to", '"n22"', "no node", "'n2'?"),

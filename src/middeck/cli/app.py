@@ -11,7 +11,7 @@ from middeck import __version__
 
 # In the order of the work.
 VERBS = (
-    *("study", "check", "level", "modes", "compare", "budget", "path", "sensitivity", "correlate"),
+    *("study", "convert", "check", "level", "modes", "compare", "budget", "path", "sensitivity", "correlate"),
     *("response", "excite", "record", "identify", "impact", "drift", "design", "qualify"),
 )
 

@@ -22,6 +22,7 @@ RESPONSES = (".uff", ".unv", ".uf", ".58")
 # Help of options that `design` and `qualify` share.
 SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the inputs, unit/sqrt(Hz)."
 STREAMS = (".h5", ".hdf5", ".csv")
+ARTICLES = (".toml",)
 
 
 class Verb(click.Command):

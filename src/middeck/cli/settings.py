@@ -51,6 +51,13 @@ class RecordSettings(Form):
     periods: Annotated[int, whole(1, 1_000_000)] | None = None
 
 
+class ConvertSettings(Form):
+    """How a deck is converted: as the options of ``middeck convert``."""
+
+    units: str | None = None
+    mass_formulation: Literal["consistent", "coupled", "lumped"] = "consistent"
+
+
 class ImpactSettings(Form):
     """How an impact test is fitted; the keys are options of ``middeck impact``."""
 

@@ -23,6 +23,7 @@ from middeck.structure.model.article import (
     Joint,
     JointState,
     Member,
+    MemberMass,
     Node,
     Section,
     Sensor,
@@ -138,6 +139,7 @@ def tube_section(section: forms.SectionForm, material: forms.MaterialForm) -> Se
         GA_y=GA,
         GA_z=GA,
         density=rho,
+        mass=MemberMass(section.mass),
     )
 
 
@@ -154,6 +156,7 @@ def _section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) 
         rho_I_z=form.rho_I_z_kg_m or 0.0,
         GA_y=form.GA_y_n or np.inf,
         GA_z=form.GA_z_n or np.inf,
+        mass=MemberMass(form.mass),
     )
 
 
@@ -169,7 +172,8 @@ def _node(form: forms.NodeForm) -> Node:
 
 
 def _member(strut: forms.StrutForm, form: forms.ArticleForm, positions: dict[str, np.ndarray]) -> Member:
-    along = positions[strut.to] - positions[strut.from_]
+    start, end = np.array(strut.from_offset_m), np.array(strut.to_offset_m)
+    along = positions[strut.to] + end - positions[strut.from_] - start
     return Member(
         name=strut.name or f"{strut.from_}-{strut.to}",
         start=strut.from_,
@@ -177,6 +181,8 @@ def _member(strut: forms.StrutForm, form: forms.ArticleForm, positions: dict[str
         section=_section(form.section[strut.section], form.material),
         elements=strut.elements or form.mesh.elements_per_strut,
         up=default_up(along) if strut.up is None else np.array(strut.up),
+        start_offset=start,
+        end_offset=end,
     )
 
 

@@ -207,13 +207,16 @@ def _geometry(data: Table) -> Iterator[Finding]:
         a, b = nodes.get(str(strut.get("from"))), nodes.get(str(strut.get("to")))
         places = [_position(n) for n in (a, b) if n is not None]
         sizes = [n.get("size_m", 0.0) for n in (a, b) if n is not None]
+        offsets = [strut.get(key, [0.0, 0.0, 0.0]) for key in ("from_offset_m", "to_offset_m")]
         if len(places) < 2 or places[0] is None or places[1] is None or not _all_numbers(*sizes):
             continue
-        along = places[1] - places[0]
+        if not all(map(_is_vector, offsets)):
+            continue
+        along = places[1] - places[0] + np.subtract(offsets[1], offsets[0], dtype=float)
         spacing, taken = float(np.linalg.norm(along)), 0.5 * sum(sizes)
         ends = f"{strut['from']} to {strut['to']}"
         if spacing == 0.0 or spacing <= taken:
-            message = f"a member of no length: the nodes are {spacing:g} m apart and take {taken:g} m of it"
+            message = f"a member of no length: its ends are {spacing:g} m apart and take {taken:g} m of it"
             yield Finding(
                 path=("strut", i, "to"),
                 message=message,

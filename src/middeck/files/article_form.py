@@ -40,21 +40,25 @@ class MaterialForm(Form):
 
 
 class SectionForm(Form):
-    """A round tube (material, diameters, shear coefficient) or any section by its stiffnesses."""
+    """A round tube (material, diameters, shear coefficient) or any section by its stiffnesses.
+
+    ``mass`` is the formulation of an element's mass, see `MemberMass`.
+    """
 
     material: str | None = None
     outer_diameter_m: Positive | None = None
     inner_diameter_m: NotNegative | None = None
     shear: Annotated[float, within(above=0.0, most=1.0)] | None = None
     EA_n: Positive | None = None
-    GJ_nm2: Positive | None = None
-    EI_y_nm2: Positive | None = None
-    EI_z_nm2: Positive | None = None
+    GJ_nm2: NotNegative | None = None
+    EI_y_nm2: NotNegative | None = None
+    EI_z_nm2: NotNegative | None = None
     GA_y_n: Positive | None = None
     GA_z_n: Positive | None = None
-    rho_A_kg_per_m: Positive | None = None
+    rho_A_kg_per_m: NotNegative | None = None
     rho_I_y_kg_m: NotNegative | None = None
     rho_I_z_kg_m: NotNegative | None = None
+    mass: Literal["consistent", "coupled"] = "consistent"
 
 
 class NodeForm(Form):
@@ -72,13 +76,18 @@ class NodeForm(Form):
 
 
 class StrutForm(Form):
-    """A member; ``up`` fixes its own y axis (default: world y, or world x for an upright member)."""
+    """A member; ``up`` fixes its own y axis (default: world y, or world x for an upright member).
+
+    It begins at ``from_offset_m`` from its first node, rigidly joined to it, and ends likewise.
+    """
 
     name: Name | None = None
     section: str
     from_: str = Field(alias="from")
     to: str
     up: Vector | None = None
+    from_offset_m: Vector = ORIGIN
+    to_offset_m: Vector = ORIGIN
     elements: Annotated[int, whole(1, 200)] | None = None
 
 

@@ -119,6 +119,8 @@ def whole(least: int, most: int) -> AfterValidator:
     return AfterValidator(check)
 
 
+# Of a singular inertia, its principal values over the largest: rounding.
+SINGULAR = 1e-9
 Finite = Annotated[float, within()]
 NotNegative = Annotated[float, within(least=0.0)]
 Positive = Annotated[float, within(above=0.0)]
@@ -130,18 +132,22 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
 
 
 def inertia_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
-    """Three principal values or a full 3x3 matrix as a matrix; refuses what no body can have."""
-    allowed = {"allowed": "[Ixx, Iyy, Izz], each > 0, or a symmetric, positive definite 3x3 matrix"}
+    """Three principal values or a full 3x3 matrix as a matrix; refuses what no body can have.
+
+    As a matrix an inertia may be zero about an axis: that of masses on one line.
+    """
+    allowed = {"allowed": "[Ixx, Iyy, Izz], each > 0, or a symmetric, positive semidefinite 3x3 matrix"}
     matrix = _numbers(value)
+    least = -SINGULAR
     if matrix.shape == (3,):
-        matrix = np.diag(matrix)
+        matrix, least = np.diag(matrix), 0.0
     if matrix.shape != (3, 3):
         raise PydanticCustomError("inertia", "not three numbers nor a 3x3 matrix", allowed)
     if not np.isfinite(matrix).all():
         raise PydanticCustomError("inertia", "not finite", allowed)
     if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():  # rounding of decimal input
         raise PydanticCustomError("inertia", "not symmetric", allowed)
-    if np.linalg.eigvalsh(matrix)[0] <= 0.0:
+    if not np.linalg.eigvalsh(matrix)[0] > least * np.abs(matrix).max():
         raise PydanticCustomError("inertia", "not positive definite", allowed)
     return tuple(tuple(row) for row in matrix.tolist())
 

@@ -28,10 +28,12 @@ from middeck.structure.elements.beam_kinematics import (
     geometric_stiffness,
 )
 from middeck.structure.elements.rotations import cross, symmetric_double_cross
-from middeck.structure.model.article import Section
+from middeck.structure.model.article import MemberMass, Section
 from middeck.values import record
 
 Array = np.ndarray
+# Of the axial mass; see `MemberMass`.
+LUMPED = {MemberMass.CONSISTENT: 0.0, MemberMass.COUPLED: 0.5}
 
 
 @record(kw_only=True)
@@ -48,6 +50,7 @@ class BeamProperties:
     rho_I_z: Inexact[np.ndarray, " element"]
     shear_y: Inexact[np.ndarray, " element"]  # Phi = 12 EI_z / (GA_y L^2): bending in the own x-y plane
     shear_z: Inexact[np.ndarray, " element"]
+    lumped: Inexact[np.ndarray, " element"]  # share of the axial mass that is lumped at the ends
 
 
 def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " element"]) -> BeamProperties:
@@ -68,6 +71,7 @@ def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " elem
         # By the flexibility 1/GA: infinity times a complex length would be no number.
         shear_y=12.0 * column("EI_z") * (1.0 / column("GA_y")) / lengths**2,
         shear_z=12.0 * column("EI_y") * (1.0 / column("GA_z")) / lengths**2,
+        lumped=np.array([LUMPED[s.mass] for s in distinct.values()])[which],
     )
 
 

@@ -1,4 +1,4 @@
-"""Consistent mass of beam elements, rotary and polar inertia included."""
+"""Mass of beam elements, consistent or partly lumped along the axis, rotary and polar inertia included."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def beam_mass(
     x: Inexact[np.ndarray, "element 2 3"],
     T: Inexact[np.ndarray, "element 2 3 3"],
 ) -> Inexact[np.ndarray, "element 12 12"]:
-    """Consistent mass, rotary and polar inertia included, on the current chord.
+    """Mass of each element, rotary and polar inertia included, on the current chord.
 
     The mass per element is that of the undeformed state; the chord's own length makes rigid rotations of a
     stretched element exact.
@@ -53,7 +53,11 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
         [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
     )
     weighted = N * (beams.length[:, None, None] * WEIGHT[:, None] * density[:, None])[:, :, :, None]
-    return np.swapaxes(weighted.reshape(n, -1, 12), 1, 2) @ N.reshape(n, -1, 12)
+    mass = np.swapaxes(weighted.reshape(n, -1, 12), 1, 2) @ N.reshape(n, -1, 12)
+    lumped = beams.lumped * beams.rho_A * beams.length / 6.0  # goes from between the ends to either
+    for i, j, sign in ((0, 0, 1.0), (6, 6, 1.0), (0, 6, -1.0), (6, 0, -1.0)):
+        mass[:, i, j] += sign * lumped
+    return mass
 
 
 def transverse_shapes(xi: float | Array, L: Array, shear: Array) -> tuple[Array, Array]:

@@ -19,6 +19,18 @@ from middeck.structure.model.clamps import Clamp
 from middeck.values import record
 
 
+class MemberMass(Enum):
+    """How the mass of an element of a member is spread over its ends; in all of them bending is consistent.
+
+    ``COUPLED`` is the coupled bar mass of NX Nastran 9 and of older MSC Nastran: along the axis the mean of
+    the lumped and the consistent mass. Those bars have no rotary inertia either: that is a matter of
+    ``rho_I`` of the section.
+    """
+
+    CONSISTENT = "consistent"
+    COUPLED = "coupled"
+
+
 @record(kw_only=True)
 class Section:
     """Cross-section of a member with its material, all constant along it.
@@ -30,6 +42,7 @@ class Section:
         rho_I_y, rho_I_z: Rotary inertia per length [kg m] about the own axes; their sum is the polar one.
         GA_y, GA_z: Shear stiffness [N] along own y and z; infinite for a Bernoulli beam.
         density: Of its material [kg/m^3], where there is one; only doubted, see `summarise`.
+        mass: Formulation of the mass of each element.
     """
 
     EA: float
@@ -42,6 +55,7 @@ class Section:
     GA_y: float = np.inf
     GA_z: float = np.inf
     density: float | None = None
+    mass: MemberMass = MemberMass.CONSISTENT
 
 
 @record
@@ -72,8 +86,10 @@ class Node:
 class Member:
     """A straight beam between two nodes.
 
-    It joins each node rigidly at size/2 from the node's centre, towards the other node. ``up`` fixes the
-    member's own y axis: the part of ``up`` normal to the member. ``elements`` is the mesh.
+    It joins each node rigidly at the node's centre plus ``start_offset`` or ``end_offset`` [m], in the node's
+    axes, and size/2 further, towards its other end. So members and bodies of any rigid part stand on one
+    node. ``up`` fixes the member's own y axis: the part of ``up`` normal to the member. ``elements`` is the
+    mesh.
     """
 
     name: str
@@ -82,6 +98,8 @@ class Member:
     section: Section
     elements: int
     up: Inexact[np.ndarray, "3"]
+    start_offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    end_offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
 
 
 class JointState(Enum):
@@ -394,7 +412,7 @@ class Structure:
 
 
 def clear_length(member: Member, nodes: dict[str, Node]) -> float:
-    """Length of the flexible part [m]: the spacing less half of either node's size; analytic."""
+    """Length of the flexible part [m]: the spacing of its ends less half of either node's size; analytic."""
     a, b = nodes[member.start], nodes[member.end]
-    along = b.position - a.position
+    along = b.position + member.end_offset - a.position - member.start_offset
     return cast("float", np.sqrt(along @ along)) - 0.5 * (a.size + b.size)

@@ -11,14 +11,14 @@ from middeck.structure.model.article import Structure
 
 
 class MemberGeometry(NamedTuple):
-    """Nodes of each member, half their sizes [m], its clear length [m], and its triad.
+    """Nodes of each member, its clear part's ends from their centres [m], its clear length [m], its triad.
 
     The triad's columns are x (along the member), y (the part of ``up`` normal to it) and z. A member without
     length, or along its ``up``, gives what is not a number; `check_structure` refuses it.
     """
 
     nodes: Int[np.ndarray, "member 2"]
-    reach: Inexact[np.ndarray, "member 2"]
+    offset: Inexact[np.ndarray, "member 2 3"]
     length: Inexact[np.ndarray, " member"]
     triad: Inexact[np.ndarray, "member 3 3"]
 
@@ -43,14 +43,16 @@ def member_geometry(structure: Structure) -> MemberGeometry:
     position = np.array([n.position for n in structure.nodes]).reshape(-1, 3)
     reach = 0.5 * np.array([n.size for n in structure.nodes])[nodes]
     up = np.array([m.up for m in structure.members]).reshape(-1, 3)
-    along = position[nodes[:, 1]] - position[nodes[:, 0]]
+    own = np.array([(m.start_offset, m.end_offset) for m in structure.members]).reshape(-1, 2, 3)
+    along = position[nodes[:, 1]] + own[:, 1] - position[nodes[:, 0]] - own[:, 0]
     span = np.sqrt(np.sum(along * along, axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         ex = along / span[:, None]
         ey = up - np.sum(up * ex, axis=1)[:, None] * ex
         ey = ey / np.sqrt(np.sum(ey * ey, axis=1))[:, None]
     triad = np.stack([ex, ey, np.cross(ex, ey)], axis=2)
-    return MemberGeometry(nodes, reach, span - reach.sum(axis=1), triad)
+    offset = own + reach[:, :, None] * np.stack([ex, -ex], axis=1)
+    return MemberGeometry(nodes, offset, span - reach.sum(axis=1), triad)
 
 
 def cut_members(structure: Structure, geometry: MemberGeometry) -> CutMembers:
@@ -71,10 +73,10 @@ def cut_members(structure: Structure, geometry: MemberGeometry) -> CutMembers:
         ],
         axis=1,
     )
-    offset = np.zeros((len(member), 2, 3), dtype=np.result_type(triad, reach))
-    offset[first, 0] = reach[member[first], :1] * along[first]
-    offset[last, 1] = -reach[member[last], 1:] * along[last]
+    offset = np.zeros((len(member), 2, 3), dtype=reach.dtype)
+    offset[first, 0] = reach[member[first], 0]
+    offset[last, 1] = reach[member[last], 1]
     position = np.array([n.position for n in structure.nodes]).reshape(-1, 3)
-    start = position[nodes[member, 0]] + reach[member, :1] * along
+    start = position[nodes[member, 0]] + reach[member, 0]
     inner = start + ((place + 1) * length)[:, None] * along
     return CutMembers(inner[~last], frame, offset, length, member)

@@ -190,7 +190,8 @@ def _members(structure: Structure) -> Iterator[Parameter]:
         path: Path = ("structure", "members", i)
         sections.append(((*path, "section"), member.section))
         yield from _fields(f"member.{member.name}", member.section, sections[-1][0], SECTION)
-        yield from _fields(f"member.{member.name}", member, path, {"up": ""})
+        offsets = {o: "m" for o in ("start_offset", "end_offset") if np.any(getattr(member, o))}
+        yield from _fields(f"member.{member.name}", member, path, {"up": "", **offsets})
         yield from _factors(f"member.{member.name}", sections[-1:])
     if sections:
         yield from _factors("members", sections)

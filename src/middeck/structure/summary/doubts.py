@@ -190,7 +190,9 @@ def _sections(structure: Structure) -> Iterator[str]:
 
 
 def _members(structure: Structure, length: np.ndarray, radius: np.ndarray) -> Iterator[str]:
-    if not len(length):
+    members = [m for m, own in zip(structure.members, radius, strict=True) if own > 0.0]  # those that bend
+    length, radius = length[radius > 0.0], radius[radius > 0.0]
+    if not members:
         return
     slim = length / radius
     longest, stoutest = int(slim.argmax()), int(slim.argmin())
@@ -200,14 +202,14 @@ def _members(structure: Structure, length: np.ndarray, radius: np.ndarray) -> It
     ):
         if worst is not None:
             yield (
-                f"member {structure.members[worst].name!r} is {length[worst]:.4g} m long, its section's "
+                f"member {members[worst].name!r} is {length[worst]:.4g} m long, its section's "
                 f"radius of gyration {radius[worst]:.3g} m: {wrong} all are read as m"
             )
     middle = float(np.median(slim))
     if SLENDERNESS[0] <= slim[stoutest] and middle < STOUT:
         yield (
             f"half of all members are shorter than {middle:.2g} radii of gyration of their sections, such as "
-            f"{structure.members[stoutest].name!r}: are diameters in inches? all are read as m"
+            f"{members[stoutest].name!r}: are diameters in inches? all are read as m"
         )
 
 

@@ -35,7 +35,8 @@ class Summary:
             None where no member bends. A uniform beam with the article's mass and length, and the mean
             compliance of 24 cuts across it: EI of the members cut and their EA times the square of the
             distance from the middle.
-        slenderness: Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA).
+        slenderness: Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA), of
+            those that bend.
         rounding: Relative rounding error of the first frequency from the number of elements: 0.05 eps (L/h)^4
             for a straight beam.
         warnings: Implausible quantities, each with the part and what to try.
@@ -90,7 +91,8 @@ def summarise(structure: Structure) -> Summary:
         rounding / (mass * squared) if squared > 0.0 else 0.0,
     )
     radius = np.sqrt(rods.EI / rods.EA)
-    slim = rods.length / rods.elements / radius
+    bends = radius > 0.0
+    slim = rods.length[bends] / rods.elements[bends] / radius[bends]
     return Summary(
         mass=mass,
         centre=centre,
@@ -115,7 +117,7 @@ def _rods(structure: Structure) -> _Rods:
         return np.array([getattr(s, name) for s in sections], dtype=float)
 
     return _Rods(
-        x + geometry.reach[:, :1] * along,
+        x + geometry.offset[:, 0],
         along,
         geometry.length,
         geometry.triad,

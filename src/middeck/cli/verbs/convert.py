@@ -1,0 +1,150 @@
+"""``middeck convert``: a Nastran deck as an article."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.files.nastran.convert import Conversion, Deck
+    from middeck.files.nastran.units import Units
+
+EPILOG = """\
+\b
+Examples:
+  middeck convert data/nastran-truss/full.dat --units mm-kg-s-mN -o full.toml
+  middeck convert data/nastran-truss/full.dat --units mm-kg-s \\
+    --mass-formulation coupled --json
+"""
+
+
+@click.command("convert", cls=options.Verb, epilog=EPILOG)
+@click.argument("deck")
+@click.option(
+    "--units",
+    metavar="UNITS",
+    help="Of the deck, such as mm-kg-s-mN, m-kg-s-N, mm-t-s-N, in-slinch-s-lbf; a deck does not say.",
+)
+@click.option(
+    "--mass-formulation",
+    type=click.Choice(("consistent", "coupled", "lumped")),
+    help="Mass of the members: middeck's own, that of NX Nastran 9 for COUPMASS, or halves at their ends.  "
+    "[default: consistent]",
+)
+@options.written(
+    "-o", "--output", "target", endings=options.ARTICLES, metavar="ARTICLE", help="Write the article."
+)
+@options.common
+def verb(
+    deck: str,
+    units: str | None,
+    mass_formulation: str | None,
+    target: str | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Convert a Nastran DECK to an article, in SI units.
+
+    Bars, beams, rods, masses and rigid links of all six components are converted; what has no part in the
+    modes is left out, listed and counted; what has, and cannot be converted, is an error with file, line,
+    card and field. Without --units their likeliest set is named, and nothing is written. --set takes units
+    and mass_formulation.
+    """
+    from middeck.cli.settings import ConvertSettings, settle
+    from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.files.nastran.convert import convert_deck, read_deck
+    from middeck.files.nastran.units import parse_units
+    from middeck.structure.summary.summary import summarise
+
+    given = {"units": units, "mass_formulation": mass_formulation}
+    chosen = settle(ConvertSettings, given, overrides)
+    source = read_deck(deck)
+    if chosen.units is None:
+        raise _no_units(source)
+    known = parse_units(chosen.units)
+    name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
+    name = name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
+    made = convert_deck(source, known, chosen.mass_formulation, name)
+    structure = _written(made, source, known, chosen.mass_formulation, target)
+    numbers = summary_numbers(summary := summarise(structure))
+    document = {
+        "schema": "middeck.convert/1",
+        "deck": deck,
+        "written": target,
+        "units": known._asdict() | {"force": known.force},
+        "mass_formulation": chosen.mass_formulation,
+        "cards": source.cards,
+        "read": made.read,
+        "converted": made.converted,
+        "left_out": [{"card": card, "count": count, "why": why} for card, count, why in made.left_out],
+        "notes": made.notes,
+        "warnings": summary.warnings,
+        **numbers,
+    }
+    show(as_json, document, *_blocks(document), *summary_lines(numbers), *measure_lines(numbers))
+
+
+def _no_units(source: Deck) -> Exception:
+    from middeck.errors import ConfigError
+    from middeck.files.nastran.convert import likely_units
+
+    found = [units.name for units in likely_units(source)]
+    if not found:
+        return ConfigError(
+            "a deck does not state its units, and moduli and size of this one fit no common set",
+            where=source.path,
+            hint="--units with a length, a mass or a force, and a time, such as mm-kg-s",
+        )
+    others = f" (or {', '.join(found[1:])})" if found[1:] else ""
+    return ConfigError(
+        f"a deck does not state its units; by its moduli, densities and size these are {found[0]}{others}",
+        where=source.path,
+        hint=f"--units {found[0]}, if that is right",
+    )
+
+
+def _written(made: Conversion, source: Deck, units: Units, formulation: str, target: str | None) -> Any:
+    """The structure as it is read back from the article; nothing is written where that fails."""
+    from tempfile import TemporaryDirectory
+
+    from middeck.cli.blame import reading
+    from middeck.files.article_toml import document_text
+    from middeck.files.atomic import replacing
+    from middeck.files.documents import load_structure
+
+    head = (
+        f"From {source.path} by middeck convert, units {units.name}.\n"
+        f"Mass formulation of the members: {formulation}"
+        + (" (halves at their ends, as bodies of the nodes)." if formulation == "lumped" else ".")
+    )
+    text = document_text(made.document, head)
+    with TemporaryDirectory() as folder:
+        trial = Path(folder) / "article.toml"
+        trial.write_text(text, encoding="utf-8")
+        with reading(source.path):
+            structure = load_structure(trial)
+    if target is not None:
+        with replacing(target) as file:
+            file.write_text(text, encoding="utf-8")
+    return structure
+
+
+def _blocks(document: dict[str, Any]) -> list[str | Table]:
+    blocks: list[str | Table] = [
+        f"deck         {document['deck']}, {document['cards']} cards",
+        f"units        {document['units']['name']}",
+        f"mass         {document['mass_formulation']} (of the members)",
+        f"read         {', '.join(f'{n} {card}' for card, n in document['read'].items())}",
+        Table("converted", ["", "number"], [[c, str(n)] for c, n in document["converted"].items()]),
+    ]
+    rows = [[row["card"], str(row["count"]), row["why"]] for row in document["left_out"]]
+    blocks += [Table("left out", ["card", "number", "why"], rows)] if rows else []
+    blocks += [f"\nnote: {note}" for note in document["notes"]]
+    blocks += [f"\nwrote {document['written']}" if document["written"] else "\nnothing written: no -o"]
+    return [*blocks, ""]

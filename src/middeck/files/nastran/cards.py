@@ -1,0 +1,160 @@
+"""Logical cards: fields of free, small and large format, joined over continuations.
+
+A line with a comma is free; one whose first eight columns hold an asterisk is large (fields of 16 columns),
+any other small (of 8). A continuation begins with blanks, ``+`` or ``*``; with a mnemonic it belongs to the
+line that ends with it, wherever that is, without one to the line before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from middeck.files.faults import Fault, raise_faults
+from middeck.files.nastran.sections import Line
+
+ROW = 8  # fields in a row of either format
+MARKS = "+*"
+
+
+class Card(NamedTuple):
+    """A card: its name, its fields after the name, and the lines with the number of their first field."""
+
+    name: str
+    fields: tuple[str, ...]
+    lines: tuple[tuple[int, Line], ...]
+
+    def line(self, field: int = 0) -> Line:
+        """The line on which ``field`` (the first after the name is 0) stands or should stand."""
+        return next(line for first, line in reversed(self.lines) if first <= field or not first)
+
+
+# One line cut up: a card's name or a continuation's mark, the fields, the mark at the end, whether its fields
+# are large, and the line. A plain tuple, for there are as many as lines.
+_Row = tuple[str, list[str], str, bool, Line]
+HEAD, TAIL, LINE = 0, 2, 4
+
+
+def join_cards(lines: Iterable[Line]) -> list[Card]:
+    """The cards of bulk data ``lines``; raises `ConfigError` for lines that are no part of any card."""
+    faults: list[Fault] = []
+    groups: list[list[_Row]] = []
+    apart: list[list[_Row]] = []  # continuations whose parents are elsewhere, each with its followers
+    group: list[_Row] = []
+    for line in lines:
+        row = _cut(line)
+        if isinstance(row, Fault):
+            faults.append(row)
+            continue
+        head = row[HEAD]
+        if head[0] not in MARKS:
+            group = [row]
+            groups.append(group)
+            continue
+        mark = head[1:].strip()
+        if not group:
+            faults.append(_fault(line, "a continuation of nothing"))
+        elif not mark or _mark(group[-1][TAIL]) == mark:
+            group.append(row)
+        else:
+            group = [row]
+            apart.append(group)
+    if apart:
+        faults += _adopt(groups, apart)
+    for group in groups:
+        if group[-1][TAIL]:
+            faults += _forgotten(group)
+    raise_faults(faults)
+    return [_joined(group) for group in groups]
+
+
+def _mark(tail: str) -> str:
+    return tail[1:].strip() if tail[:1] in MARKS else tail
+
+
+def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
+    """Put continuations that stand elsewhere behind the rows that end with their marks."""
+    faults: list[Fault] = []
+    waiting: dict[str, list[list[_Row]]] = {}
+    for group in apart:
+        waiting.setdefault(group[0][HEAD][1:].strip(), []).append(group)
+    for mark, found in waiting.items():
+        faults += [_fault(g[0][LINE], f"a second continuation {mark!r}") for g in found[1:]]
+    asked: dict[str, Line] = {}
+    for group in groups:
+        mark = _mark(group[-1][TAIL])
+        while mark in waiting:
+            if mark in asked:
+                faults.append(_fault(group[-1][LINE], f"a second card that goes on at {mark!r}"))
+                break
+            asked[mark] = group[-1][LINE]
+            group += waiting[mark][0]
+            mark = _mark(group[-1][TAIL])
+    faults += [
+        _fault(g[0][LINE], f"a continuation {mark!r} of no card")
+        for mark, (g, *_) in waiting.items()
+        if mark not in asked
+    ]
+    return faults
+
+
+def _forgotten(group: list[_Row]) -> list[Fault]:
+    """A last row that announces a continuation, with a mark of its own, which is nowhere."""
+    tail = group[-1][TAIL]
+    if tail[:1] in MARKS and tail[1:].strip():
+        return [_fault(group[-1][LINE], f"the continuation {tail[1:].strip()!r} is missing")]
+    return []
+
+
+def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
+    text, file, number = line
+    return Fault(file=file, line=number, key="", message=message, value=text.strip()[:40], hint=hint)
+
+
+def _joined(group: list[_Row]) -> Card:
+    head, first, _, _, line = group[0]
+    if len(group) == 1:
+        while first and not first[-1]:
+            first.pop()
+        return Card(head, tuple(first), ((0, line),))
+    fields: list[str] = []
+    lines: list[tuple[int, Line]] = []
+    half = False
+    for _, row_fields, _, large, line in group:
+        if half and not large:
+            fields += [""] * (ROW // 2)
+        half = large and not half
+        lines.append((len(fields), line))
+        fields += row_fields + [""] * ((ROW // 2 if large else ROW) - len(row_fields))
+    while fields and not fields[-1]:
+        fields.pop()
+    return Card(head, tuple(fields), tuple(lines))
+
+
+def _cut(line: Line) -> _Row | Fault:
+    text = line[0].upper()
+    if "," in text:
+        return _cut_free(text, line)
+    if "\t" in text:
+        text = text.expandtabs(8)
+    head, end = text[:8].strip(), len(text)
+    tail = text[72:80].strip() if end > 72 else ""
+    if "*" in head:
+        return _large(head), [text[i : i + 16].strip() for i in range(8, min(end, 72), 16)], tail, True, line
+    return head or "+", [text[i : i + 8].strip() for i in range(8, min(end, 72), 8)], tail, False, line
+
+
+def _large(head: str) -> str:
+    """A card's name without its asterisk; a continuation keeps its mark."""
+    return head if head[0] in MARKS else head.rstrip("*").rstrip()
+
+
+def _cut_free(text: str, line: Line) -> _Row | Fault:
+    head, *fields = (part.strip() for part in text.split(","))
+    large = "*" in head
+    room = ROW // 2 if large else ROW
+    if any(fields[room + 1 :]):
+        return _fault(line, f"more than {room} fields in one line", "break it with a continuation")
+    tail = fields[room] if len(fields) > room else ""
+    fields = fields[:room]
+    return _large(head) if large else head or "+", fields, tail, large, line

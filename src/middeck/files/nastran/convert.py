@@ -1,0 +1,360 @@
+"""From a deck to the document of an article: nodes, members, bodies and rigid links, in SI units."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from middeck.files.faults import Fault
+from middeck.files.nastran.bodies import Mass, merged, read_masses
+from middeck.files.nastran.coordinates import Places, place_grids
+from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
+from middeck.files.nastran.entries import Entry, raise_some
+from middeck.files.nastran.members import Bar, read_bars
+from middeck.files.nastran.numbers import integer
+from middeck.files.nastran.rigid_links import expand, find_carriers
+from middeck.files.nastran.sections_of_bars import principal_axes, read_material, shear_stiffness
+from middeck.files.nastran.units import Units, guess_units
+from middeck.structure.model.connectivity import separate_parts, some_names
+
+__all__ = ["Conversion", "Formulation", "convert_deck", "likely_units", "read_deck"]
+
+Formulation = Literal["consistent", "coupled", "lumped"]
+REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
+# Cards that an article has no place for, and what that means for its modes: nothing.
+NO_PART = {
+    "loads are no part of an article": ("GRAV", "FORCE", "MOMENT", "LOAD"),
+    "sets of a reduction: the article is not reduced": (*REDUCTION, "SPOINT"),
+    "an article that is free needs none": ("SUPORT", "SUPORT1"),
+    "how to solve": ("EIGR", "EIGRL"),
+}
+
+# Of a place, from sums of such places.
+ROUNDING = 1e-12
+
+
+class Conversion(NamedTuple):
+    """An article's document, and what became of the cards.
+
+    ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
+    ``notes`` are sentences for the report.
+    """
+
+    document: dict[str, Any]
+    read: dict[str, int]
+    converted: dict[str, int]
+    left_out: tuple[tuple[str, int, str], ...]
+    notes: tuple[str, ...]
+
+
+def likely_units(deck: Deck) -> list[Units]:
+    """Units in which the materials and the size of ``deck`` are plausible, the likeliest first."""
+    places = place_grids(deck.entries).grids
+    factor = real_parameter(deck, "WTMASS", 1.0)
+    x = np.array(list(places.values())).reshape(-1, 3)
+    size = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) else 0.0
+    materials: list[tuple[float, float]] = []
+    for card in deck.entries.of("MAT1"):
+        try:
+            material = read_material(card)
+        except ValueError:
+            continue
+        materials.append((material.E, factor * material.rho))
+    return guess_units(materials, size)
+
+
+def convert_deck(deck: Deck, units: Units, formulation: Formulation, name: str) -> Conversion:
+    """The article that ``deck`` describes, in SI units, its members' mass by ``formulation``.
+
+    ``consistent`` is middeck's own (with rotary inertia), ``coupled`` the coupled bar mass of MSC and NX
+    Nastran (`MemberMass.COUPLED`, no rotary nor torsional inertia), ``lumped`` halves at the ends of each
+    member. Raises `ConfigError` with all that cannot be represented and would change the modes.
+    """
+    return _Converter(deck, units, formulation).conversion(name)
+
+
+class _Converter:
+    """What is known of the deck so far; faults are gathered and raised together."""
+
+    def __init__(self, deck: Deck, units: Units, formulation: Formulation) -> None:
+        self.deck, self.units, self.formulation = deck, units, formulation
+        self.mass_unit = units.mass * real_parameter(deck, "WTMASS", 1.0)
+        self.places: Places = place_grids(deck.entries)
+        self.left_out: list[tuple[str, int, str]] = []
+        self.notes: list[str] = []
+
+    def conversion(self, name: str) -> Conversion:
+        entries, faults = self.deck.entries, list[Fault]()
+        self._check_systems(faults)
+        bars = read_bars(entries, self.places, faults)
+        masses = read_masses(entries, self.places, faults)
+        raise_some(faults)
+        used = {grid for bar in bars for grid in bar.grids} | {mass.grid for mass in masses}
+        carriers = find_carriers(entries, self.places.grids, used)
+        self._check_unconverted(used, carriers, faults)
+        self._check_rods(bars, carriers, faults)
+        raise_some(faults)
+        if self.formulation == "lumped":
+            masses += [half for bar in bars for half in _halves(bar)]
+        bodies = merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses)
+        kept = {carriers.get(grid, grid) for grid in used}
+        self._check_whole(kept, bars, carriers)
+        self._account(used, carriers)
+        sections, struts = self._members(bars, carriers)
+        document = {
+            "schema": 1,
+            "name": name,
+            "title": f"{name} (from {self.deck.path.rsplit('/', 1)[-1]})",
+            "mesh": {"elements_per_strut": 1},
+            "section": sections,
+            "node": [self._node(grid, bodies.get(grid)) for grid in self.places.grids if grid in kept],
+            "strut": struts,
+            "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept],
+        }
+        converted = Counter(bar.entry.name for bar in bars)
+        converted.update(entry.name for entry in entries.of("CONM1", "CONM2"))
+        converted["grids that are nodes"] = len(kept)
+        converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
+        read = {name: len(found) for name, found in entries.by_name.items()}
+        return Conversion(document, read, dict(converted), tuple(self.left_out), tuple(self.notes))
+
+    def _check_systems(self, faults: list[Fault]) -> None:
+        for entry in self.deck.entries.of("GRDSET", "GRID"):
+            cd = entry["cd"]
+            if cd is not None and cd > 0 and cd not in self.places.systems:
+                faults.append(entry.fault(f"there is no coordinate system {cd}", "cd"))
+        raise_some(faults)
+
+    def _check_rods(self, bars: list[Bar], carriers: dict[int, int], faults: list[Fault]) -> None:
+        """A grid that only rods join turns against nothing; the coupled mass of rods is not a bar's."""
+        held = {carriers.get(grid, grid) for bar in bars if bar.section.shape.i1 > 0.0 for grid in bar.grids}
+        for bar in bars:
+            if bar.entry.name not in ("CROD", "CONROD"):
+                continue
+            if self.formulation == "coupled":
+                faults.append(
+                    bar.entry.fault(
+                        "the coupled mass of a rod is not a bar's and is not converted yet",
+                        hint="consistent or lumped mass",
+                    )
+                )
+            faults += [
+                bar.entry.fault(f"grid {grid} is joined by rods only: nothing holds its rotation")
+                for grid in bar.grids
+                if carriers.get(grid, grid) not in held
+            ]
+
+    def _check_unconverted(self, used: set[int], carriers: dict[int, int], faults: list[Fault]) -> None:
+        """Refuse what is not converted yet and would change the modes; list what would not."""
+        entries, selection = self.deck.entries, self.deck.selection
+        used = used | set(carriers) | set(carriers.values())
+        for entry in entries.of("CELAS1", "CELAS2", "CBUSH"):
+            faults.append(entry.fault("springs and bushings are not converted yet", hint="leave it out"))
+        for entry in entries.of("RBE3"):
+            if entry["refgrid"] in used:
+                faults.append(
+                    entry.fault("a grid in use that an RBE3 carries is not converted yet", "refgrid")
+                )
+            else:
+                self._leave(entry.name, 1, "an average at a grid that nothing stands on")
+        for entry in entries.of("RBE2", "RBAR"):
+            if not any(grid in carriers for grid in _grids_named(entry)):
+                self._leave(entry.name, 1, "links at grids that nothing stands on")
+        for command, word in (("SPC", "fixed degrees of freedom are"), ("MPC", "multipoint constraints are")):
+            chosen = self.deck.selected(command)
+            for entry in chosen:
+                touched = _constrained(entry, faults)
+                if any(grid in used for grid in touched):
+                    faults.append(
+                        entry.fault(
+                            f"{word} not converted yet, and case control selects set {entry.id}",
+                            hint=f"the free article: take {command} out of case control",
+                        )
+                    )
+            names = ("SPC", "SPC1", "SPCADD") if command == "SPC" else ("MPC", "MPCADD")
+            for name in names:
+                count = len(entries.of(name)) - sum(entry.name == name for entry in chosen)
+                self._leave(name, count, "not selected by case control")
+            absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
+            self.notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
+        fixed = [entry for entry in entries.of("GRID") if entry["ps"] and entry.id in used]
+        faults += [entry.fault("permanent constraints are not converted yet", "ps") for entry in fixed]
+        if any(entry["ps"] for entry in entries.of("GRDSET")):
+            faults += [
+                entry.fault("permanent constraints are not converted yet", "ps")
+                for entry in entries.of("GRDSET")
+            ]
+        for command, matrix in selection.matrices.items():
+            line = selection.lines[command]
+            faults.append(
+                Fault(
+                    file=line[1],
+                    line=line[2],
+                    key=command,
+                    message="matrices by direct input are not converted yet",
+                    value=matrix,
+                )
+            )
+        if selection.sets.get("NSM"):
+            line = selection.lines["NSM"]
+            faults.append(
+                Fault(file=line[1], line=line[2], key="NSM", message="NSM sets are not converted yet")
+            )
+
+    def _check_whole(self, kept: set[int], bars: list[Bar], carriers: dict[int, int]) -> None:
+        """A part of its own would float beside the rest."""
+        grid = self.deck.entries.numbered("GRID")
+        pairs = [tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in bars]
+        parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
+        if not bars:
+            fault = Fault(
+                file=self.deck.path, line=0, key="", message="there is no bar, beam or rod in this deck"
+            )
+            raise_some([fault])
+        raise_some(
+            [
+                grid[int(part[0])].fault(
+                    f"no member or rigid link joins grid {some_names(part)} to the rest",
+                    hint="one structure in a deck",
+                )
+                for part in parts[1:]
+            ]
+        )
+
+    def _account(self, used: set[int], carriers: dict[int, int]) -> None:
+        entries, deck = self.deck.entries, self.deck
+        for why, names in NO_PART.items():
+            for name in names:
+                self._leave(name, len(entries.of(name)), why)
+        for name, count in sorted(deck.entries.idle.items()):
+            self._leave(name, count, "no part in stiffness and mass")
+        self._leave("DMIG", len(entries.of("DMIG")), "not selected by case control")
+        bare = set(self.places.grids) - used - set(carriers) - set(carriers.values())
+        self._leave("GRID", len(bare), "nothing stands on them: points of orientation, for instance")
+        damped = [e for e in entries.of("MAT1", "PELAS") if e["ge"]]
+        self._leave("MAT1 GE", len(damped), "damping of materials: give it in the article's [damping]")
+        self.notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
+        stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} & {"BOX", "I", "I1"}
+        if stiff:
+            self.notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")
+        if deck.bulk_only:
+            self.notes.append("bulk data only: no case control, nothing is selected")
+        if deck.entries.of("ASET", "ASET1"):
+            self.notes.append("the deck reduces to its ASET: the article keeps all degrees of freedom")
+        asked = asked_formulation(deck)
+        if asked != self.formulation:
+            self.notes.append(
+                f"the deck's own program would give its bars {asked} mass (PARAM COUPMASS), "
+                f"the article has {self.formulation} mass: with {asked} it compares with that program"
+            )
+
+    def _leave(self, card: str, count: int, why: str) -> None:
+        if count > 0:
+            self.left_out.append((card, count, why))
+
+    def _members(
+        self, bars: list[Bar], carriers: dict[int, int]
+    ) -> tuple[dict[str, dict[str, Any]], list[dict[str, Any]]]:
+        sections: dict[str, dict[str, Any]] = {}
+        struts: list[dict[str, Any]] = []
+        for bar in bars:
+            entry = bar.entry
+            own = entry.name == "CONROD"
+            section = (
+                f"conrod{entry.id}" if own else f"{entry.name.replace('C', 'p', 1).lower()}{entry['pid']}"
+            )
+            if section not in sections:
+                sections[section] = self._section(bar)
+            strut: dict[str, Any] = {
+                "name": f"{entry.name[1:].lower()}{entry.id}",
+                "section": section,
+                "from": f"g{carriers.get(bar.grids[0], bar.grids[0])}",
+                "to": f"g{carriers.get(bar.grids[1], bar.grids[1])}",
+                "up": bar.up / np.linalg.norm(bar.up),
+            }
+            for key, grid, end in zip(("from_offset_m", "to_offset_m"), bar.grids, bar.ends, strict=True):
+                offset = end - self.places.grids[carriers.get(grid, grid)]
+                if np.any(offset):
+                    strut[key] = offset * self.units.length
+            struts.append(strut)
+        return sections, struts
+
+    def _section(self, bar: Bar) -> dict[str, Any]:
+        section, (shape, _) = bar.section, principal_axes(bar.section)
+        material, length = section.material, self.units.length
+        bending = self.units.force * length**2
+        own = self.formulation == "consistent"
+        inertia = self.mass_unit * length if own else 0.0
+        table: dict[str, Any] = {
+            "EA_n": material.E * shape.area * self.units.force,
+            "GJ_nm2": material.G * shape.j * bending,
+            "EI_y_nm2": material.E * shape.i2 * bending,
+            "EI_z_nm2": material.E * shape.i1 * bending,
+            "rho_A_kg_per_m": 0.0
+            if self.formulation == "lumped"
+            else section.per_length * self.mass_unit / length,
+            "rho_I_y_kg_m": material.rho * shape.i2 * inertia,
+            "rho_I_z_kg_m": material.rho * shape.i1 * inertia,
+            "mass": "coupled" if self.formulation == "coupled" else "consistent",
+        }
+        for key, factor in (("GA_y_n", shape.k1), ("GA_z_n", shape.k2)):
+            stiffness = shear_stiffness(section, factor) * self.units.force
+            if np.isfinite(stiffness):
+                table[key] = stiffness
+        return table
+
+    def _node(self, grid: int, body: Mass | None) -> dict[str, Any]:
+        place, length = self.places.grids[grid], self.units.length
+        x, y, z = place * length
+        node: dict[str, Any] = {"name": f"g{grid}", "x_m": x, "y_m": y, "z_m": z}
+        if body is None or (body.mass == 0.0 and not np.any(body.inertia)):
+            return node
+        inertia = body.inertia * self.mass_unit * length**2
+        node["mass_kg"] = body.mass * self.mass_unit
+        arm = body.centre - place
+        reach = ROUNDING * float(np.linalg.norm(body.centre))
+        if np.linalg.norm(arm) > reach:
+            node["cg_m"] = arm * length
+        if np.abs(body.inertia).max() > body.mass * reach**2:
+            node["inertia_kg_m2"] = inertia
+            a, b, c = np.linalg.eigvalsh(inertia)
+            if a + b < c * (1.0 - 1e-9):
+                node["rotors_excluded"] = True
+                self.notes.append(
+                    f"grid {grid} carries an inertia that no body has by itself (triangle inequality)"
+                )
+        return node
+
+    def _rider(self, grid: int, carrier: int) -> dict[str, Any]:
+        offset = (self.places.grids[grid] - self.places.grids[carrier]) * self.units.length
+        return {"name": f"g{grid}", "frame": f"g{carrier}", "offset_m": offset}
+
+
+def _halves(bar: Bar) -> list[Mass]:
+    half, none = 0.5 * bar.section.per_length * bar.length, np.zeros((3, 3))
+    return [Mass(grid, half, end, none) for grid, end in zip(bar.grids, bar.ends, strict=True) if half]
+
+
+def _grids_named(entry: Entry) -> list[int]:
+    if entry.name == "RBAR":
+        return [entry["ga"], entry["gb"]]
+    return [entry["gn"], *(n for n in map(integer, filter(None, entry["gm"])) if n)]
+
+
+def _constrained(entry: Entry, faults: list[Fault]) -> list[int]:
+    """The grids of an SPC, an SPC1 or an MPC."""
+    if entry.name == "SPC":
+        return [grid for grid in (entry["g1"], entry["g2"]) if grid]
+    if entry.name == "SPC1":
+        return expand(entry, [t for t in entry["grids"] if t], "grids", faults)
+    # (grid, component, factor) twice in a line of eight, the second line beginning in its second field.
+    terms = ["", *entry["terms"]]
+    return [
+        n
+        for i in range(0, len(terms), 8)
+        for j in (1, 4)
+        for t in terms[i + j : i + j + 1]
+        if (n := integer(t or ""))
+    ]

@@ -1,0 +1,269 @@
+"""Cards with their fields as numbers: every complaint names file, line, card and field."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import zip_longest
+from typing import Any, NamedTuple
+
+from middeck.files.faults import Fault, nearest, raise_faults
+from middeck.files.nastran.cards import Card
+from middeck.files.nastran.formats import (
+    CONTINUA,
+    IDLE,
+    NOT_YET,
+    PARSED,
+    PLACES,
+    REDUCE,
+    REQUIRED,
+    Format,
+)
+from middeck.files.nastran.numbers import integer, real
+
+# Names of which two may stand on one card.
+DOUBLE = frozenset(("PELAS", "CORD1R", "CORD1C", "CORD1S"))
+PLAIN = frozenset("0123456789.+-E")
+DIGITS = 16  # more than an integer may have
+SHOWN = 20  # faults in one report
+# Names that share one space of numbers.
+SPACES = {
+    "GRID": "grid",
+    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CONM1", "CONM2", "CELAS1", "CELAS2"), "element"),
+    **dict.fromkeys(("CBUSH", "RBE2", "RBE3", "RBAR"), "element"),
+    **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH"), "property"),
+    **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
+    **{name: name for name in ("MAT1", "PARAM", "GRDSET", "BAROR", "BEAMOR", "EIGRL", "EIGR", "SUPORT1")},
+}
+WANTED = {
+    "n": "must be an integer > 0",
+    "i": "must be an integer",
+    "r": "must be a real number, with a decimal point",
+    "g": "must be a grid or a real number, with a decimal point",
+    "c": "must be components out of 123456",
+    "t": "must be a name",
+    "a": "must not be blank",
+    "-": "must be blank",
+}
+
+
+class Entry(NamedTuple):
+    """A card with the values of its fields in their order; a blank field without a default is None."""
+
+    name: str
+    values: tuple[Any, ...]
+    card: Card
+
+    def __getitem__(self, key: Any) -> Any:
+        """The value of the field that is named ``key``."""
+        return self.values[PLACES[self.name][key]]
+
+    @property
+    def id(self) -> Any:
+        """What it goes by: its first field."""
+        return self.values[0]
+
+    @property
+    def label(self) -> str:
+        """The card and its number."""
+        return f"{self.name} {self.id}"
+
+    def fault(self, message: str, key: str = "", hint: str = "") -> Fault:
+        """A complaint about the field ``key`` or about the whole card."""
+        if not key:
+            _, file, number = self.card.line()
+            return Fault(file=file, line=number, key=self.label, message=message, hint=hint)
+        return self.fault_at(PLACES[self.name][key], message, hint)
+
+    def fault_at(self, place: int, message: str, hint: str = "") -> Fault:
+        """A complaint about the field at ``place``; the first after the name is 0."""
+        layout, fields = PARSED[self.name], self.card.fields
+        field = layout.fields[place] if place < len(layout.fields) else layout.rest
+        named = f" ({field.name.upper()})" if field and field.name else ""
+        _, file, number = self.card.line(place)
+        return Fault(
+            file=file,
+            line=number,
+            key=f"{self.name} {fields[0] if fields else ''} field {_number(place)}{named}",
+            message=message,
+            value=fields[place] if place < len(fields) else "",
+            hint=hint,
+        )
+
+
+class Entries(NamedTuple):
+    """What was read of a deck's bulk data: by card, and how many cards of each other name there are."""
+
+    by_name: dict[str, list[Entry]]
+    idle: Counter[str]
+
+    def of(self, *names: str) -> list[Entry]:
+        """All entries of these names."""
+        return [entry for name in names for entry in self.by_name.get(name, ())]
+
+    def numbered(self, *names: str) -> dict[Any, Entry]:
+        """The entries of these names by number."""
+        return {entry.id: entry for entry in self.of(*names)}
+
+
+def read_entries(cards: Iterable[Card]) -> Entries:
+    """Number the fields of ``cards``; equal duplicates count once.
+
+    Raises `ConfigError` with everything wrong: fields, unknown cards, elements that are not read, and numbers
+    given twice with unequal content.
+    """
+    groups: dict[str, list[Card]] = {}
+    for card in cards:
+        groups.setdefault(card.name, []).append(card)
+    faults: list[Fault] = []
+    by_name: dict[str, list[Entry]] = {}
+    seen: dict[tuple[str, Any], Entry] = {}
+    idle: Counter[str] = Counter()
+    for name, found in groups.items():
+        layout = PARSED.get(name)
+        if layout is not None:
+            found = [part for card in found for part in _halves(card)] if name in DOUBLE else found
+            read = _read(name, found, layout, faults)
+            by_name[name] = _distinct(read, SPACES[name], seen, faults) if name in SPACES else read
+        elif name in IDLE:
+            idle[name] = len(found)
+        else:
+            faults.append(_refusal(name, found))
+    raise_some(faults)
+    return Entries(by_name, idle)
+
+
+def _distinct(
+    entries: list[Entry], space: str, seen: dict[tuple[str, Any], Entry], faults: list[Fault]
+) -> list[Entry]:
+    """The ``entries`` without equal duplicates; unequal ones are faults."""
+    kept: list[Entry] = []
+    for entry in entries:
+        other = seen.setdefault((space, entry.id), entry)
+        if other is entry:
+            kept.append(entry)
+        else:
+            faults += _twice(entry, other, space)
+    return kept
+
+
+def raise_some(faults: Sequence[Fault]) -> None:
+    """Raise `ConfigError` with the first faults, in the order of the deck; nothing if there are none."""
+    if len(faults) > SHOWN:
+        more = f"and {len(faults) - SHOWN} more like these"
+        faults = [
+            *faults[:SHOWN],
+            Fault(file=faults[SHOWN].file, line=faults[SHOWN].line, key="", message=more),
+        ]
+    raise_faults(faults)
+
+
+def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> list[Entry]:
+    """The cards of one name, field by field over all of them: a text that many have is looked at once."""
+    count, rest = len(layout.fields), layout.rest
+    columns = list(zip_longest(*(card.fields[:count] for card in cards), fillvalue=""))
+    columns += [("",) * len(cards)] * (count - len(columns))
+    wrong: list[tuple[int, int, str]] = []
+    read: list[list[Any]] = []
+    for place, (field, texts) in enumerate(zip(layout.fields, columns, strict=True)):
+        numbers = _plain(texts, field.kind)
+        if numbers is not None:
+            read.append(numbers)
+            continue
+        values = {text: _value(text, field.kind) for text in set(texts) - {""}}
+        bad = {text for text, value in values.items() if value is None and text and field.kind != "*"}
+        values[""] = None if field.default is REQUIRED else field.default
+        if bad or (field.default is REQUIRED and "" in texts):
+            missing = f"missing; {WANTED[field.kind]}"
+            wrong += [(i, place, WANTED[field.kind]) for i, text in enumerate(texts) if text in bad]
+            if field.default is REQUIRED:
+                wrong += [(i, place, missing) for i, text in enumerate(texts) if not text]
+        read.append(list(map(values.__getitem__, texts)))
+    if rest is not None:
+        read.append([[_value(t, rest.kind) if t else None for t in card.fields[count:]] for card in cards])
+    for i, card in enumerate(cards):
+        if len(card.fields) > count:
+            more = card.fields[count:]
+            found = [None] * len(more) if rest is None else read[-1][i]
+            what = WANTED["-" if rest is None else rest.kind]
+            wrong += [(i, count + k, what) for k, text in enumerate(more) if text and found[k] is None]
+    entries = [Entry(name, row, card) for card, row in zip(cards, zip(*read, strict=True), strict=True)]
+    faults += [entries[i].fault_at(place, what) for i, place, what in sorted(wrong)]
+    return entries
+
+
+def _number(place: int) -> int:
+    """The number of a field on its card as manuals count: 1 is the name, 10 and its like are marks."""
+    return place + 2 + 2 * (place // 8)
+
+
+def _plain(texts: tuple[str, ...], kind: str) -> list[Any] | None:
+    """The values of a column without blanks that Python would write alike; None for any other."""
+    whole = "" if "" in texts else "".join(texts)
+    if kind == "r" and whole and PLAIN.issuperset(whole) and all("." in text for text in texts):
+        with contextlib.suppress(ValueError):
+            numbers = list(map(float, texts))
+            return numbers if all(map(math.isfinite, numbers)) else None
+    if kind in "ni" and whole.isdecimal() and whole.isascii() and max(map(len, texts)) < DIGITS:
+        numbers = list(map(int, texts))
+        return numbers if kind == "i" or min(numbers) > 0 else None
+    return None
+
+
+def _value(text: str, kind: str) -> Any:
+    """The value of a field that is not blank; None if it is not of its kind."""
+    if kind == "r":
+        return real(text)
+    if kind in "ni":
+        value = integer(text)
+        return None if value is None or (kind == "n" and value <= 0) else value
+    match kind:
+        case "g":
+            value = integer(text)
+            return real(text) if value is None else value
+        case "c":
+            digits = "".join(sorted(set(text) - {"0"}))
+            return digits if not set(text) - set("0123456") and len(set(text)) == len(text) else None
+        case "t":
+            return text if text[0].isalpha() else None
+        case "a":
+            return text
+        case _:
+            return None
+
+
+def _halves(card: Card) -> list[Card]:
+    """Two coordinate systems, or two springs, may stand on one card."""
+    if not any(card.fields[4:]):
+        return [card]
+    return [Card(card.name, part, card.lines) for part in (card.fields[:4], card.fields[4:])]
+
+
+def _twice(entry: Entry, other: Entry, space: str) -> list[Fault]:
+    if entry.name == other.name and entry.values == other.values:
+        return []
+    line = other.card.line()
+    return [
+        entry.fault(
+            f"a second {space} {entry.id} with other content; the first is {other.label} "
+            f"at {line[1]}:{line[2]}",
+            hint="leave one of them out",
+        )
+    ]
+
+
+def _refusal(name: str, found: list[Card]) -> Fault:
+    line = found[0].line()
+    count = f"{len(found)} of them" if len(found) > 1 else "one of them"
+    if name in CONTINUA:
+        message, hint = f"shells and solids are not read ({count})", REDUCE
+    elif name in NOT_YET:
+        message, hint = f"not converted yet, and without it the modes would be others ({count})", ""
+    else:
+        message, hint = (
+            f"no card of this name ({count})",
+            nearest(name, [*PARSED, *IDLE]) if name.isalnum() else "columns of eight, or commas",
+        )
+    return Fault(file=line[1], line=line[2], key=name, message=message, hint=hint)

@@ -1,0 +1,144 @@
+"""What stands in which field of the cards that are read, and which other cards there are.
+
+A format names the fields in their order, each as ``name:kind``: n a positive integer, i an integer, r a
+real, g a grid (integer) or a real, c components (digits 1 to 6), t text, a anything; ``-`` must be blank and
+``*`` is not looked at. ``=`` gives the default of a blank field, or none; a field without it is required. A
+last name with ``+`` takes all that follows. After MSC and NX Nastran, Quick Reference Guides.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+REQUIRED = object()
+_COORDINATES = "cid:n rid:i=0 " + " ".join(f"{point}{i}:r=0" for point in "abc" for i in "123")
+_THREE_GRIDS = "cid:n g1:n g2:n g3:n cidb:n= g1b:n= g2b:n= g3b:n="
+_FORCE = "sid:n g:n cid:i=0 f:r n1:r=0 n2:r=0 n3:r=0"
+_BAR_ENDS = (
+    "ga:n gb:n x1:g= x2:r= x3:r= offt:a= pa:i=0 pb:i=0 w1a:r=0 w2a:r=0 w3a:r=0 w1b:r=0 w2b:r=0 w3b:r=0"
+)
+
+FORMATS: dict[str, str] = {
+    "GRID": "id:n cp:i= x1:r=0 x2:r=0 x3:r=0 cd:i= ps:c= seid:i=",
+    "GRDSET": "- cp:i=0 - - - cd:i=0 ps:c= seid:i=0",
+    "SPOINT": "+ids:a",
+    **{f"CORD2{kind}": _COORDINATES for kind in "RCS"},
+    **{f"CORD1{kind}": _THREE_GRIDS for kind in "RCS"},
+    "CBAR": f"eid:n pid:n= {_BAR_ENDS}",
+    "BAROR": "- pid:n= - - x1:g= x2:r= x3:r= offt:a=",
+    "CBEAM": f"eid:n pid:n= {_BAR_ENDS} sa:i=0 sb:i=0",
+    "BEAMOR": "- pid:n= - - x1:g= x2:r= x3:r= offt:a=",
+    "CROD": "eid:n pid:n= ga:n gb:n",
+    "CONROD": "eid:n ga:n gb:n mid:n a:r j:r=0 c:r=0 nsm:r=0",
+    "PBAR": "pid:n mid:n a:r=0 i1:r=0 i2:r=0 j:r=0 nsm:r=0 - * * * * * * * * k1:r= k2:r= i12:r=0",
+    "PBARL": "pid:n mid:n group:a= type:t - - - - +dims:r",
+    "PBEAM": "pid:n mid:n a:r i1:r i2:r i12:r=0 j:r=0 nsm:r=0 +rest:a",
+    "PBEAML": "pid:n mid:n group:a= type:t - - - - +dims:a",
+    "PROD": "pid:n mid:n a:r j:r=0 c:r=0 nsm:r=0",
+    "MAT1": "mid:n e:r= g:r= nu:r= rho:r=0 a:r=0 tref:r=0 ge:r=0 st:r=0 sc:r=0 ss:r=0 mcsid:i=0",
+    "CONM1": "eid:n g:n cid:i=0 " + " ".join(f"m{i}{j}:r=0" for i in range(1, 7) for j in range(1, i + 1)),
+    "CONM2": "eid:n g:n cid:i=0 m:r=0 x1:r=0 x2:r=0 x3:r=0 - i11:r=0 i21:r=0 i22:r=0 i31:r=0 i32:r=0 i33:r=0",
+    "CELAS1": "eid:n pid:n= g1:i=0 c1:i=0 g2:i=0 c2:i=0",
+    "CELAS2": "eid:n k:r g1:i=0 c1:i=0 g2:i=0 c2:i=0 ge:r=0 s:r=0",
+    "PELAS": "pid:n k:r ge:r=0 s:r=0",
+    "CBUSH": "eid:n pid:n= ga:n gb:n= x1:g= x2:r= x3:r= cid:i= s:r=0.5 ocid:i=-1 s1:r= s2:r= s3:r=",
+    "PBUSH": "pid:n +rest:a",
+    "RBE2": "eid:n gn:n cm:c +gm:a",
+    "RBE3": "eid:n - refgrid:n refc:c +rest:a",
+    "RBAR": "eid:n ga:n gb:n cna:c= cnb:c= cma:c= cmb:c= alpha:r=0",
+    "MPC": "sid:n +terms:a",
+    "MPCADD": "sid:n +sets:n",
+    "SPC": "sid:n g1:n c1:c= d1:r=0 g2:n= c2:c= d2:r=0",
+    "SPC1": "sid:n c:c= +grids:a",
+    "SPCADD": "sid:n +sets:n",
+    "SUPORT": "+pairs:i",
+    "SUPORT1": "sid:n +pairs:i",
+    "GRAV": "sid:n cid:i=0 a:r n1:r=0 n2:r=0 n3:r=0 mb:i=0",
+    "FORCE": _FORCE,
+    "MOMENT": _FORCE,
+    "LOAD": "sid:n s:r +rest:a",
+    "DMIG": "name:t +rest:a",
+    "PARAM": "name:t v1:a v2:a=",
+    "EIGR": "sid:n method:t= f1:r= f2:r= +rest:a",
+    "EIGRL": "sid:n v1:r= v2:r= nd:n= +rest:a",
+    **dict.fromkeys(("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1"), "+rest:a"),
+}
+# Elements whose stiffness or mass would be left out: refused.
+REDUCE = "reduce the part that they are in to a component (Craig-Bampton), or model it with bars"
+_CONTINUA = """
+CQUAD4 CQUAD8 CQUADR CTRIA3 CTRIA6 CTRIAR CSHEAR CQUAD CTRIAX CTRIAX6 CQUADX CHEXA CPENTA CTETRA CPYRAM
+CPYRA CRAC2D CRAC3D CSHELL CPLSTS3 CPLSTS4 CTRAX3 CQUADX4
+"""
+CONTINUA = frozenset(_CONTINUA.split())
+_NOT_YET = """
+CBEND CTUBE CGAP CWELD CFAST CSEAM CELAS3 CELAS4 CMASS1 CMASS2 CMASS3 CMASS4 CBUSH1D CBUSH2D CVISC RBE1
+RROD RTRPLT RSPLINE RSSCON RJOINT GENEL SEBULK SECONCT SECSET SESET SEELT SEEXCLD SELOC SEMPLN SETREE
+SEBNDRY CBEAM3 CONVM CAABSF CHACAB CHACBR PLOTEL3 NSML NSML1
+"""
+NOT_YET = frozenset(_NOT_YET.split())
+# Cards without a part in stiffness and mass of bars: loads, dynamics, output, design, properties of others.
+_IDLE = """
+TABLED1 TABLED2 TABLED3 TABLED4 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1 TABLEST TABRND1 TABRNDG TABDMP1
+TABLEHT TABLEH1 TABLE3D TABLED5 TEMP TEMPD TEMPRB TEMPP1 TEMPP3 TEMPB3 TEMPBC TEMPF DLOAD RLOAD1 RLOAD2
+TLOAD1 TLOAD2 TLOAD3 ACSRCE LSEQ DAREA DPHASE DELAY FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 TSTEP TSTEPNL
+TSTEP1 EIGB EIGC EIGP DESVAR DLINK DRESP1 DRESP2 DRESP3 DCONSTR DCONADD DEQATN DESOPT DOPTPRM DSCREEN
+DVPREL1 DVPREL2 DVMREL1 DVMREL2 DVCREL1 DVCREL2 DVGRID DTABLE DVSET DVBSHAP DVSHAP DTABLE2 PLOAD PLOAD1
+PLOAD2 PLOAD4 PLOADX1 SLOAD RFORCE RFORCE1 ACCEL ACCEL1 SET1 SET2 SET3 SPCD SPCR DTI DMI DMIK DMIJ DMIJI
+TIC TICD SECT GUST AEROS AERO AELIST AESTAT AESURF AELINK AEPARM AEFACT AEFORCE AEPRESS AESURFS AECOMP
+CAERO1 CAERO2 CAERO3 CAERO4 CAERO5 PAERO1 PAERO2 PAERO3 PAERO4 PAERO5 SPLINE1 SPLINE2 SPLINE3 SPLINE4
+SPLINE5 FLUTTER MKAERO1 MKAERO2 TRIM FLFACT DIVERG CHBDYE CHBDYG CHBDYP PHBDY QBDY1 QBDY2 QBDY3 QHBDY
+QVECT QVOL CONV PCONV RADBC RADM RADSET VIEW VIEW3D BCONP BLSEG BFRIC BCBODY BCTABLE BCPARA BCPROP BSURF
+BSURFS BCTSET BCTPARM BGSET BGPARM NLPARM NLPCI NLPARMT MATT1 MATT2 MATT3 MATT8 MATT9 MAT2 MAT3 MAT4 MAT5
+MAT8 MAT9 MAT10 MAT11 MATS1 MATHE MATHP MATEP MATF CREEP PSHELL PCOMP PCOMPG PSOLID PLSOLID PSHEAR PLPLANE
+PDAMP PDAMPT PDAMP5 CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 PVISC PBUSH1D PBUSHT PELAST PGAP PMASS PTUBE PWELD
+PFAST PBEND PBRSECT PBMSECT PSEAM RANDPS RANDT1 RCROSS OUTPUT OUTRCV SESUP RELEASE DEFORM FORCE1 FORCE2
+MOMENT1 MOMENT2 MODTRAK ECHOON ECHOOFF TF NOLIN1 NOLIN2 NOLIN3 NOLIN4 EPOINT MDLPRM SWLDPRM POINT OMIT
+OMIT1 USET USET1 SEUSET SEUSET1 SEQSET SEQSET1 SEBSET SEBSET1 SECSET SECSET1 PLOTEL PLOTEL4 PLOTEL6
+MONPNT1 MONPNT2 MONPNT3 HYBDAMP DAMPING UXVEC CSSCHD ACMODL MATPOOL TOPVAR BEADVAR ROTORG RSPINR RSPINT
+RGYRO UNBALNC PRESPT PARVAL SPCOFF SPCOFF1 CBARAO BNDFIX BNDFIX1 BNDFREE BNDFRE1 CSUPEXT SUPAX NSM NSM1
+NSMADD
+"""
+IDLE = frozenset(_IDLE.split())
+
+
+class Field(NamedTuple):
+    """A field of a format: ``kind`` as above; ``default`` is `REQUIRED` where a blank is refused."""
+
+    name: str
+    kind: str
+    default: Any
+
+
+class Format(NamedTuple):
+    """The fields of a card, and what all that follow them are, if anything may."""
+
+    fields: tuple[Field, ...]
+    rest: Field | None
+
+    @property
+    def names(self) -> list[str]:
+        """All names in their order."""
+        return [f.name for f in (*self.fields, self.rest) if f is not None]
+
+
+def _field(text: str) -> Field:
+    if text in ("-", "*"):
+        return Field("", text, None)
+    name, _, kind = text.partition(":")
+    kind, default, given = kind.partition("=")
+    value = REQUIRED if not default else None
+    if given:
+        value = float(given) if kind == "r" else int(given)
+    return Field(name, kind, value)
+
+
+def _format(text: str) -> Format:
+    *fields, last = map(_field, text.split())
+    if last.name.startswith("+"):
+        return Format(tuple(fields), Field(last.name[1:], last.kind, None))
+    return Format((*fields, last), None)
+
+
+PARSED = {name: _format(text) for name, text in FORMATS.items()}
+# By card, the place of each field among its values.
+PLACES = {name: {field: i for i, field in enumerate(f.names)} for name, f in PARSED.items()}

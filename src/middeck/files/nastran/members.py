@@ -1,0 +1,152 @@
+"""Bars, beams and rods of a deck as struts of an article, in units of the deck."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from middeck.files.article_build import default_up
+from middeck.files.faults import Fault
+from middeck.files.nastran.coordinates import Places, default_system
+from middeck.files.nastran.entries import Entries, Entry
+from middeck.files.nastran.formats import PLACES
+from middeck.files.nastran.sections_of_bars import BarSection, Sections, principal_axes
+
+NAMES = ("CBAR", "CBEAM", "CROD", "CONROD")
+DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
+# The sine of the angle between a member and its orientation vector.
+LEAST_SINE = 1e-6
+
+
+class Bar(NamedTuple):
+    """A member: its grids, the places of its ends in basic coordinates, its own y axis and its section."""
+
+    entry: Entry
+    grids: tuple[int, int]
+    ends: tuple[np.ndarray, np.ndarray]
+    up: np.ndarray
+    section: BarSection
+
+    @property
+    def length(self) -> float:
+        """From end to end."""
+        return float(np.linalg.norm(self.ends[1] - self.ends[0]))
+
+
+def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar]:
+    """All members; appends to ``faults`` what is wrong or cannot be represented."""
+    sections = Sections(entries, faults)
+    reader = _Reader(entries, places, faults)
+    bars: list[Bar] = []
+    for entry in entries.of(*NAMES):
+        before = len(faults)
+        entry = reader.completed(entry)
+        section = sections.of(entry)
+        placed = reader.place(entry)
+        if section is None or placed is None or len(faults) > before:
+            continue
+        ends, up = placed
+        angle = principal_axes(section)[1]
+        if angle:
+            x = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+            y = up - (up @ x) * x
+            y = y / np.linalg.norm(y)
+            up = np.cos(angle) * y + np.sin(angle) * np.cross(x, y)
+        bars.append(Bar(entry, (entry["ga"], entry["gb"]), ends, up, section))
+    return bars
+
+
+class _Reader:
+    """Where members run."""
+
+    def __init__(self, entries: Entries, places: Places, faults: list[Fault]) -> None:
+        self.places, self.faults = places, faults
+        self.grids = entries.numbered("GRID")
+        self.cd = default_system(entries, "cd")
+        self.default = {name: next(iter(entries.of(card)), None) for name, card in DEFAULTS.items()}
+
+    def completed(self, entry: Entry) -> Entry:
+        """The element with what BAROR or BEAMOR gives, and its own number as the default property."""
+        other = self.default.get(entry.name)
+        given: dict[str, Any] = {}
+        if other is not None:
+            vector = ("x1", "x2", "x3")
+            bare = all(entry[key] is None for key in vector)
+            keys = ("pid", "offt", *(vector if bare else ()))
+            given = {key: other[key] for key in keys if entry[key] is None}
+        if entry.name != "CONROD" and entry["pid"] is None and given.get("pid") is None:
+            given["pid"] = entry.id
+        places = PLACES[entry.name]
+        values = list(entry.values)
+        for key, value in given.items():
+            values[places[key]] = value
+        return Entry(entry.name, tuple(values), entry.card)
+
+    def place(self, entry: Entry) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray] | None:
+        """Both ends and the orientation vector in basic coordinates."""
+        for key in ("ga", "gb"):
+            if entry[key] not in self.places.grids:
+                self._say(entry, f"there is no grid {entry[key]}", key)
+                return None
+        a, b = (self.places.grids[entry[key]] for key in ("ga", "gb"))
+        if entry.name in ("CROD", "CONROD"):
+            if not np.linalg.norm(b - a) > 0.0:
+                self._say(entry, "a member of no length", "gb")
+                return None
+            return (a, b), default_up(b - a)
+        self._representable(entry)
+        offt = entry["offt"] or "GGG"
+        a_offset, b_offset = (np.array([entry[f"w{i}{end}"] for i in "123"]) for end in "ab")
+        ends = (
+            a + self._vector(entry["ga"], a_offset, "G"),
+            b + self._vector(entry["gb"], b_offset, "G"),
+        )
+        up = self._orientation(entry, a, offt[:1])
+        along = ends[1] - ends[0]
+        length = np.linalg.norm(along)
+        if not length > 0.0:
+            self._say(entry, "a member of no length", "gb")
+        elif up is not None and not np.linalg.norm(
+            np.cross(up, along)
+        ) > LEAST_SINE * length * np.linalg.norm(up):
+            self._say(entry, "its orientation vector is zero or along the member", "x1")
+        return None if up is None else (ends, up)
+
+    def _orientation(self, entry: Entry, a: np.ndarray, frame: str) -> np.ndarray | None:
+        first = entry["x1"]
+        if type(first) is int:
+            if entry["x2"] is not None or entry["x3"] is not None:
+                self._say(entry, "a grid for orientation, and components as well", "x1")
+            elif first not in self.places.grids:
+                self._say(entry, f"there is no grid {first}", "x1")
+            else:
+                return self.places.grids[first] - a
+            return None
+        if first is None and entry["x2"] is None and entry["x3"] is None:
+            self._say(entry, "no orientation: neither a vector nor a grid", "x1")
+            return None
+        vector = np.array([entry[key] or 0.0 for key in ("x1", "x2", "x3")])
+        return self._vector(entry["ga"], vector, frame)
+
+    def _vector(self, grid: int, components: np.ndarray, frame: str) -> np.ndarray:
+        """Components in the displacement coordinates of ``grid`` ("G"), or basic ones ("B")."""
+        cd = self.grids[grid]["cd"]
+        cd = self.cd if cd is None else cd
+        if frame == "B" or cd <= 0 or not np.any(components):
+            return components
+        return self.places.systems[cd].axes_at(self.places.grids[grid]) @ components
+
+    def _representable(self, entry: Entry) -> None:
+        for key in ("pa", "pb"):
+            if entry[key]:
+                self._say(entry, "released degrees of freedom (pins) are not converted yet", key)
+        if entry.name == "CBEAM" and (entry["sa"] or entry["sb"]):
+            self._say(entry, "warping is not converted yet", "sa")
+        offt = entry["offt"]
+        offset = any(entry[f"w{i}{end}"] for i in "123" for end in "ab")
+        if offt is not None and (len(offt) != 3 or offt[0] not in "GB" or (offt[1:] != "GG" and offset)):
+            self._say(entry, "offsets in other axes than the grid's are not converted yet", "offt")
+
+    def _say(self, entry: Entry, message: str, key: str) -> None:
+        self.faults.append(entry.fault(message, key))

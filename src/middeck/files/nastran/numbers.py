@@ -1,0 +1,33 @@
+"""Numbers as Nastran writes them: ``6.894+7``, ``1.D3``, ``.5``; a real has a decimal point."""
+
+from __future__ import annotations
+
+import math
+import re
+
+_REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d{1,4})|[ED](\d{1,4}))?", re.ASCII)
+_INTEGER = re.compile(r"[+-]?\d{1,15}", re.ASCII)
+
+
+def real(text: str) -> float | None:
+    """The real that ``text`` (upper case) writes; None for anything else, and for one without end.
+
+    >>> real("6.894+7"), real("2.74-6"), real("1.D3"), real(".5"), real("7")
+    (68940000.0, 2.74e-06, 1000.0, 0.5, None)
+    """
+    found = _REAL.fullmatch(text)
+    if found is None:
+        return None
+    mantissa, signed, plain = found.groups()
+    exponent = signed or plain
+    value = float(f"{mantissa}E{exponent}" if exponent else mantissa)
+    return value if math.isfinite(value) else None
+
+
+def integer(text: str) -> int | None:
+    """The integer that ``text`` writes; None for anything else.
+
+    >>> integer("-12"), integer("12."), integer("1 2")
+    (-12, None, None)
+    """
+    return int(text) if _INTEGER.fullmatch(text) else None

@@ -1,0 +1,122 @@
+"""Rigid links of all six components: which grid carries which; one that rides has no freedom of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from typing import NamedTuple
+
+from middeck.files.faults import Fault
+from middeck.files.nastran.entries import Entries, Entry, raise_some
+from middeck.files.nastran.numbers import integer, real
+
+ALL = "123456"
+
+
+class Link(NamedTuple):
+    """One dependent grid and the one that carries it, by an entry and the field that names it."""
+
+    rider: int
+    carrier: int
+    entry: Entry
+    key: str
+
+
+def find_carriers(entries: Entries, grids: Container[int], used: Container[int]) -> dict[int, int]:
+    """The grid without a carrier of its own on which each dependent grid rides in the end.
+
+    Raises `ConfigError` for links of fewer components at grids in ``used``, for grids that are not there or
+    dependent twice, and for links that close on themselves.
+    """
+    faults: list[Fault] = []
+    by: dict[int, Link] = {}
+    for link in (*_rbe2(entries, used, faults), *_rbar(entries, used, faults)):
+        first = by.get(link.rider)
+        if link.rider not in grids or link.carrier not in grids:
+            absent = link.carrier if link.rider in grids else link.rider
+            faults.append(link.entry.fault(f"there is no grid {absent}", link.key))
+        elif first is not None:
+            line = first.entry.card.line()
+            faults.append(
+                link.entry.fault(
+                    f"grid {link.rider} is dependent twice; first by {first.entry.label} "
+                    f"at {line[1]}:{line[2]}",
+                    link.key,
+                )
+            )
+        else:
+            by[link.rider] = link
+    raise_some(faults)
+    carriers: dict[int, int] = {}
+    for rider, link in by.items():
+        chain = {rider}
+        at = link.carrier
+        while at in by and at not in carriers:
+            if at in chain:
+                raise_some([link.entry.fault("these rigid links close on themselves", link.key)])
+            chain.add(at)
+            at = by[at].carrier
+        end = carriers.get(at, at)
+        carriers.update(dict.fromkeys(chain, end))
+    return carriers
+
+
+def grids_of(entry: Entry, faults: list[Fault]) -> list[int]:
+    """The dependent grids of an RBE2: a list, perhaps with THRU; a last real is its thermal expansion."""
+    texts = [text for text in entry["gm"] if text is not None]
+    if texts and real(texts[-1]) is not None:
+        texts.pop()
+    return expand(entry, texts, "gm", faults)
+
+
+def expand(entry: Entry, texts: list[str], key: str, faults: list[Fault]) -> list[int]:
+    """A list of grids in which ``a THRU b`` stands for all from a to b."""
+    found: list[int] = []
+    through = False
+    for text in texts:
+        number = integer(text)
+        if text == "THRU" and found and not through:
+            through = True
+        elif number is None or number <= 0 or (through and not 0 < number - found[-1] <= 100_000):
+            faults.append(entry.fault(f"{text!r} in a list of grids", key))
+            return []
+        elif through:
+            found += range(found[-1] + 1, number + 1)
+            through = False
+        else:
+            found.append(number)
+    if through or not found:
+        faults.append(entry.fault("a list of grids without an end", key))
+    return found
+
+
+def _partial(entry: Entry, key: str) -> Fault:
+    return entry.fault(
+        "only links of all six components are converted yet", key, f"{ALL}, if that is what holds"
+    )
+
+
+def _rbe2(entries: Entries, used: Container[int], faults: list[Fault]) -> list[Link]:
+    links: list[Link] = []
+    for entry in entries.of("RBE2"):
+        riders = grids_of(entry, faults)
+        if entry["cm"] == ALL:
+            links += [Link(rider, entry["gn"], entry, "gm") for rider in riders]
+        elif any(rider in used for rider in riders):
+            faults.append(_partial(entry, "cm"))
+    return links
+
+
+def _rbar(entries: Entries, used: Container[int], faults: list[Fault]) -> list[Link]:
+    links: list[Link] = []
+    for entry in entries.of("RBAR"):
+        ends = (entry["cna"] or "", entry["cnb"] or "", entry["cma"] or "", entry["cmb"] or "")
+        match ends:
+            case ("123456", "", "", "" | "123456"):
+                links.append(Link(entry["gb"], entry["ga"], entry, "gb"))
+            case ("", "123456", "" | "123456", ""):
+                links.append(Link(entry["ga"], entry["gb"], entry, "ga"))
+            case _ if entry["ga"] in used or entry["gb"] in used:
+                faults.append(_partial(entry, "cna"))
+            case _:
+                pass
+    return links

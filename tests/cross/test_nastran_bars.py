@@ -1,0 +1,52 @@
+"""Random decks of bars against the textbook's matrices: coordinates, offsets, links, masses, formulations."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import middeck as md
+from middeck.files.article_toml import document_text
+from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.deck import read_deck
+from middeck.files.nastran.units import parse_units
+from middeck.structure.summary.summary import summarise
+from nastran_decks import random_deck, skew, textbook
+
+# Reals of the decks have ten digits; a frequency loses some to the differences of coordinates.
+DIGITS = 1e-6
+SHIFT = 1e-6  # of the inverse problem, over the largest omega^2
+
+
+def converted(tmp_path, deck, formulation):
+    (tmp_path / "a.dat").write_text(deck.text)
+    made = convert_deck(read_deck(tmp_path / "a.dat"), parse_units("m-kg-s-N"), formulation, "a")
+    (tmp_path / "a.toml").write_text(document_text(made.document, "a"))
+    return md.load_structure(tmp_path / "a.toml")
+
+
+def frequencies(K, M):
+    """By the inverse problem: some rotations have no mass, and their frequencies no end."""
+    shift = SHIFT * np.linalg.norm(K) / np.linalg.norm(M)
+    mu = scipy.linalg.eigh(M, K + shift * M, eigvals_only=True)[::-1]
+    return np.sqrt(np.maximum(1.0 / mu[mu > 1e-13 * mu[0]] - shift, 0.0))
+
+
+@pytest.mark.parametrize("formulation", ["consistent", "coupled", "lumped"])
+def test_modes_and_masses_of_random_decks_are_those_of_the_textbook(tmp_path, campaign, formulation):
+    for seed in campaign(80):
+        deck = random_deck(seed, rods=formulation != "coupled")
+        structure = converted(tmp_path, deck, formulation)
+        K, M = textbook(deck, formulation)
+        omega = md.solve_modes(md.solve_equilibrium(structure, md.Environment.orbit())).omega
+        assert np.all(omega[:6] == 0.0)
+        assert omega[6] > 1.0
+        np.testing.assert_allclose(omega[6:], frequencies(K, M)[6:], rtol=DIGITS)
+        summary = summarise(structure)
+        free = [deck.places[n] for n in deck.places if n not in deck.riders]
+        rigid = np.vstack([np.block([[np.eye(3), -skew(x)], [np.zeros((3, 3)), np.eye(3)]]) for x in free])
+        whole = rigid.T @ M @ rigid
+        cross = summary.mass * skew(summary.centre)
+        np.testing.assert_allclose(whole[:3, :3], summary.mass * np.eye(3), atol=1e-8 * summary.mass)
+        np.testing.assert_allclose(whole[3:, :3], cross, atol=1e-7 * summary.mass)
+        about = summary.inertia + summary.mass * skew(summary.centre).T @ skew(summary.centre)
+        np.testing.assert_allclose(whole[3:, 3:], about, atol=1e-7 * np.trace(about))

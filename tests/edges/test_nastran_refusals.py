@@ -1,0 +1,167 @@
+"""What a deck may not hold or what cannot be converted: named and located, and nothing is written."""
+
+import pytest
+
+from cli_runner import middeck
+from middeck.errors import ConfigError, MiddeckError
+from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.deck import read_deck
+from middeck.files.nastran.units import parse_units
+
+HEAD = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK"]
+TEXT = """\
+MAT1,1,7.+10,,.3,2700.
+PBAR,1,1,1.-4,1.-9,2.-9,2.-9
+GRID,1
+GRID,2,,1.
+GRID,3,,1.,.2
+GRID,4,,2.
+CBAR,11,1,1,2,0.,1.,0.
+CBAR,12,1,3,4,0.,1.,1.
+RBE2,13,2,123456,3
+CONM2,14,4,,2.5"""
+BULK = TEXT.split("\n")
+SI = parse_units("m-kg-s-N")
+
+
+def write(tmp_path, *more, bulk=BULK, case=(), name="a.dat"):
+    path = tmp_path / name
+    path.write_text("\n".join([*HEAD[:3], *case, HEAD[3], *bulk, *more, "ENDDATA", ""]))
+    return path
+
+
+def convert(path, formulation="consistent"):
+    return convert_deck(read_deck(path), SI, formulation, "a")
+
+
+def test_the_deck_is_sound(tmp_path):
+    made = convert(write(tmp_path))
+    assert [n["name"] for n in made.document["node"]] == ["g1", "g2", "g4"]
+    assert [a["name"] for a in made.document["attach"]] == ["g3"]
+
+
+@pytest.mark.parametrize(
+    ("card", "words"),
+    [
+        ("RBE2,20,4,123456,3", "RBE2 20 field 5 (GM) = 3: grid 3 is dependent twice; first by RBE2 13 at"),
+        ("RBE2,20,3,123456,2", "these rigid links close on themselves"),
+        ("RBE2,20,4,123456,4", "these rigid links close on themselves"),
+        ("RBE2,20,4,123456,77", "there is no grid 77"),
+        ("RBE2,20,4,123,1", "only links of all six components"),
+        ("RBAR,20,4,1,123,456", "only links of all six components"),
+        ("RBE3,20,,1,123456,1.,123,2,4", "an RBE3 carries is not converted yet"),
+        ("CBAR,21,1,1,9,0.,1.,0.", "CBAR 21 field 5 (GB) = 9: there is no grid 9"),
+        ("CBAR,21,5,1,4,0.,1.,0.", "there is no PBAR or PBARL 5"),
+        ("CBAR,21,1,1,4,1.,0.,0.", "its orientation vector is zero or along the member"),
+        ("CBAR,21,1,1,4", "no orientation"),
+        ("CBAR,21,1,1,1,0.,1.,0.", "a member of no length"),
+        ("CBAR,21,1,1,4,0.,1.,0.\n,5", "released degrees of freedom (pins)"),
+        ("CBAR,21,1,1,4,0.,1.,0.,GOO\n,,,.1", "offsets in other axes"),
+        ("PBAR,2,9,1.\nCBAR,21,2,1,4,0.,1.,0.", "there is no MAT1 9"),
+        ("MAT1,2,7.+10,.33,2.7+3\nPBAR,2,2,1.\nCBAR,21,2,1,4,0.,1.,0.", "MAT1 2 has Poisson's ratio 2700.0"),
+        ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
+        ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
+        ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),
+        ("PBARL,2,1,,BOX\n,1.,1.,.1\nCBAR,21,2,1,4,0.,1.,0.", "BOX needs 4 real dimensions"),
+        ("PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
+        ("CELAS2,20,1.+5,1,1", "springs and bushings"),
+        ("CBUSH,20,2,1,4", "springs and bushings"),
+        ("CQUAD4,20,1,1,2,3,4", "reduce the part"),
+        ("CMASS2,20,1.,1,1", "not converted yet, and without it the modes would be others"),
+        ("CONM2,20,9,,1.", "there is no grid 9"),
+        ("CONM2,20,1,8,1.", "there is no coordinate system 8"),
+        ("CONM2,20,1,,-1.", "no body has mass -1"),
+        ("GRID,8,,5.\nGRID,9,,6.\nCBAR,20,1,8,9,0.,1.,0.", "joins grid '8', '9' to the rest"),
+        ("GRID,8,,5.\nCROD,20,3,8,1\nPROD,3,1,1.-4", "joined by rods only"),
+        (
+            "GRID,8,,5.,,,9\nCBAR,20,1,8,1,0.,1.,0.",
+            "GRID 8 field 7 (CD) = 9: there is no coordinate system 9",
+        ),
+        ("GRID,8,,5.,,,,5\nCBAR,20,1,8,1,0.,1.,0.", "permanent constraints"),
+        ("CONM1,20,1,,1.,,2.", "no rigid body"),
+    ],
+)
+def test_what_cannot_be_converted(tmp_path, card, words):
+    with pytest.raises(ConfigError) as error:
+        convert(write(tmp_path, *card.split("\n")))
+    assert words in str(error.value)
+    assert "a.dat:" in str(error.value)
+
+
+@pytest.mark.parametrize("command", ["SPC", "MPC"])
+def test_only_selected_constraints_are_refused(tmp_path, command):
+    cards = {"SPC": "SPC1,5,123456,1", "MPC": "MPC,5,4,1,1.,1,1,-1."}[command]
+    made = convert(write(tmp_path, cards, case=[f"{command} = 6"]))
+    assert ("SPC1" if command == "SPC" else "MPC", 1, "not selected by case control") in made.left_out
+    assert any(f"selects {command} 6, which is not there" in note for note in made.notes)
+    with pytest.raises(ConfigError, match="case control selects set 5"):
+        convert(write(tmp_path, cards, case=[f"{command} = 5"]))
+    with pytest.raises(ConfigError, match="case control selects set 5"):
+        convert(write(tmp_path, cards, f"{command}ADD,6,5", case=["SUBCASE 1", f"  {command} = 6"]))
+
+
+def test_matrices_are_refused_where_selected(tmp_path):
+    dmig = "DMIG,KAAX,0,6,1,0"
+    assert ("DMIG", 1, "not selected by case control") in convert(write(tmp_path, dmig)).left_out
+    with pytest.raises(ConfigError, match="direct input"):
+        convert(write(tmp_path, dmig, case=["K2GG = KAAX"]))
+
+
+def test_links_and_averages_that_nothing_stands_on_are_left_out(tmp_path):
+    made = convert(
+        write(tmp_path, "GRID,8,,9.", "RBE3,30,,8,123456,1.,123,1,2", "GRID,9,,9.", "RBE2,31,1,12,9")
+    )
+    assert {row[0] for row in made.left_out} == {"RBE3", "RBE2", "GRID"}
+
+
+@pytest.mark.parametrize("cut", ["BEGIN BULK", "GRID,4", "ENDDATA"])
+def test_a_deck_that_is_cut_off(tmp_path, cut):
+    path = write(tmp_path)
+    path.write_text(path.read_text().split(cut)[0])
+    with pytest.raises(ConfigError, match="the deck ends here without"):
+        read_deck(path)
+
+
+def test_includes_that_are_missing_or_close(tmp_path):
+    with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE = gone.blk: there is no such file"):
+        read_deck(write(tmp_path, "INCLUDE 'gone.blk'"))
+    with pytest.raises(ConfigError, match="includes itself"):
+        read_deck(write(tmp_path, "INCLUDE 'a.dat'"))
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_deck(tmp_path / "none.dat")
+    (tmp_path / "b.dat").write_bytes(b"GRID\0")
+    with pytest.raises(ConfigError, match="binary"):
+        read_deck(tmp_path / "b.dat")
+
+
+def test_nothing_half_written(capfd, tmp_path):
+    target = tmp_path / "a.toml"
+    target.write_text("old")
+    ended = middeck(capfd, "convert", write(tmp_path, "CBUSH,20,2,1,4"), "--units", "m-kg-s", "-o", target)
+    assert (ended.code, target.read_text()) == (2, "old")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.dat", "a.toml"]
+
+
+def test_masses_by_weight_and_length(tmp_path):
+    """WTMASS goes to every mass: density, mass per length and bodies."""
+    plain = convert(write(tmp_path, "PBAR,1,1,1.-4,1.-9,2.-9,2.-9,.1", bulk=[BULK[0], *BULK[2:]]))
+    double = convert(
+        write(tmp_path, "PBAR,1,1,1.-4,1.-9,2.-9,2.-9,.1", "PARAM,WTMASS,2.", bulk=[BULK[0], *BULK[2:]])
+    )
+    for made, factor in ((plain, 1.0), (double, 2.0)):
+        section = made.document["section"]["pbar1"]
+        assert section["rho_A_kg_per_m"] == pytest.approx(factor * 0.37)
+        assert section["rho_I_y_kg_m"] == pytest.approx(factor * 2700.0 * 2e-9)
+        assert section["EI_z_nm2"] == pytest.approx(70.0)
+        assert made.document["node"][2]["mass_kg"] == pytest.approx(factor * 2.5)
+
+
+def test_json_and_settings(capfd, tmp_path):
+    path = write(tmp_path)
+    by_set = middeck(
+        capfd, "convert", path, "--set", "units=mm-kg-s", "--set", "mass_formulation=lumped", "--json"
+    )
+    assert by_set.code == 0, by_set.err
+    assert '"mass_formulation": "lumped"' in by_set.out
+    with pytest.raises(MiddeckError):
+        parse_units("")

@@ -1,0 +1,306 @@
+"""Numbers, fields, continuations, coordinate systems and sections of a Nastran deck."""
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError
+from middeck.files.nastran.cards import join_cards
+from middeck.files.nastran.coordinates import System, place_grids
+from middeck.files.nastran.deck import read_deck
+from middeck.files.nastran.entries import read_entries
+from middeck.files.nastran.numbers import integer, real
+from middeck.files.nastran.shapes import section_shape
+from middeck.files.nastran.units import guess_units, parse_units
+
+REALS = {
+    "6.894+7": 6.894e7, "2.74-6": 2.74e-6, "1.D3": 1e3, ".5": 0.5, "-.5": -0.5, "+7.": 7.0, "1.E5": 1e5,
+    "1.E+05": 1e5, "7.0-1": 0.7, "70.-1": 7.0, "1.5D-03": 1.5e-3, "0.": 0.0, "-0.0": 0.0, "1.+300": 1e300,
+}  # fmt: skip
+NO_REALS = [
+    "7",
+    "1E5",
+    "nan",
+    "inf",
+    "1_0.",
+    "1.+999",
+    "1.E",
+    "1.-",
+    "-",
+    "+",
+    ".",
+    "1..2",
+    "1.2.3",
+    "0x1.8",
+    "1.0F",
+    "1,5",
+    "1.+2+3",
+    "١.٥",
+    "1.0e400",
+]
+NO_INTEGERS = ["1.", "1.0", "1_0", "0x1", "1e3", "--", "+", "²", "١", "1-1"]
+
+
+def cards(text):
+    return join_cards([(line, "a.dat", i + 1) for i, line in enumerate(text.strip("\n").split("\n"))])
+
+
+def entries(text):
+    return read_entries(cards(text))
+
+
+def refused(text):
+    with pytest.raises(ConfigError) as error:
+        entries(text)
+    return str(error.value)
+
+
+def test_reals_are_those_of_a_table():
+    assert {text: real(text) for text in REALS} == REALS
+    assert [text for text in NO_REALS if real(text.upper()) is not None] == []
+
+
+def test_integers_have_no_point():
+    assert (integer("-12"), integer("+3"), integer("0"), integer("00012")) == (-12, 3, 0, 12)
+    assert [text for text in NO_INTEGERS if integer(text) is not None] == []
+
+
+GRID = ("12", "", "1.5", "-2.5+1", "", "3")
+FORMATS = {
+    "small": "GRID          12             1.5  -2.5+1               3",
+    "lower case": "grid          12             1.5  -2.5+1               3",
+    "free": "GRID,12,,1.5,-2.5+1,,3",
+    "free with blanks and lower case": "grid , 12, ,1.5, -2.5+1,, 3",
+    "tabs": "GRID\t12\t\t1.5\t-2.5+1\t\t3",
+    "large": f"{'GRID*':<8}{'12':>16}{'':16}{'1.5':>16}{'-2.5+1':>16}*\n{'*':<8}{'':16}{'3':>16}",
+    "large, named": f"{'GRID*':<8}{'12':>16}{'':16}{'1.5':>16}{'-2.5+1':>16}*G1\n{'*G1':<8}{'':16}{'3':>16}",
+    "large and free": "GRID*,12,,1.5,-2.5+1\n*,,3",
+    "left": "GRID    12              1.5     -2.5+1          3",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_one_card_in_every_format(name):
+    (found,) = entries(FORMATS[name]).of("GRID")
+    assert found.values == (12, None, 1.5, -25.0, 0.0, 3, None, None)
+
+
+def test_a_row_of_large_fields_is_whole_before_a_small_one():
+    """Half a row is filled with blanks: the components stand in the row after it."""
+    text = f"{'RBE2*':<8}{'1':>16}{'2':>16}{'123456':>16}{'3':>16}*\n{'+':<8}{'4':>8}"
+    (found,) = entries(text).of("RBE2")
+    assert found["gm"] == ["3", None, None, None, None, "4"]
+
+
+def test_a_fixed_field_reaches_to_the_next_one():
+    (found,) = entries("PARAM   COUPMASS1").of("PARAM")
+    assert found.values == ("COUPMASS", "1", None)
+
+
+CONTINUED = {
+    "implicit": "PBAR,1,2,3.,4.,5.,6.\n,\n,.5,.6",
+    "plus": "PBAR,1,2,3.,4.,5.,6.\n+\n+,.5,.6",
+    "named": "PBAR,1,2,3.,4.,5.,6.,,,+A\n+A,,,,,,,,,+B\n+B,.5,.6",
+    "out of order": "PBAR,1,2,3.,4.,5.,6.,,,+A\n+B,.5,.6\nMAT1,2,7.+10\n+A,,,,,,,,,+B",
+    "small and named": "PBAR           1       2      3.      4.      5.      6.                +A\n"
+                       "+A                                                                      +B\n"
+                       "+B            .5      .6",
+    "comments between": "PBAR,1,2,3.,4.,5.,6.\n,\n,.5,.6",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTINUED)
+def test_continuations(name):
+    (found,) = entries(CONTINUED[name]).of("PBAR")
+    assert (found["a"], found["j"], found["k1"], found["k2"]) == (3.0, 6.0, 0.5, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("+A,1.\nGRID,1", "a continuation of nothing"),
+        ("PBAR,1,2,3.\nGRID,1\n+A,1.", "a continuation 'A' of no card"),
+        ("PBAR,1,2,3.,,,,,,+A\nGRID,1", "the continuation 'A' is missing"),
+        ("PBAR,1,2,3.,,,,,,+A\nGRID,1\n+A,1.\nGRID,2\n+A,2.", "a second continuation 'A'"),
+        ("GRID,1,,0.,0.,0.,0,,,,5", "more than 8 fields"),
+        ("GRID,1,,0", "a.dat:1: GRID 1 field 4 (X1) = 0: must be a real number"),
+        ("GRID,1,,0.,1 2", "field 5 (X2)"),
+        ("GRID,,,0.", "field 2 (ID): missing"),
+        ("GRID,-3", "must be an integer > 0"),
+        ("GRID,1,,1.0.", "field 4 (X1) = 1.0."),
+        ("GRID,1,,,,,,7", "components"),
+        ("CONM2,1,2,,1.,,,,5.", "field 9 = 5.: must be blank"),
+        ("GRDI,1", "did you mean 'GRID'?"),
+        ("GRID 1 0 0. 0. 0.", "columns of eight, or commas"),
+        ("GRID,1,,1.\nGRID,1,,2.", "a second grid 1 with other content; the first is GRID 1 at a.dat:1"),
+        ("CBAR,1,1,1,2,0.,1.,0.\nRBE2,1,2,123,3", "a second element 1"),
+        ("PBAR,1,1,1.\nPBARL,1,1,,ROD,,,,,\n,1.", "a second property 1"),
+        ("PARAM,WTMASS,1.\nPARAM,WTMASS,2.", "a second PARAM WTMASS"),
+        ("CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,1,2,3,4", "shells and solids are not read (2 of them)"),
+    ],
+)
+def test_complaints_name_line_card_and_field(text, words):
+    assert words in refused(text)
+
+
+def test_equal_duplicates_pass():
+    assert len(entries("GRID,1,,1.,2.\ngrid,1,,1.0,2.+0,0.").of("GRID")) == 1
+
+
+def test_places_follow_chains_of_systems():
+    """A point whose place is known by hand: a cylinder on a sphere on a turned frame."""
+    found = place_grids(
+        entries(
+            """
+CORD2R,1,,1.,0.,0.,1.,0.,1.
+,1.,1.,0.
+CORD2S,2,1,0.,0.,0.,0.,0.,1.
+,1.,0.,0.
+CORD2C,3,2,2.,90.,0.,4.,90.,0.
+,2.,90.,90.
+GRID,1,1,1.,2.,3.,3
+GRID,2,2,2.,90.,90.
+GRID,3,3,1.,90.,5.
+GRID,4,,9.,9.,9.
+GRID,5,,9.,9.,10.
+GRID,6,,10.,9.,9.
+CORD1R,7,4,5,6
+GRID,7,7,1.,2.,3.
+"""
+        )
+    )
+    # x of 1 is basic y, its y is basic -x.
+    expected = {1: (-1.0, 1.0, 3.0), 2: (-1.0, 0.0, 0.0), 7: (10.0, 11.0, 12.0)}
+    for grid, place in expected.items():
+        np.testing.assert_allclose(found.grids[grid], place, atol=1e-15)
+    # System 3 stands at (1, 2, 0); its z is basic y, its x points from there towards (-1, 0, 0).
+    np.testing.assert_allclose(found.grids[3], (1.0, 7.0, 1.0), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("CORD2R,1,2,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nCORD2R,2,1,0.,0.,0.,0.,0.,1.\n,1.,0.,0.", "a circle"),
+        ("CORD1R,1,1,2,3\nGRID,1,1\nGRID,2,,1.\nGRID,3,,,1.", "a circle"),
+        ("CORD2R,1,5,0.,0.,0.,0.,0.,1.\n,1.,0.,0.", "there is no coordinate system 5"),
+        ("CORD2R,1,,0.,0.,0.,0.,0.,1.\n,0.,0.,2.", "on one line"),
+        ("GRID,1,4", "there is no coordinate system 4"),
+        ("CORD1C,1,1,2,3", "there is no grid 1"),
+    ],
+)
+def test_systems_that_are_none(text, words):
+    with pytest.raises(ConfigError, match=words):
+        place_grids(entries(text))
+
+
+def test_directions_of_components_are_gradients_of_coordinates():
+    rng = np.random.default_rng(4)
+    axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    axes[:, 2] *= np.linalg.det(axes)
+    for kind in "CS":
+        system = System(kind, rng.standard_normal(3), axes)
+        place = np.array([1.3, 40.0, 25.0])
+        columns = []
+        for i in range(3):
+            step = 1e-5 * np.eye(3)[i]
+            d = system.to_basic(place + step) - system.to_basic(place - step)
+            columns.append(d / np.linalg.norm(d))
+        np.testing.assert_allclose(
+            system.axes_at(system.to_basic(place)), np.stack(columns, axis=1), atol=1e-9
+        )
+
+
+def moments(inside, half):
+    """Area and second moments of the points where ``inside`` holds, by a fine grid of midpoints."""
+    n = 1200
+    y = (np.arange(n) + 0.5) / n * 2 * half[0] - half[0]
+    z = (np.arange(n) + 0.5) / n * 2 * half[1] - half[1]
+    Y, Z = np.meshgrid(y, z, indexing="ij")
+    cell = 4 * half[0] * half[1] / n**2
+    on = inside(Y, Z)
+    return cell * on.sum(), cell * (on * Y**2).sum(), cell * (on * Z**2).sum()
+
+
+def square(y, z):
+    return np.maximum(abs(y) / 1.5, abs(z)) < 1.0
+
+
+def i_beam(y, z):
+    return square(y, z) & ((abs(y) > 1.2) | (abs(z) < 0.2))
+
+
+def ring(y, z):
+    return (y**2 + z**2 < 1.5**2) & (y**2 + z**2 > 1.0)
+
+
+SHAPES = {
+    ("ROD", (1.5,)): lambda y, z: y**2 + z**2 < 1.5**2,
+    ("TUBE", (1.5, 1.0)): ring,
+    ("TUBE2", (1.5, 0.5)): ring,
+    ("BAR", (2.0, 3.0)): square,
+    ("BOX", (2.0, 3.0, 0.3, 0.2)): lambda y, z: square(y, z) & ((abs(z) > 0.8) | (abs(y) > 1.2)),
+    ("I", (3.0, 2.0, 2.0, 0.4, 0.3, 0.3)): i_beam,
+    ("I1", (1.6, 0.4, 2.4, 3.0)): i_beam,
+}
+
+
+@pytest.mark.parametrize(("name", "dims"), SHAPES)
+def test_moments_of_shapes_are_integrals(name, dims):
+    shape = section_shape(name, list(dims))
+    found = moments(SHAPES[name, dims], (1.6, 1.6))
+    np.testing.assert_allclose((shape.area, shape.i1, shape.i2), found, rtol=1e-2)  # cells of 0.003
+
+
+def test_torsion_constants():
+    """A rectangle by its series (Timoshenko and Goodier 1970, article 109), and thin walls."""
+    long, short = 3.0, 1.0
+    n = np.arange(1, 40, 2)
+    exact = (
+        long
+        * short**3
+        / 3
+        * (1 - 192 * short / (np.pi**5 * long) * np.sum(np.tanh(n * np.pi * long / (2 * short)) / n**5))
+    )
+    assert abs(section_shape("BAR", [3.0, 1.0]).j / exact - 1.0) < 2e-3
+    side, t = 2.0, 1e-4
+    assert abs(section_shape("BOX", [side, side, t, t]).j / (side**3 * t) - 1.0) < 3e-4
+    assert section_shape("ROD", [1.0]).j == np.pi / 2
+    thin = section_shape("I", [1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]).j
+    assert abs(thin / (3 * 1e-9 / 3) - 1.0) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "dims"),
+    [("BOX", [1.0, 1.0, 0.5, 0.1]), ("TUBE", [1.0, 1.0]), ("BAR", [1.0]), ("ROD", [-1.0]),
+     ("I", [2.0, 1.0, 2.0, 0.1, 0.1, 0.1])],
+)  # fmt: skip
+def test_shapes_that_close_over_nothing(name, dims):
+    with pytest.raises(ValueError, match=r"dimension|walls|flanges"):
+        section_shape(name, dims)
+
+
+def test_units_are_consistent_or_refused():
+    assert parse_units("mm-kg-s-mN").force == pytest.approx(1e-3)
+    assert parse_units("in-lbf-s").mass == pytest.approx(parse_units("in-slinch-s-lbf").mass)
+    for text in ("mm-kg-s-N", "mm-s", "mm-cm-kg-s", "kg", ""):
+        with pytest.raises(ConfigError):
+            parse_units(text)
+    steel = {"mm-t-s-N": (2.1e5, 7.85e-9), "m-kg-s-N": (2.1e11, 7850.0), "in-slinch-s-lbf": (3e7, 7.3e-4),
+             "mm-kg-s-mN": (2.1e8, 7.85e-6), "mm-kg-ms-kN": (210.0, 7.85e-6)}  # fmt: skip
+    for name, material in steel.items():
+        assert guess_units([material], 1.0 / parse_units(name).length)[0].name == name
+
+
+def test_a_deck_of_three_files_and_sections(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "a.dat").write_text(
+        "include 'gone.v9'\nSOL 103\nCEND\nMPC = 701\nSPC=5\nBEGIN BULK\n"
+        "INCLUDE 'sub/\n  b.blk'\nENDDATA\nrubbish\n"
+    )
+    (tmp_path / "sub/b.blk").write_text("GRID,1\ninclude c.blk $ beside\nGRID,2")
+    (tmp_path / "sub/c.blk").write_bytes(b"GRID,3\r\n$ \xe9t\xe9\r\nMPC,702,1,1,1.,2,1,-1.\r\n")
+    deck = read_deck(tmp_path / "a.dat")
+    assert [entry.id for entry in deck.entries.of("GRID")] == [1, 3, 2]
+    assert deck.selection.sets == {"MPC": {701}, "SPC": {5}}
+    assert deck.selected("MPC") == []
+    assert len(deck.missing) == 1
+    assert "gone.v9" in deck.missing[0]
