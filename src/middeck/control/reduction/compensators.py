@@ -15,8 +15,8 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.balanced import in_sizes
-from middeck.control.reduction.candidates import Method
 from middeck.control.reduction.loop import Loop, absorb, pose_loop, proper_law, response_in_loop
+from middeck.control.reduction.methods import Method
 from middeck.control.reduction.result import ReducedCompensator
 from middeck.control.reduction.search import Best, Trial, search_law
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
@@ -52,7 +52,7 @@ def reduce_compensator(
             approximations of order 3; ``stable`` uses exact delays.
         order: States to be left.
         method: ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``, see
-            `middeck.control.reduction.candidates`; or ``"best"``: all four, and of those that hold the law
+            `middeck.control.reduction.methods`; or ``"best"``: all four, and of those that hold the law
             that costs least.
         weights, authority: Those of the original design, e.g. of `design_lqg`; by default typical sizes of
             the loop's signals under unit white noise on the group w are the weights.

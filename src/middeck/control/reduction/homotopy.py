@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.reduction.candidates import Candidate
 from middeck.control.reduction.loop import absorb, proper_law
+from middeck.control.reduction.methods import Candidate
 from middeck.control.robust.blend import improve
 from middeck.control.robust.starts import stabilises
 from middeck.systems.stability import decays

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
-from middeck.control.reduction.candidates import Candidate, Method, find_candidate, find_start
 from middeck.control.reduction.homotopy import Withdrawal, polish_law, withdraw_remainder
 from middeck.control.reduction.loop import Loop, proper_law
+from middeck.control.reduction.methods import Candidate, Method, find_candidate, find_start
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.stability import decays
 from middeck.systems.statespace import StateSpace

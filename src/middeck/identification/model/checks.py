@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,10 +18,6 @@ FEWEST_SAMPLES = 16
 ALL_NOISE = 1.2
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
-# Parts of a record, and those at its end in each of which an unstable output has more power than before.
-PARTS, RISING = 8, 6
-# Least growth of the power over those parts, a hundredfold, with inputs that grow no more than fourfold.
-GROWN, INPUTS_GROWN = 100.0, 4.0
 
 
 def check_word(what: str, word: object, words: Sequence[object]) -> None:
@@ -164,32 +159,3 @@ def check_logarithms(measured: FrequencyResponse) -> None:
 
 def _path(measured: FrequencyResponse, output: int, column: int) -> str:
     return f"output {measured.outputs[output].name}, input {measured.inputs[column].name}"
-
-
-def refuse_growth(record: Record) -> None:
-    """Raise `FitError` for an output that grows through an experiment while the inputs do not.
-
-    A lightly damped article that starts at rest grows with the root of time, threefold in power over these
-    parts; an unstable one grows exponentially.
-    """
-    for u, y in zip(record.u, record.y, strict=True):
-        inputs, outputs = (_powers(x.reshape(-1, x.shape[-1])) for x in (u, y))
-        steady = np.all(inputs[-1] <= INPUTS_GROWN * np.maximum(inputs[-RISING], inputs.max(axis=0) / 10.0))
-        rising = np.all(np.diff(outputs[-RISING:], axis=0) > 0.0, axis=0)
-        ratio = outputs[-1] / np.maximum(outputs[-RISING], np.finfo(float).tiny)
-        grows = rising & (ratio > GROWN) & steady
-        if grows.any():
-            o = int(np.argmax(grows))
-            raise FitError(
-                f"it grows {np.sqrt(ratio[o]):.3g} times while the inputs do not: the article is unstable, "
-                "and only stable models are fitted",
-                where=f"output {record.outputs[o].name}",
-                hint="close a loop that holds it and fit from its reference, or cut the record before that",
-            )
-
-
-def _powers(x: Float[np.ndarray, "sample channel"]) -> Float[np.ndarray, "part channel"]:
-    """Mean square about the mean in each part."""
-    edges = np.linspace(0, len(x), PARTS + 1).astype(int)
-    level = x - x.mean(axis=0)
-    return np.array([np.mean(level[a:b] ** 2, axis=0) for a, b in itertools.pairwise(edges)])

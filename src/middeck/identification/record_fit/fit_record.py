@@ -24,10 +24,11 @@ from middeck.identification.fit.standing import (
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.model.checks import check_record, check_word, refuse_growth
+from middeck.identification.model.checks import check_record, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.model.simulation import folded_response
+from middeck.identification.model.unstable_article import refuse_growth
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
 from middeck.identification.record_fit import causes

@@ -35,8 +35,8 @@ class Summary:
             None where no member bends. A uniform beam with the article's mass and length, and the mean
             compliance of 24 cuts across it: EI of the members cut and their EA times the square of the
             distance from the middle.
-        slenderness: Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA), of
-            those that bend.
+        slenderness: Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA),
+            of those that bend.
         rounding: Relative rounding error of the first frequency from the number of elements: 0.05 eps (L/h)^4
             for a straight beam.
         warnings: Implausible quantities, each with the part and what to try.

@@ -5,7 +5,7 @@ import pytest
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.layout import unpack
-from middeck.identification.record_fit.growth import exchanges, grown
+from middeck.identification.record_fit.missed_modes import exchanges, grown
 from middeck.identification.record_fit.search import leader, refine_record
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import start_of
