@@ -83,14 +83,14 @@ def solve_one(case: str, size: str, target: Path) -> None:
 
 def differentiate_one(case: str, target: Path) -> None:
     """Sensitivities of 40 frequencies to 50 parameters spread over all there are; one eigensolution."""
-    from middeck.files.documents import load_case
+    from middeck.files.documents import load_setup
     from middeck.structure.modes.solve import solve_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium
     from middeck.structure.sensitivity.frequencies import differentiate_frequencies
     from middeck.structure.sensitivity.parameters import list_parameters
 
     files = (HERE.parent / "articles" / "mace-dm.toml", HERE.parent / "environments" / "lab.toml")
-    structure, environment = load_case(*files) if case == "mace-dm" else model_of("boom", case)[:2]
+    structure, environment = load_setup(*files) if case == "mace-dm" else model_of("boom", case)[:2]
     rest = solve_equilibrium(structure, environment)
     every = list_parameters(structure, environment)
     some = [every[i] for i in np.linspace(0, len(every) - 1, PARAMETERS).astype(int)]

@@ -60,7 +60,7 @@ def control() -> ZeroGControl:
 
 @cache
 def case(article: str) -> tuple[md.Structure, md.Environment]:
-    return md.load_case(ROOT / "articles" / f"{article}.toml", ROOT / "environments" / "lab.toml")
+    return md.load_setup(ROOT / "articles" / f"{article}.toml", ROOT / "environments" / "lab.toml")
 
 
 @cache

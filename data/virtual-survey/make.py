@@ -24,7 +24,7 @@ SEED = 1995
 def survey() -> MeasuredModes:
     """The first flexible modes of the changed article in the laboratory, with noise."""
     files = (ROOT / "articles" / "mace-simple.toml", ROOT / "environments" / "lab.toml")
-    modes = md.solve_modes(md.solve_equilibrium(*md.load_case(*files, CHANGED)))
+    modes = md.solve_modes(md.solve_equilibrium(*md.load_setup(*files, CHANGED)))
     first = modes.kind.index("flexible")
     return measure_modes(
         modes,

@@ -67,7 +67,7 @@ from .files.compensators import (
     write_compensator as write_compensator,
 )
 from .files.documents import (
-    load_case as load_case,
+    load_setup as load_setup,
     load_environment as load_environment,
     load_structure as load_structure,
 )

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 
@@ -138,7 +138,7 @@ def add_gimbal(frame: Frame, gimbal: dict, node: int, joint: int) -> None:
 @pytest.mark.parametrize(("name", "rigid"), [("simple", 10), ("dm", 8)])
 def test_orbit_frequencies_agree_with_a_plain_space_frame(name: str, rigid: int):
     files = ROOT / f"articles/mace-{name}.toml", ROOT / "environments/orbit.toml"
-    ours = solve_modes(solve_equilibrium(*load_case(*files))).frequency_hz
+    ours = solve_modes(solve_equilibrium(*load_setup(*files))).frequency_hz
     theirs = sheet_frequencies(name)
     # The plain eigensolver leaves 1e-16 of the largest lambda: sqrt(1e-16 1e13) / 2 pi = 5 mHz.
     assert np.all(theirs[:rigid] < 0.02)

@@ -10,7 +10,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import ConfigError
-from middeck.files.documents import load_case, load_structure
+from middeck.files.documents import load_setup, load_structure
 from middeck.structure.model.article import JointState
 
 BOOM = """\
@@ -62,7 +62,7 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_files_say_what_holds_and_loads_an_article(files: tuple[Path, Path]) -> None:
-    parts, wall = load_case(*files)
+    parts, wall = load_setup(*files)
     (bushing,), (clamp,), (ground,) = parts.bushings, wall.clamps, wall.bushings
     assert (bushing.start, bushing.end, bushing.stiffness[4, 4]) == ("heel", "end", 5.0)
     np.testing.assert_allclose(bushing.axes, np.eye(3), atol=1e-15)
@@ -126,9 +126,9 @@ def test_mistakes_are_named_with_their_line(right: str, files: tuple[Path, Path]
 def test_an_environment_names_nodes_of_the_article(files: tuple[Path, Path]) -> None:
     files[1].write_text(WALL.replace('"root"', '"rot"').replace('"end"', '"and"'))
     with pytest.raises(ConfigError) as error:
-        load_case(*files)
+        load_setup(*files)
     assert "no node 'rot'" in str(error.value)
     assert "no attach point 'and'" in str(error.value)
     files[1].write_text(WALL.replace("[0.0, 1.0, 1.0]", "[0.0, 3.0, 0.0]"))
     with pytest.raises(ConfigError, match="make no plane"):
-        load_case(*files)
+        load_setup(*files)

@@ -29,7 +29,7 @@ def document(capfd: Capture, *arguments: object) -> dict[str, Any]:
 def test_budget(capfd: Capture, tmp_path: Path) -> None:
     drawing = tmp_path / "budget.svg"
     found = document(capfd, "budget", DM, "--count", 12, "--figure", drawing)
-    structure, lab = md.load_case(DM, LAB)
+    structure, lab = md.load_setup(DM, LAB)
     modes = [md.solve_modes(md.solve_equilibrium(structure, e)) for e in (md.Environment.orbit(), lab)]
     expected = build_budget(modes[0], modes[1], 12)
     assert found["schema"] == "middeck.budget/1"
@@ -52,7 +52,7 @@ def test_path(capfd: Capture, tmp_path: Path) -> None:
     coarse = "mesh.elements_per_strut=1"
     ask = ("path", DM, "--through", "moon,1.5", "--devices", "retuned", "--count", 12, "--set", coarse)
     found = document(capfd, *ask, "--figure", drawing)
-    structure, lab = md.load_case(DM, LAB, [coarse])
+    structure, lab = md.load_setup(DM, LAB, [coarse])
     places = [find_place(n, lab.gravity) for n in ("moon", "1.5")]
     expected = follow_gravity(structure, lab, places, devices=DeviceRule.RETUNED, count=12)
     assert found["schema"] == "middeck.path/1"

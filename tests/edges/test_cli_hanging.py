@@ -26,7 +26,7 @@ def checked(capfd: Capture, *arguments: object) -> dict[str, Any]:
 
 def test_a_level_article_is_sound(capfd: Capture) -> None:
     found = checked(capfd, SIMPLE, LAB)
-    hangs = md.estimate_attitude(md.solve_equilibrium(*md.load_case(SIMPLE, LAB)))
+    hangs = md.estimate_attitude(md.solve_equilibrium(*md.load_setup(SIMPLE, LAB)))
     assert (found["sound"], found["findings"]) == (True, [])
     assert found["attitude"]["tilt_deg"] == np.degrees(hangs.tilt).tolist()
     assert found["attitude"]["hangs_from"] == "plane"  # the offset takes n1 out of the line
@@ -69,7 +69,7 @@ def levelled(capfd: Capture, *arguments: object) -> dict[str, Any]:
 def test_level_prints_what_the_room_finds_by_the_keys_of_the_file(capfd: Capture) -> None:
     ask = (SIMPLE, "--set", UNLEVELLED, "--free", "n1.z", "--about", "x")
     found = levelled(capfd, *ask)
-    article, lab = md.load_case(SIMPLE, LAB, [UNLEVELLED])
+    article, lab = md.load_setup(SIMPLE, LAB, [UNLEVELLED])
     expected = md.level(article, lab, free=[("n1", "z")], about="x")
     assert found["schema"] == "middeck.level/1"
     assert found["change_m"] == {"n1.z": expected.change[0]}

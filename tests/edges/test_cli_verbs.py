@@ -41,7 +41,7 @@ def text(capfd: Capture, *arguments: object) -> str:
 
 @pytest.fixture(scope="module")
 def lab() -> Any:
-    return md.solve_modes(md.solve_equilibrium(*md.load_case(SIMPLE, LAB)))
+    return md.solve_modes(md.solve_equilibrium(*md.load_setup(SIMPLE, LAB)))
 
 
 def test_modes_in_the_laboratory(capfd: Capture, lab: Any) -> None:
@@ -127,7 +127,7 @@ def test_compare(capfd: Capture, lab: Any) -> None:
 def test_response(capfd: Capture) -> None:
     ask = ("response", DM, "--environment", "lab", "--at", "0.5,1,8")
     found = document(capfd, *ask, "--input", "pri_rel_z", "--output", "pri_in_z_rate", "--output", "bus_z")
-    modes = md.solve_modes(md.solve_equilibrium(*md.load_case(DM, LAB)))
+    modes = md.solve_modes(md.solve_equilibrium(*md.load_setup(DM, LAB)))
     plant = md.build_plant(modes, inputs=["pri_rel_z"], outputs=["pri_in_z_rate", "bus_z"])
     H = md.evaluate_plant(plant, np.array([0.5, 1.0, 8.0])).H
     pairs = found["responses"]

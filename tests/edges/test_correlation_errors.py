@@ -36,7 +36,7 @@ Capture = pytest.CaptureFixture[str]
 
 
 def solved(*overrides: str) -> Modes:
-    return md.solve_modes(md.solve_equilibrium(*md.load_case(ARTICLE, LAB, overrides)))
+    return md.solve_modes(md.solve_equilibrium(*md.load_setup(ARTICLE, LAB, overrides)))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def lab() -> Modes:
 
 @pytest.fixture(scope="module")
 def orbit() -> Modes:
-    return md.solve_modes(md.solve_equilibrium(md.load_case(ARTICLE, LAB)[0], md.Environment.orbit()))
+    return md.solve_modes(md.solve_equilibrium(md.load_setup(ARTICLE, LAB)[0], md.Environment.orbit()))
 
 
 def rng() -> np.random.Generator:

@@ -20,8 +20,8 @@ from middeck.files.article_form import ArticleForm
 from middeck.files.documents import (
     check,
     find_document,
-    load_case,
     load_environment,
+    load_setup,
     load_structure,
     read_source,
 )
@@ -383,7 +383,7 @@ def test_all_errors_of_both_files_come_at_once(tmp_path: Path) -> None:
     )
     environment = edited(tmp_path, LAB, ("bounce_hz = 0.25", "bounce_hz = -1.0"))
     with pytest.raises(ConfigError) as caught:
-        load_case(article, environment)
+        load_setup(article, environment)
     keys = [f.key for f in caught.value.data["faults"]]
     assert {"material.lexan.nu", "node.0.mas_kg", "strut.0.to", "suspension.bounce_hz"} <= set(keys)
     text = str(caught.value)
@@ -436,7 +436,7 @@ def test_a_missing_file() -> None:
 
 
 def test_both_broken_files_are_reported(tmp_path: Path) -> None:
-    faults = faults_of(load_case, written(tmp_path, "a.toml", ""), tmp_path / "none.toml")
+    faults = faults_of(load_setup, written(tmp_path, "a.toml", ""), tmp_path / "none.toml")
     assert [f.file for f in faults] == [str(tmp_path / "a.toml"), str(tmp_path / "none.toml")]
 
 
@@ -453,7 +453,7 @@ def test_gravity_without_a_suspension(tmp_path: Path) -> None:
 
 def test_an_environment_names_only_attach_points_of_the_article(tmp_path: Path) -> None:
     path = edited(tmp_path, LAB, ('n5 = "yz"', 'n55 = "yz"'))
-    (fault,) = faults_of(load_case, DM, path)
+    (fault,) = faults_of(load_setup, DM, path)
     assert (fault.file, fault.line, fault.key) == (str(path), line_with(path, "n55"), "suspension.held.n55")
     assert "'dm' has no attach point 'n55'" in fault.message
     assert "'n5'?" in fault.hint
@@ -478,7 +478,7 @@ def test_bad_environments(tmp_path: Path, old: str, new: str, key: str, said: st
 
 def test_orbit_needs_no_file_in_python_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert load_case(DM, "orbit")[1] == load_environment("orbit") == Environment.orbit()
+    assert load_setup(DM, "orbit")[1] == load_environment("orbit") == Environment.orbit()
     own = tmp_path / "orbit"  # a file of that name is what is meant
     own.write_text('schema = 1\nname = "mine"\n', encoding="utf-8")
     assert load_environment("orbit").title == "mine"
@@ -600,7 +600,7 @@ def test_the_study_is_whole_and_names_its_inputs() -> None:
 
 
 def test_the_development_model_as_described() -> None:
-    dm, lab = load_case(DM, LAB)
+    dm, lab = load_setup(DM, LAB)
     assert dm.mass == pytest.approx(28.8, abs=0.05)  # the sheet's total, given to 0.1 kg
     assert [a.name for a in dm.actuators] == ["bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z"]
     assert [s.name for s in dm.sensors] == [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_case, load_environment
+from middeck.files.documents import load_environment, load_setup
 from middeck.joints.friction import Friction
 from middeck.structure.model.environment import DeviceKind
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -77,9 +77,9 @@ def test_the_same_suspension_written_as_devices(tmp_path: Path) -> None:
         TUNED.replace("north", f"at_{n}").replace('"n1"', f'"{n}"').replace('"yz"', f'"{held}"')
         for n, held in (("n1", "yz"), ("n3", "xyz"), ("n5", "yz"))
     ]
-    article, environment = load_case(DM, written(tmp_path, HEAD + "".join(rows)))
+    article, environment = load_setup(DM, written(tmp_path, HEAD + "".join(rows)))
     rest = solve_equilibrium(article, environment)
-    plain = solve_equilibrium(*load_case(DM, LAB))
+    plain = solve_equilibrium(*load_setup(DM, LAB))
     assert rest.devices == ("at_n1", "at_n3", "at_n5")
     np.testing.assert_array_equal(rest.tension, plain.tension)  # the same numbers in the same order
     np.testing.assert_array_equal(rest.config.x, plain.config.x)
@@ -160,7 +160,7 @@ def test_without_gravity_nothing_can_be_tuned(tmp_path: Path) -> None:
 
 def test_a_device_at_no_attach_point(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="'dm' has no attach point 'n11'"):
-        load_case(DM, written(tmp_path, HEAD + TUNED.replace('"n1"', '"n11"')))
+        load_setup(DM, written(tmp_path, HEAD + TUNED.replace('"n1"', '"n11"')))
 
 
 @pytest.mark.parametrize("text", ["device = 3\n", "device = [3, {}]\n", 'spring = [{attach = ["a"]}]\n'])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from test_sheet import SHEET_LEAVES, leaves, targets
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.files.overrides import apply_overrides, parse_override
 from middeck.files.studies import load_study
 from middeck.structure.model.article import JointState, Structure
@@ -24,7 +24,7 @@ NUMBERS = [(p, v) for p, v in SHEET_LEAVES if isinstance(v, int | float)]
 
 
 def case(*overrides: str, article: str = "dm", environment: str = "lab") -> tuple[Structure, Environment]:
-    return load_case(
+    return load_setup(
         ROOT / f"articles/mace-{article}.toml", ROOT / f"environments/{environment}.toml", overrides
     )
 

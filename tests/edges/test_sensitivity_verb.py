@@ -23,7 +23,7 @@ def test_json_is_the_library(capfd: pytest.CaptureFixture[str]) -> None:
     ended = middeck(capfd, "sensitivity", DM, "--parameter", ",".join(NAMES), "--count", 14, "--json")
     assert (ended.code, ended.err) == (0, "")
     found = json.loads(ended.out)
-    article, lab = md.load_case(DM, LAB)
+    article, lab = md.load_setup(DM, LAB)
     modes = md.solve_modes(md.solve_equilibrium(article, lab))
     parameters = find_parameters(article, lab, NAMES)
     by_modes = differentiate_frequencies(modes, parameters, 14)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import (
     Actuator,
@@ -249,7 +249,7 @@ def test_slack_spring_to_ground_may_push():
 
 def test_an_article_that_turned_over_says_so():
     """Gravity upwards: the cables hang from below, and rest is half a turn away."""
-    article, upside_down = load_case(
+    article, upside_down = load_setup(
         "articles/mace-dm.toml",
         "environments/lab.toml",
         ["constants.gravity_direction=[0,1,0]", "mesh.elements_per_strut=1"],

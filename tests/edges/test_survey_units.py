@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cli_runner import ROOT, middeck
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.files.measured_modes import write_measured_modes
 from middeck.structure.correlation.measured_modes import (
     STRAIGHT,
@@ -29,7 +29,7 @@ SEEDS = range(1993, 1999)
 @pytest.fixture(scope="module")
 def modes() -> Modes:
     return solve_modes(
-        solve_equilibrium(*load_case(ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"))
+        solve_equilibrium(*load_setup(ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"))
     )
 
 

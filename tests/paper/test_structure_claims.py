@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.structure.elements.frames import frame_poses
 from middeck.structure.gravity.comparison import compare_modes
 from middeck.structure.modes.solve import Modes, solve_modes
@@ -25,7 +25,7 @@ LOOPS = ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z", "sec_rel_x", "sec_
 @cache
 def rest_of(article: str, environment: str, *overrides: str) -> Equilibrium:
     files = ROOT / f"articles/mace-{article}.toml", ROOT / f"environments/{environment}.toml"
-    return solve_equilibrium(*load_case(*files, overrides))
+    return solve_equilibrium(*load_setup(*files, overrides))
 
 
 @cache

@@ -238,7 +238,7 @@ def test_modes_that_hardly_couple_cross_and_those_that_do_veer():
 )
 def test_damping_is_continuous_along_the_amplitude(name, stiffness):
     """Twice as fine a grid, half the step: a hop from one mode's damping to another's would not shrink."""
-    article, lab = md.load_case(f"articles/{name}.toml", "environments/lab.toml")
+    article, lab = md.load_setup(f"articles/{name}.toml", "environments/lab.toml")
     modes = md.solve_modes(md.solve_equilibrium(article, lab))
     A = np.geomspace(1.1e-3, 0.03, 161)  # from just above the slip angle, where the ratio rises at once
     curves = sweep_amplitude(

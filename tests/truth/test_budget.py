@@ -10,7 +10,7 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.budget import (
@@ -256,7 +256,7 @@ def test_springs_and_constant_forces_of_the_same_frequencies_have_one_budget(art
     """At rest both hang in the same shape, on cables of one length; the springs let it sink by 3 to 4 m."""
     parts, environment = hung_bus(), cables()
     if article == "mace-simple":
-        parts, environment = load_case("articles/mace-simple.toml", "environments/lab.toml")
+        parts, environment = load_setup("articles/mace-simple.toml", "environments/lab.toml")
     found = [build_budget(*both(parts, with_devices(environment, kind))) for kind in DeviceKind]
     drawn, sunk = ([m.equilibrium.config.x[0, 1] for m in (f.orbit, f.lab)] for f in found)
     assert drawn[0] - drawn[1] < 0.1 < 2.7 < sunk[0] - sunk[1]

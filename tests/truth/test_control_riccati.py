@@ -176,7 +176,7 @@ def test_indefinite_cost_without_solution_is_refused():
 
 def test_a_newton_step_near_the_axis_is_judged_by_its_residual_without_a_warning():
     """At 1e24 the closed loop's poles span so much that SciPy perturbs the Lyapunov equation of the step."""
-    modes = md.solve_modes(md.solve_equilibrium(*md.load_case(DM, LAB)))
+    modes = md.solve_modes(md.solve_equilibrium(*md.load_setup(DM, LAB)))
     u, y = ["pri_rel_z"], ["pri_in_z"]
     plant = md.build_plant(modes, inputs=u, outputs=y, count=12, w=u, u=u, z=y, y=y)
     weights = md.LQGWeights(

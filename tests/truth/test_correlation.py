@@ -38,7 +38,7 @@ def rng() -> np.random.Generator:
 @pytest.fixture(scope="module")
 def lab() -> Modes:
     files = (ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml")
-    return md.solve_modes(md.solve_equilibrium(*md.load_case(*files)))
+    return md.solve_modes(md.solve_equilibrium(*md.load_setup(*files)))
 
 
 def random_mass(rng: np.random.Generator, size: int) -> np.ndarray:

@@ -44,7 +44,7 @@ RUNS = 2000 if LONG else 400  # in whose deviations chances are judged
 
 
 def solved(*overrides: str) -> Modes:
-    return md.solve_modes(md.solve_equilibrium(*md.load_case(ARTICLE, LAB, overrides)))
+    return md.solve_modes(md.solve_equilibrium(*md.load_setup(ARTICLE, LAB, overrides)))
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def test_two_meshes_of_one_article_are_compared_at_common_nodes(lab: Modes):
 
 def test_stiffer_material_is_a_frequency_error_and_nothing_else():
     """In orbit all stiffness is the material's: frequencies grow as its root, shapes stay."""
-    articles = [md.load_case(ARTICLE, LAB, o)[0] for o in ([], ["material.lexan.E_pa=2.59e9"])]
+    articles = [md.load_setup(ARTICLE, LAB, o)[0] for o in ([], ["material.lexan.E_pa=2.59e9"])]
     ours, true = (solve_modes(solve_equilibrium(a, Environment.orbit())) for a in articles)
     found = correlate(ours, measure_modes(true, TRANSLATIONS, chosen=FLEXIBLE), find_profile("nasa-std-5002"))
     expected = math.sqrt(2.35 / 2.59) - 1.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, UnstableEquilibriumError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.plot.gimbal_family import gimbal_family
 from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
 from middeck.structure.model.article import (
@@ -150,7 +150,7 @@ def test_past_the_horizontal_is_a_value_and_the_angle_of_loss_is_found():
 def test_the_hung_article_is_stable_up_to_the_limit_and_not_beyond():
     """The limit is met by independent solutions on either side of it."""
     coarse = ["mesh.elements_per_strut=1"]
-    parts, lab = load_case("articles/mace-dm.toml", "environments/lab.toml", coarse)
+    parts, lab = load_setup("articles/mace-dm.toml", "environments/lab.toml", coarse)
     found = sweep_gimbals(parts, lab, {"pri_z": np.radians([80.0, 90.0])}, count=10)
     (limit,) = found.limits
     assert limit.name.startswith("payload pendulum pri")
@@ -173,7 +173,7 @@ def test_the_hung_article_is_stable_up_to_the_limit_and_not_beyond():
 def test_neighbours_that_were_reached_by_different_ways_are_one_family():
     """Four corners: at the far one a mode grows, and branches have other numbers by way of either axis."""
     coarse = ["mesh.elements_per_strut=1"]
-    parts, lab = load_case("articles/mace-simple.toml", "environments/lab.toml", coarse)
+    parts, lab = load_setup("articles/mace-simple.toml", "environments/lab.toml", coarse)
     angles = np.radians([0.0, 60.0])
     found = sweep_gimbals(parts, lab, {"pri_z": angles, "pri_x": angles}, count=10)
     assert found.stable == (True, True, True, False)

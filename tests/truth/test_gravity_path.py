@@ -10,7 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import jv
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.structure.gravity.events import EventKind
 from middeck.structure.gravity.path import GravityPath, follow_gravity
 from middeck.structure.gravity.places import DeviceRule, Place, find_place, gravity_between, tilt_place
@@ -358,7 +358,7 @@ def test_a_veering_too_narrow_to_be_told_is_a_crossing_however_the_path_is_cut()
 
 def test_simple_article_to_orbit_and_back():
     """Payload pendulums past suspension modes, within a third of a m/s^2 of each other."""
-    parts, environment = load_case(
+    parts, environment = load_setup(
         "articles/mace-simple.toml", "environments/lab.toml", ["mesh.elements_per_strut=1"]
     )
     events, _ = agree(parts, environment, cuts(6.0, 3.71, 1.62, 0.3, end=ORBIT), count=14)

@@ -11,7 +11,7 @@ import pytest
 from random_articles import draw_bus, environment_of, write_tables
 
 from middeck.errors import MiddeckError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.comparison import ModeComparison, compare_modes
@@ -41,11 +41,11 @@ def soft_bus(seed: int, folder: Path) -> Met | None:
     wanted, bounce = np.exp(rng.uniform(np.log([0.3, 0.2]), np.log([3.0, 2.0])))
     environment = environment_of(tables, float(rng.uniform(0.6, 5.0)), float(bounce))
     files = (str(write_tables(tables, folder / "a.toml")), str(write_tables(environment, folder / "e.toml")))
-    parts, _ = load_case(*files)
+    parts, _ = load_setup(*files)
     first = next(f for f in modes_in(parts, Environment.orbit()).frequency_hz if f > 0.0)
     softer = tables["material"]["stuff"]["E_pa"] * (wanted / first) ** 2
     try:
-        parts, lab = load_case(*files, [f"material.stuff.E_pa={softer:.6e}"])
+        parts, lab = load_setup(*files, [f"material.stuff.E_pa={softer:.6e}"])
         orbit, hung = modes_in(parts, Environment.orbit()), modes_in(parts, lab)
     except MiddeckError:
         return None
@@ -135,7 +135,7 @@ def test_budget_has_the_same_pairs(met: list[Met]):
 
 @functools.cache
 def sheet(article: str, *overrides: str) -> Met:
-    parts, lab = load_case(f"articles/mace-{article}.toml", LAB, overrides)
+    parts, lab = load_setup(f"articles/mace-{article}.toml", LAB, overrides)
     orbit, hung = modes_in(parts, Environment.orbit()), modes_in(parts, lab)
     return Met(orbit, hung, compare_modes(orbit, hung))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import AttachPoint
@@ -161,7 +161,7 @@ def test_a_level_article_stays_as_it_is():
 @pytest.fixture(scope="module")
 def simple():
     """The project's article without the offset that levels it."""
-    return load_case(
+    return load_setup(
         ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml", ["suspension.offsets.0.2=0"]
     )
 
@@ -245,7 +245,7 @@ def test_an_article_that_does_not_hang_is_said_so():
 @pytest.mark.parametrize("shift", repeats([-0.01, 0.01, 0.005], 2))
 def test_levelled_from_many_starts_whatever_the_limit(shift: float, limit: float):
     """The last step is tiny, and no sign of a lack of room."""
-    article, environment = load_case(
+    article, environment = load_setup(
         ROOT / "articles" / "mace-simple.toml", ROOT / "environments" / "lab.toml"
     )
     moved = tuple(
@@ -260,7 +260,7 @@ def test_levelled_from_many_starts_whatever_the_limit(shift: float, limit: float
 
 def test_an_offset_at_its_limit_leaves_the_rest_to_the_others():
     """The shortest change shares unequally; a limit a tenth below its largest part binds that one."""
-    article, environment = load_case(
+    article, environment = load_setup(
         ROOT / "articles" / "mace-simple.toml",
         ROOT / "environments" / "lab.toml",
         ("suspension.offsets.0.2=0", "node.2.mass=30"),  # n3 bears most: its offset does most

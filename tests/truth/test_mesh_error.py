@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from random_articles import draw_article, write_tables
 
-from middeck.files.documents import load_case, load_structure
+from middeck.files.documents import load_setup, load_structure
 from middeck.structure.model.article import Section, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
@@ -62,7 +62,7 @@ def test_error_is_that_against_a_finer_mesh(seed: int, tmp_path: Path):
 
 def test_the_two_articles_are_meshed_finely_enough_and_one_element_a_strut_is_not():
     for article in ("dm", "simple"):
-        case = load_case(f"articles/mace-{article}.toml", "environments/orbit.toml")
+        case = load_setup(f"articles/mace-{article}.toml", "environments/orbit.toml")
         assert mesh_warnings(modes_in(*case), 26) == ()
     coarse = modes_in(load_structure("articles/mace-simple.toml", ["mesh.elements_per_strut=1"]))
     fine = modes_in(*case)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.files.documents import load_case
+from middeck.files.documents import load_setup
 from middeck.joints.friction import Friction
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.mesh import mesh_structure
@@ -94,8 +94,8 @@ def test_both_kinds_of_device_have_the_same_modes():
 def test_the_sheets_linear_spring_is_the_same_suspension():
     """Its words: unstretched length 4.0 - g/(2 pi 0.25)^2 = 0.0255 m from the same anchor, the same law."""
     files = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
-    spring = solve_equilibrium(*load_case(*files, ["suspension.device=spring"]))
-    constant = solve_equilibrium(*load_case(*files))
+    spring = solve_equilibrium(*load_setup(*files, ["suspension.device=spring"]))
+    constant = solve_equilibrium(*load_setup(*files))
     assert spring.loads.law.length == pytest.approx(0.0255, abs=5e-5)  # the sheet's digits
     assert spring.tension == pytest.approx(constant.tension, rel=1e-7)
     ours, theirs = (solve_modes(rest).omega[:26] for rest in (spring, constant))

@@ -12,7 +12,7 @@ import pytest
 from random_articles import draw_article, write_tables
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_case, load_structure
+from middeck.files.documents import load_setup, load_structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.environment import AnchoredSpring, Device
 from middeck.structure.summary.environment_doubts import doubt_environment
@@ -75,7 +75,7 @@ def test_a_heavy_node_is_doubted_whatever_its_inertia(tmp_path: Path):
 
 
 def test_environments_in_other_units_are_doubted():
-    parts, lab = load_case("articles/mace-simple.toml", "environments/lab.toml")
+    parts, lab = load_setup("articles/mace-simple.toml", "environments/lab.toml")
     assert doubt_environment(parts, lab) == ()
     assert lab.suspension is not None
     changed = [

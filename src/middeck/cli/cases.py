@@ -8,7 +8,7 @@ from pathlib import Path
 
 from middeck.cli.blame import reading
 from middeck.errors import MiddeckError
-from middeck.files.documents import find_document, load_case
+from middeck.files.documents import find_document, load_setup
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
@@ -39,7 +39,7 @@ def solve_case(
 ) -> Modes:
     """Rest state and modes; of a large article the ``count`` lowest, with a few to spare."""
     files = find_case(article, environment)
-    return solve_in(*apply_case(*load_case(*files, overrides), case, *files), *files, count=count)
+    return solve_in(*apply_case(*load_setup(*files, overrides), case, *files), *files, count=count)
 
 
 def apply_case(

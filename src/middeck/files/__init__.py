@@ -1,6 +1,6 @@
 """Files in, values out, and back: documents, overrides, records, JSON.
 
-``documents``: ``load_structure(path)``, ``load_environment(path)``, ``load_case(article, environment, set)``;
+``documents``: ``load_structure(path)``, ``load_environment(path)``, ``load_setup(article, environment)``;
 ``studies``: ``load_study(path, set)``; ``records``: ``load_record(path)``, ``write_record(path, record)``;
 ``json_output``: ``json_text(value)``, ``write_json(path, value)``.
 """

@@ -163,7 +163,7 @@ def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environ
     return _environment(checked)
 
 
-def load_case(
+def load_setup(
     article: str | Path, environment: str | Path, overrides: Sequence[str] = ()
 ) -> tuple[Structure, Environment]:
     """An article and an environment, joined by the names of attach points.
@@ -180,7 +180,7 @@ def load_offset_keys(
 ) -> dict[str, str]:
     """Attach point = the key of its offset in the article's file, which an override may set.
 
-    Raises `ConfigError` as `load_case` does.
+    Raises `ConfigError` as `load_setup` does.
     """
     form = cast("ArticleForm", _check_case(article, environment, overrides)[0].form)
     nodes = () if form.suspension is None else form.suspension.nodes

@@ -44,12 +44,12 @@ def verb(
 
     from middeck.cli.cases import find_case, solve_in
     from middeck.errors import ConfigError
-    from middeck.files.documents import load_case
+    from middeck.files.documents import load_setup
     from middeck.structure.gravity.budget import build_budget
     from middeck.structure.model.environment import Environment
 
     files = find_case(article, environment)
-    structure, surroundings = load_case(*files, overrides)
+    structure, surroundings = load_setup(*files, overrides)
     if not np.any(surroundings.gravity) and not surroundings.hung and not surroundings.springs:
         raise ConfigError(
             "from orbit to orbit there is nothing to budget",

@@ -48,8 +48,7 @@ def verb(
     from middeck.cli.blame import reading
     from middeck.cli.cases import apply_case, find_case
     from middeck.cli.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
-    from middeck.files.documents import find_document, load_structure
-    from middeck.files.documents import load_case as load_files
+    from middeck.files.documents import find_document, load_setup, load_structure
     from middeck.structure.model.environment import Environment
     from middeck.structure.summary.summary import summarise
 
@@ -59,7 +58,7 @@ def verb(
         structure, _ = apply_case(structure, Environment.orbit(), load_case, *files)
     else:
         body, around = files = find_case(article, environment)
-        structure, surroundings = apply_case(*load_files(body, around, overrides), load_case, *files)
+        structure, surroundings = apply_case(*load_setup(body, around, overrides), load_case, *files)
     with reading(*files):
         summary = summarise(structure)
     numbers = summary_numbers(summary)

@@ -41,12 +41,12 @@ def verb(
     neither its loads nor its masses.
     """
     from middeck.cli.cases import apply_case, find_case, solve_in
-    from middeck.files.documents import load_case as load_files
+    from middeck.files.documents import load_setup
     from middeck.structure.gravity.comparison import compare_modes
     from middeck.structure.model.environment import Environment
 
     files = find_case(article, environment)
-    structure, surroundings = load_files(*files, overrides)
+    structure, surroundings = load_setup(*files, overrides)
     orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
     lab = solve_in(*apply_case(structure, surroundings, load_case, *files), *files, count=count)
     document = describe(compare_modes(orbit, lab, count))

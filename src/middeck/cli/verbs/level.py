@@ -60,11 +60,11 @@ def verb(
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import case_doubts, find_case
-    from middeck.files.documents import load_case, load_offset_keys
+    from middeck.files.documents import load_offset_keys, load_setup
     from middeck.structure.suspension.levelling import level
 
     files = find_case(article, environment)
-    structure, surroundings = load_case(*files, overrides)
+    structure, surroundings = load_setup(*files, overrides)
     axes = None if about is None else about.replace(",", "")
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):

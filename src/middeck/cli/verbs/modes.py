@@ -46,11 +46,11 @@ def verb(
     from middeck.cli.blame import reading
     from middeck.cli.cases import apply_case, find_case, solve_in
     from middeck.cli.summary import summary_lines, summary_numbers
-    from middeck.files.documents import load_case as load_files
+    from middeck.files.documents import load_setup
     from middeck.structure.summary.summary import summarise
 
     files = find_case(article, environment)
-    structure, surroundings = apply_case(*load_files(*files, overrides), load_case, *files)
+    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
     with reading(*files):
         summary = summarise(structure)
     if not as_json:  # at once: what is wrong with it shows here, whatever becomes of the solution

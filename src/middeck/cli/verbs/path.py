@@ -69,12 +69,12 @@ def verb(
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import case_doubts, find_case
-    from middeck.files.documents import load_case
+    from middeck.files.documents import load_setup
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import DeviceRule
 
     files = find_case(article, environment)
-    structure, surroundings = load_case(*files, overrides)
+    structure, surroundings = load_setup(*files, overrides)
     places = _places(surroundings, through, tilt)
     with reading(*files):
         found = follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)

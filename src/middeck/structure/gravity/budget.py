@@ -116,7 +116,7 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     Both are modes, from `solve_modes`, not rest states:
 
     >>> import middeck as md
-    >>> parts, environment = md.load_case("articles/mace-dm.toml", "environments/lab.toml")
+    >>> parts, environment = md.load_setup("articles/mace-dm.toml", "environments/lab.toml")
     >>> rests = [md.solve_equilibrium(parts, e) for e in (md.Environment.orbit(), environment)]
     >>> orbit, lab = map(md.solve_modes, rests)
     >>> budget = build_budget(orbit, lab, 12)
