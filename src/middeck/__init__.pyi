@@ -195,6 +195,7 @@ from .structure.suspension.device_friction import (
 )
 from .structure.suspension.levelling import level as level
 from .systems.delay_approximation import approximate_delays as approximate_delays
+from .systems.mode_blocks import part_modes as part_modes
 from .systems.own_plant import make_plant as make_plant
 from .systems.plant import (
     Plant as Plant,

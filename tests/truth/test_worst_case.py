@@ -27,8 +27,9 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.modal import ModalSystem
+from middeck.systems.mode_blocks import part_modes
 from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.plant import Plant, delay_plant, remove_delays
 from middeck.systems.statespace import gain_system
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
@@ -95,6 +96,20 @@ def test_a_shift_without_limit_and_a_loop_unstable_from_the_start() -> None:
     assert (broken.down, broken.up) == (0.0, 0.0)
     with pytest.raises(ConfigError, match="no mode named"):
         find_allowed_shifts(LATE, LAW, modes=["3 Hz"])
+
+
+def test_modes_of_unnamed_states_have_one_name_for_all_questions() -> None:
+    unnamed = dataclasses.replace(LATE, dynamics=remove_delays(LATE).system)
+    named = part_modes(unnamed)
+    name = named.state_names[0]
+    (found,) = find_allowed_shifts(unnamed, LAW, modes=[name], most=0.01)
+    assert found.mode == name
+    np.testing.assert_allclose(
+        np.abs(np.linalg.eigvals(shift_modes(named, {name: 1.01}).continuous.A)).min(), 1.01 * OMEGA[0]
+    )
+    with pytest.raises(ConfigError, match="no mode named") as caught:
+        shift_modes(unnamed, {name: 1.01})
+    assert "part_modes" in caught.value.hint
 
 
 def test_worst_stability_over_a_box_by_brute_force() -> None:

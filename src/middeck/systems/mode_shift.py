@@ -45,8 +45,12 @@ def shift_modes(
     known = name_states(plant)
     unknown = [name for name in (*frequency, *damping) if name not in known]
     if unknown:
+        named = plant.modal is not None or plant.state_names
         raise ConfigError(
-            f"no mode named {', '.join(map(repr, unknown))}", hint=f"one of {', '.join(dict.fromkeys(known))}"
+            f"no mode named {', '.join(map(repr, unknown))}",
+            hint=f"one of {', '.join(dict.fromkeys(known))}"
+            if named
+            else "part_modes(plant) names its modes",
         )
     if not all(np.isfinite(f) and f > 0.0 for f in (*frequency.values(), *damping.values())):
         raise ConfigError("a factor on a frequency or a damping ratio is not positive and finite")
