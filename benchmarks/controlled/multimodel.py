@@ -32,8 +32,8 @@ from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.loop.performance import loop_metric
 from middeck.control.lqg import design_lqg
 from middeck.control.robust import (
+    LawForm,
     ModeShift,
-    Structure,
     Uncertainty,
     compare_designs,
     corner_positions,
@@ -117,7 +117,7 @@ def _reference() -> tuple[list[dict[str, Any]], dict[str, Compensator]]:
     lqg = design_lqg(without_delays(plant), WEIGHTS, AUTHORITY)
     design = partial(design_multimodel, plant, WEIGHTS, AUTHORITY)
     three, seconds = _timed(lambda: design(uncertainty=TOGETHER), RUNS)
-    eight, four = (design(uncertainty=TOGETHER, structure=Structure(order)) for order in (8, 4))
+    eight, four = (design(uncertainty=TOGETHER, form=LawForm(order)) for order in (8, 4))
     nominal, robust = _db(lqg).db[0], _db(three).db[0]
     on_grid = _db(three, grid())
     one = design(uncertainty=())
@@ -239,7 +239,7 @@ def _simple() -> list[dict[str, Any]]:
         "LQG": lambda: design_lqg(plant, weights, SIMPLE_AUTHORITY),
         "multi-model": lambda: ask(design_multimodel, tolerance=1e-5),
         "multi-model, order 20": lambda: ask(
-            design_multimodel, tolerance=1e-5, structure=Structure(20), positions=end_positions(box)[:3]
+            design_multimodel, tolerance=1e-5, form=LawForm(20), positions=end_positions(box)[:3]
         ),
         "sensitivity-weighted": lambda: ask(design_sensitivity_weighted),
         "Popov": lambda: ask(design_popov, tolerance=1e-4),

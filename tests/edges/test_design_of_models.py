@@ -14,7 +14,7 @@ from cli_runner import middeck
 from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import Structure, places_of
+from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
 from middeck.signals.ports import Port
 
 Capture = pytest.CaptureFixture[str]
@@ -39,7 +39,7 @@ def fit(*, late_s: float = 1e-6, **changes: Any) -> ModelCovariance:
         outputs=OUTPUTS,
     )
     model = dataclasses.replace(model, **changes)
-    structure = Structure(real_constants=True, with_delay=True, with_lower=False, with_direct=False)
+    structure = ModelStructure(real_constants=True, with_delay=True, with_lower=False, with_direct=False)
     at = places_of(model, structure)
     variance = np.full(at.size, 1e-6)
     variance[at.delay] = 2.5e-11

@@ -17,7 +17,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.models import load_fitted, load_model, write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import Structure, places_of
+from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
 from middeck.signals.ports import Port
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -73,7 +73,7 @@ def fitted(*, double: bool = False, rigid: bool = False, degrees: float = np.inf
         outputs=ports[1],
         rigid=R,
     )
-    structure = Structure(real_constants=False, with_delay=True, with_lower=False, with_direct=False)
+    structure = ModelStructure(real_constants=False, with_delay=True, with_lower=False, with_direct=False)
     size = places_of(model, structure).size
     root = rng.standard_normal((size, size)) * np.exp(rng.uniform(-12.0, 6.0, size))[:, None]
     return ModelCovariance(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost, solve_gramian
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.h2.structure import arrange
+from middeck.control.h2.law_form import arrange
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
 from middeck.control.robust.blend import blend

@@ -13,7 +13,7 @@ from middeck.identification.plants.delays import merge_delays
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance, as_exact
 from middeck.identification.uncertainty.parameters import parameters_of
-from middeck.identification.uncertainty.unknowns import Structure, places_of, unknowns_of
+from middeck.identification.uncertainty.unknowns import ModelStructure, places_of, unknowns_of
 from middeck.signals.ports import Port
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.response import FrequencyResponse
@@ -58,7 +58,7 @@ def covariance_of(delay_s, deviation_s, *, path_delay_s=None, degrees=np.inf):
         outputs=tuple(Port(f"y{o}", "m") for o in range(outputs)),
         path_delay_s=path_delay_s,
     )
-    structure = Structure(real_constants=False, with_delay=True, with_lower=False, with_direct=False)
+    structure = ModelStructure(real_constants=False, with_delay=True, with_lower=False, with_direct=False)
     at = places_of(model, structure)
     variance = np.full(at.size, 1e-6)
     variance[at.delay] = np.square(deviation_s)

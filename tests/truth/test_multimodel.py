@@ -18,9 +18,9 @@ from middeck.control.h2.generalized_plant import generalize
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import (
+    LawForm,
     ModeShift,
     Station,
-    Structure,
     Uncertainty,
     corner_positions,
     design_multimodel,
@@ -151,7 +151,7 @@ def test_three_models_hold_the_whole_grid_at_little_loss(three_models):
 @pytest.mark.parametrize(("order", "loss"), repeats([(4, 0.6), (8, 0.1)]))  # the levels
 def test_smaller_orders_lose_little(three_models, order, loss):
     small = design_multimodel(
-        reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, structure=Structure(order),
+        reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, form=LawForm(order),
         tolerance=1e-6,
     )  # fmt: skip
     assert len(small.system.A) == small.order == order
@@ -177,7 +177,7 @@ def test_a_maximum_is_the_minimum_of_a_mean_by_its_dual_weights(three_models):
 
 def test_more_states_than_the_plant_do_not_hurt(three_models):
     law = design_multimodel(
-        reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, structure=Structure(16), tolerance=1e-7
+        reference_plant(), WEIGHTS, AUTHORITY, uncertainty=TOGETHER, form=LawForm(16), tolerance=1e-7
     )
     assert law.order == 16
     assert law.cost < three_models.cost * (1.0 + 1e-4)
@@ -201,7 +201,7 @@ def one_mode(omega=2.0, zeta=0.01, names=("mode",)):
 def test_order_one_is_as_good_as_all_laws_of_one_state():
     plant = one_mode()
     weights = dataclasses.replace(WEIGHTS, sensor=np.array([1e-2]))
-    law = design_multimodel(plant, weights, 10.0, uncertainty=(), structure=Structure(1))
+    law = design_multimodel(plant, weights, 10.0, uncertainty=(), form=LawForm(1))
     model = generalize(plant, weights, 10.0)
 
     # u = -g / (s + a) y: both numbers of all laws of one state, on a grid, and on a fine one about the best.
@@ -245,7 +245,7 @@ def test_decentralised_law_of_two_separate_plants_is_two_lqg_laws():
         sensor=np.full(2, 1e-3),
     )
     stations = Station(("y1",), ("u1",), 2), Station(("y2",), ("u2",), 2)
-    law = design_multimodel(plant, weights, 4.0, uncertainty=(), structure=Structure(stations=stations))
+    law = design_multimodel(plant, weights, 4.0, uncertainty=(), form=LawForm(stations=stations))
     single = dataclasses.replace(WEIGHTS, sensor=np.array([1e-3]))
     # Separate plants need nothing of each other: the constrained optimum is the unconstrained one.
     assert law.cost == pytest.approx(sum(design_lqg(p, single, 4.0).cost for p in alone), rel=1e-6)
@@ -261,7 +261,7 @@ def test_a_fixed_notch_is_kept():
     weights = dataclasses.replace(WEIGHTS, sensor=np.array([1e-3]))
     for place in ("before", "after"):
         law = design_multimodel(
-            plant, weights, 10.0, uncertainty=(), structure=Structure(**{place: notch}), tolerance=1e-5
+            plant, weights, 10.0, uncertainty=(), form=LawForm(**{place: notch}), tolerance=1e-5
         )
         K = np.abs(statespace_response(law.system, np.array([at, at / 2.0]))[:, 0, 0])
         assert K[0] < 1e-9 * K[1]  # rounding
@@ -292,7 +292,7 @@ def test_an_unstable_plant_of_more_states_than_the_law():
     system = StateSpace(A, np.hstack([B, B]), np.vstack([C, C]), np.zeros((2, 2)))
     plant = dataclasses.replace(one_mode(), dynamics=system)
     weights = dataclasses.replace(WEIGHTS, sensor=np.array([1e-3]))
-    law = design_multimodel(plant, weights, 1.0, uncertainty=(), structure=Structure(2))
+    law = design_multimodel(plant, weights, 1.0, uncertainty=(), form=LawForm(2))
     assert close_loop(plant, law).stable
     assert law.cost >= design_lqg(plant, weights, 1.0).cost
 
@@ -339,17 +339,17 @@ def test_bad_input_is_named():
         design([dataclasses.replace(one_mode(), y=("z",))])
     weak = design_lqg(without_delays(plant), WEIGHTS, 1.0)
     with pytest.raises(ConfigError, match="does not fit"):
-        design(start=weak, structure=Structure(5))
+        design(start=weak, form=LawForm(5))
     with pytest.raises(ConfigError, match="mean or maximum"):
         design(over="worst")
     with pytest.raises(ConfigError, match="an order of 0"):
-        Structure(0)
+        LawForm(0)
     with pytest.raises(ConfigError, match="shifted twice"):
         Uncertainty(shifts=(ModeShift(("a",), 0.1), ModeShift(("a",), 0.1)))
     with pytest.raises(ConfigError, match="random generator"):
         corner_positions(TOGETHER, count=3)
     with pytest.raises(ConfigError, match="not in the plant's group y"):
-        design(structure=Structure(stations=(Station(("gyro",), ("u",), 4),)))
+        design(form=LawForm(stations=(Station(("gyro",), ("u",), 4),)))
 
 
 def test_a_mode_that_nothing_holds_is_named():

@@ -14,9 +14,9 @@ from middeck.control.h2.generalized_plant import generalize
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, Shaping, design_lqg
 from middeck.control.robust import (
+    LawForm,
     ModeShift,
     Station,
-    Structure,
     Uncertainty,
     corner_positions,
     design_multimodel,
@@ -153,7 +153,7 @@ def integral_designs(bounded):
     wide, given = box(0.01), (oscillator(), WEIGHTS, AUTHORITY)
     return (
         design_multimodel(*given, uncertainty=wide, shaping=ALL, tolerance=1e-5),
-        design_multimodel(*given, uncertainty=wide, shaping=INTEGRAL, tolerance=1e-5, structure=Structure(3)),
+        design_multimodel(*given, uncertainty=wide, shaping=INTEGRAL, tolerance=1e-5, form=LawForm(3)),
         design_sensitivity_weighted(*given, uncertainty=wide, shaping=ALL),
         bounded,
     )
@@ -192,10 +192,10 @@ def test_what_makes_no_sense_is_refused():
         return design_multimodel(oscillator(), WEIGHTS, AUTHORITY, uncertainty=(), shaping=shaping, **more)
 
     with pytest.raises(ConfigError, match="no stations and no fixed filters"):
-        design(structure=Structure(stations=(Station(("y",), ("u",), 4),)))
+        design(form=LawForm(stations=(Station(("y",), ("u",), 4),)))
     plain = design_lqg(oscillator(), WEIGHTS, AUTHORITY)
     with pytest.raises(ConfigError, match="not the integrals"):
-        design(start=plain, structure=Structure(3))
+        design(start=plain, form=LawForm(3))
     with pytest.raises(ConfigError, match="no port 'nothing'"):
         design(Shaping(colours=(("nothing", lag(1.0)),)))
     with pytest.raises(ConfigError, match="no port 'z'"):

@@ -29,7 +29,7 @@ from middeck.identification.uncertainty.parameters import (
     zero_deviation,
 )
 from middeck.identification.uncertainty.response_bounds import response_bounds
-from middeck.identification.uncertainty.unknowns import Structure, model_at, places_of, ties, unknowns_of
+from middeck.identification.uncertainty.unknowns import ModelStructure, model_at, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse, ResponseCovariance
 from repeats import LONG, repeats
 
@@ -64,7 +64,7 @@ def a_model(*, real=False, sample_hz=None, free=False):
         model = dataclasses.replace(
             model, rigid=rng.standard_normal((3, 2)), path_delay_s=paths, lower=np.zeros((3, 2))
         )
-    return model, Structure(
+    return model, ModelStructure(
         real_constants=real, with_delay=continuous, with_lower=continuous and not free, with_direct=True
     )
 
@@ -419,7 +419,7 @@ def test_bounds_at_a_zero_of_the_response():
         inputs=gimbal_record.INPUTS[:1],
         outputs=gimbal_record.OUTPUTS[:1],
     )
-    structure = Structure(real_constants=True, with_delay=True, with_lower=False, with_direct=False)
+    structure = ModelStructure(real_constants=True, with_delay=True, with_lower=False, with_direct=False)
     f = two_modes.LINES
     variance = np.full((1, len(f), 1), two_modes.NOISE**2)
     measured = FrequencyResponse(

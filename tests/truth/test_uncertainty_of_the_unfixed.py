@@ -12,7 +12,7 @@ from middeck.identification.model.measurement_model import (
 from middeck.identification.search.doubts import doubts_of_deviations
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.parameters import stated, uncertainty_of
-from middeck.identification.uncertainty.unknowns import Structure
+from middeck.identification.uncertainty.unknowns import ModelStructure
 from middeck.signals.ports import Port
 from middeck.study.chapters.measured_control.text import fit_tables
 from middeck.study.chapters.two_sensor_control.text import encoder_tables
@@ -24,8 +24,8 @@ pytestmark = pytest.mark.kernels
 PORTS = (Port("force", "N"),), (Port("way", "m"),)
 F = np.linspace(1.0, 12.0, 60)
 COMPLEX, REAL = (
-    Structure(real_constants=False, with_delay=False, with_lower=False, with_direct=True),
-    Structure(real_constants=True, with_delay=True, with_lower=False, with_direct=False),
+    ModelStructure(real_constants=False, with_delay=False, with_lower=False, with_direct=True),
+    ModelStructure(real_constants=True, with_delay=True, with_lower=False, with_direct=False),
 )
 
 

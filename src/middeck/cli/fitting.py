@@ -25,7 +25,7 @@ from middeck.identification.spectra import (
 )
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import distinct_poles
-from middeck.identification.uncertainty.unknowns import Structure
+from middeck.identification.uncertainty.unknowns import ModelStructure
 from middeck.signals.excitation import cut_periods, recognise_excitation
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
@@ -253,7 +253,7 @@ def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovar
     return settings.model_copy(update={**left, "sampled": model.sample_hz is not None})
 
 
-def _choices(model: MeasurementModel, structure: Structure) -> dict[str, object]:
+def _choices(model: MeasurementModel, structure: ModelStructure) -> dict[str, object]:
     late = "common" if structure.common_delay else "output" if model.path_delay_s is None else "path"
     return {
         "constants": "real" if structure.real_constants else "complex",
@@ -263,7 +263,7 @@ def _choices(model: MeasurementModel, structure: Structure) -> dict[str, object]
     }
 
 
-def _relative_degree(structure: Structure) -> int | None:
+def _relative_degree(structure: ModelStructure) -> int | None:
     """None where it is that of the constants, or of residual terms, anyway."""
     if structure.relative_degree_two:
         return 2

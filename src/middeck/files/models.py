@@ -15,7 +15,7 @@ from middeck.files.json_output import write_json
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import Structure, places_of
+from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
 from middeck.systems.plant import Plant, delay_plant
 
 MODEL_SCHEMA = "middeck.model/1"
@@ -126,10 +126,10 @@ def _count(value: Any, most: int, where: str) -> int:
     return value
 
 
-def _structure(value: Any, where: str) -> Structure:
-    names = tuple(f.name for f in dataclasses.fields(Structure))
+def _structure(value: Any, where: str) -> ModelStructure:
+    names = tuple(f.name for f in dataclasses.fields(ModelStructure))
     require_keys(value, names, where, AGAIN)
-    return Structure(**{name: _truth(value[name], f"{where}, {name}") for name in names})
+    return ModelStructure(**{name: _truth(value[name], f"{where}, {name}") for name in names})
 
 
 def _truth(value: Any, where: str) -> bool:

@@ -7,7 +7,7 @@ import scipy.linalg as sla
 
 from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.h2.structure import decouple
+from middeck.control.h2.law_form import decouple
 from middeck.control.lqg.regulator import append_integrals
 from middeck.control.riccati import RiccatiSolution, solve_riccati
 

@@ -1,6 +1,6 @@
 """Robust designs for uncertain plants, and their verification on other plants."""
 
-from middeck.control.h2.structure import Station, Structure
+from middeck.control.h2.law_form import LawForm, Station
 from middeck.control.law.uncertainty import (
     ModeShift,
     Uncertainty,
@@ -34,6 +34,7 @@ from middeck.systems.mode_shift import shift_modes
 
 __all__ = [
     "ComparedDesign",
+    "LawForm",
     "ModeShift",
     "MultiModelCompensator",
     "PlantOutcomes",
@@ -42,7 +43,6 @@ __all__ = [
     "SensitivityWeightedCompensator",
     "Stage",
     "Station",
-    "Structure",
     "Uncertainty",
     "Verification",
     "compare_designs",

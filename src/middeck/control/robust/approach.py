@@ -8,8 +8,8 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, discounted
+from middeck.control.h2.law_form import order_of, shifted, station_ports
 from middeck.control.h2.nominal_law import lqg_law
-from middeck.control.h2.structure import order_of, shifted, station_ports
 from middeck.control.robust.blend import Stations, improve
 from middeck.control.robust.problem import Problem, models_of
 from middeck.control.robust.result import Stage
@@ -47,7 +47,7 @@ def approach(problem: Problem, start: Law | None, power: float) -> Arrival:
     (discount), which is withdrawn as the law improves. The perturbations then grow as far as the law
     stabilises, the law is improved there, and so on.
     """
-    stations = station_ports(problem.structure, problem.nominal)
+    stations = station_ports(problem.form, problem.nominal)
     return _grow(problem, stations, begin(problem, start, power), power)
 
 
@@ -55,12 +55,12 @@ def begin(problem: Problem, start: Law | None, power: float) -> Arrival:
     """A law that stabilises the models at the first size."""
     if start is not None:
         return _given(problem, start)
-    return _best_start(problem, station_ports(problem.structure, problem.nominal), power)
+    return _best_start(problem, station_ports(problem.form, problem.nominal), power)
 
 
 def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float) -> Arrival:
     """Descend at full size, restarted in fresh coordinates as long as that helps."""
-    stations = station_ports(problem.structure, problem.nominal)
+    stations = station_ports(problem.form, problem.nominal)
     models = models_of(problem, 1.0, 1.0)
     for _ in range(RESTARTS):
         before = arrival
@@ -75,7 +75,7 @@ def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float)
 
 def _given(problem: Problem, start: Law) -> Arrival:
     models = models_of(problem, 1.0, 0.0)
-    model, order = models[0], order_of(problem.structure, len(models[0].A))
+    model, order = models[0], order_of(problem.form, len(models[0].A))
     rows = [row for row, _ in model.integrals]
     shape = len(start.A), start.B.shape[1], len(start.C)
     if shape != (order + len(rows), len(model.C2), model.B2.shape[1]):
@@ -95,7 +95,7 @@ def _best_start(problem: Problem, stations: Stations, power: float) -> Arrival:
     def models_at(ratio: float) -> Sequence[GeneralizedPlant]:
         return models_of(problem, ratio, 0.0)
 
-    order = order_of(problem.structure, len(models_at(1.0)[0].A))
+    order = order_of(problem.form, len(models_at(1.0)[0].A))
     starts = list(find_starts(models_at, order, stations))
     if len(starts) == 1 and starts[0][1] == 1.0:
         return Arrival(starts[0][0], np.inf, ())

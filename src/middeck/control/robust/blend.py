@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, LawCost, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.h2.structure import Free, arrange, pack, scale_states, unpack
+from middeck.control.h2.law_form import Free, arrange, pack, scale_states, unpack
 from middeck.control.robust.coordinates import even_scale, parameter_scale
 from middeck.control.robust.descent import Descent, descend
 

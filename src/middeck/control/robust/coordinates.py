@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, LawCost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.h2.structure import Free
+from middeck.control.h2.law_form import Free
 
 
 def even_scale(costs: Sequence[LawCost], integrals: int = 0) -> Float[np.ndarray, " law"]:

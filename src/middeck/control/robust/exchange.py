@@ -13,7 +13,7 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import evaluate_cost, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
-from middeck.control.h2.structure import Structure
+from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg import LQGWeights, Shaping
@@ -33,7 +33,7 @@ def design_for_worst(
     authority: float,
     *,
     candidates: Sequence[Plant],
-    structure: Structure | None = None,
+    form: LawForm | None = None,
     shaping: Shaping | None = None,
     tolerance: float = 1e-5,
 ) -> tuple[MultiModelCompensator, tuple[int, ...]]:
@@ -54,7 +54,7 @@ def design_for_worst(
     for _ in range(ROUNDS):
         law = design_multimodel(
             plant, weights, authority, uncertainty=[candidates[i] for i in chosen], over="maximum",
-            structure=structure, shaping=shaping, start=start, tolerance=tolerance,
+            form=form, shaping=shaping, start=start, tolerance=tolerance,
         )  # fmt: skip
         worse, stable = _worse_than(WITHIN * law.cost, models, law)
         if not worse:

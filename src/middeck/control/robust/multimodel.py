@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.h2.structure import Structure
+from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty
@@ -54,12 +54,12 @@ def design_multimodel(
     uncertainty: Uncertainty | Sequence[Plant],
     positions: Float[np.ndarray, "model parameter"] | None = None,
     over: Over = "mean",
-    structure: Structure | None = None,
+    form: LawForm | None = None,
     shaping: Shaping | None = None,
     start: Compensator | None = None,
     tolerance: float = 1e-9,
 ) -> MultiModelCompensator:
-    """The law of a given structure that minimises the mean or the maximum of the costs of several plants.
+    """The law of a given form that minimises the mean or the maximum of the costs of several plants.
 
     Args:
         plant: The nominal plant, before ``uncertainty.finish``.
@@ -68,10 +68,10 @@ def design_multimodel(
             ports.
         positions: Positions of the models in the box (`end_positions` unless given; also `corner_positions`).
         over: ``"mean"`` or ``"maximum"``.
-        structure: Order, stations and fixed filters; as many states as the nominal model unless given.
+        form: Order, stations and fixed filters; as many states as the nominal model unless given.
         shaping: Filters at ports, integral action and correlated noise, as for `design_lqg`. Integrals come
-            as last states, beside those of ``structure``; they go with no stations and no fixed filters.
-        start: A law to begin with, e.g. of a lower authority: strictly proper, of ``structure`` without its
+            as last states, beside those of ``form``; they go with no stations and no fixed filters.
+        start: A law to begin with, e.g. of a lower authority: strictly proper, of ``form`` without its
             filters, integrals last; found if not given.
         tolerance: The descent ends when ten steps gain less than this fraction of the cost.
 
@@ -81,8 +81,8 @@ def design_multimodel(
     """
     if over not in POWERS:
         raise ConfigError(f"over is {over!r}", hint="mean or maximum")
-    structure = structure or Structure()
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure, shaping)
+    form = form or LawForm()
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, form, shaping)
     powers = POWERS[over]
     arrival = approach(problem, None if start is None else law_of(start), powers[0])
     for power in powers:
@@ -95,7 +95,7 @@ def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompens
     multipliers = blend(costs, POWERS[over][-1])[1]
     part = partition_modes(problem.nominal)
     return MultiModelCompensator(
-        dynamics=whole_law(arrival.law, problem.structure),
+        dynamics=whole_law(arrival.law, problem.form),
         inputs=measured_ports(part.active),
         outputs=driven_ports(part.active),
         authority=problem.authority,

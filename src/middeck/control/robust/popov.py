@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.h2.structure import Structure, arrange, pack, scale_states, station_ports, unpack
+from middeck.control.h2.law_form import LawForm, arrange, pack, scale_states, station_ports, unpack
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
@@ -74,7 +74,7 @@ def design_popov(
     *,
     uncertainty: Uncertainty,
     positions: Float[np.ndarray, "model parameter"] | None = None,
-    structure: Structure | None = None,
+    form: LawForm | None = None,
     shaping: Shaping | None = None,
     start: Compensator | None = None,
     tolerance: float = 1e-7,
@@ -89,8 +89,8 @@ def design_popov(
     reads the acceleration of an uncertain mode, which a shift changes too; and as `design_multimodel`;
     `NotStabilisableError` as `design_multimodel`.
     """
-    structure = structure or Structure()
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, structure, shaping)
+    form = form or LawForm()
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, form, shaping)
     directions = shift_directions(plant, problem.nominal, uncertainty)
     model = models_of(problem, 1.0, 0.0)[0]
     law, history = None if start is None else law_of(start), ()
@@ -139,7 +139,7 @@ def _covering_starts(
             break
         places = corner_positions(wide) if len(wide.shifts) <= FEW else end_positions(wide)
         posed = pose_problem(
-            plant, problem.weights, problem.authority, wide, places, problem.structure, problem.shaping
+            plant, problem.weights, problem.authority, wide, places, problem.form, problem.shaping
         )
         arrival = carry_on(posed, approach(posed, law, 1.0), 1.0, ROUGH)
         law, history = arrival.law, (*history, *arrival.history)
@@ -174,7 +174,7 @@ def _improve(
     problem: Problem, model: GeneralizedPlant, directions: Directions, place: _Place, tolerance: float
 ) -> _Place:
     integrals = len(model.integrals)
-    arranged, free = arrange(place.law, station_ports(problem.structure, problem.nominal), integrals)
+    arranged, free = arrange(place.law, station_ports(problem.form, problem.nominal), integrals)
     nominal = [evaluate_cost(model, arranged)]
     even = even_scale(nominal, integrals)
     law = scale_states(arranged, even)
@@ -216,7 +216,7 @@ def _improve(
 def _result(problem: Problem, directions: Directions, place: _Place) -> PopovCompensator:
     part = partition_modes(problem.nominal)
     return PopovCompensator(
-        dynamics=whole_law(place.law, problem.structure),
+        dynamics=whole_law(place.law, problem.form),
         inputs=measured_ports(part.active),
         outputs=driven_ports(part.active),
         authority=problem.authority,

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
-from middeck.control.h2.structure import Structure
+from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
@@ -35,7 +35,7 @@ class Problem:
     growing: bool
     weights: LQGWeights
     authority: float
-    structure: Structure
+    form: LawForm
     shaping: Shaping
 
 
@@ -45,15 +45,15 @@ def pose_problem(
     authority: float,
     uncertainty: Uncertainty | Plants,
     positions: Float[np.ndarray, "model parameter"] | None,
-    structure: Structure,
+    form: LawForm,
     shaping: Shaping | None = None,
 ) -> Problem:
     """The problem from the arguments of a design; checks them and names unstabilisable modes."""
     shaping = shaping or Shaping()
-    if shaping.integral and (structure.stations or structure.before or structure.after):
+    if shaping.integral and (form.stations or form.before or form.after):
         raise ConfigError(
             "integral action goes with no stations and no fixed filters",
-            hint="a structure of an order alone, or a filter at a port of the plant",
+            hint="a form of an order alone, or a filter at a port of the plant",
         )
     if isinstance(uncertainty, Uncertainty):
         places = _nominal_first(
@@ -70,7 +70,7 @@ def pose_problem(
             growing=True,
             weights=weights,
             authority=authority,
-            structure=structure,
+            form=form,
             shaping=shaping,
         )
     else:
@@ -84,7 +84,7 @@ def pose_problem(
             growing=False,
             weights=weights,
             authority=authority,
-            structure=structure,
+            form=form,
             shaping=shaping,
         )
     for each in problem.plants_at(1.0):
@@ -95,7 +95,7 @@ def pose_problem(
 
 def models_of(problem: Problem, ratio: float, size: float) -> tuple[GeneralizedPlant, ...]:
     """The models at a ratio of the authority and a size of the perturbation."""
-    s = problem.structure
+    s = problem.form
     return tuple(
         generalize(
             p,
@@ -111,21 +111,21 @@ def models_of(problem: Problem, ratio: float, size: float) -> tuple[GeneralizedP
 
 def true_costs(problem: Problem, law: Law) -> Float[np.ndarray, " model"]:
     """E[z' W^2 z + rho u' R u], shaped, of each plant at full size under the law with its filters."""
-    whole = whole_law(law, problem.structure)
+    whole = whole_law(law, problem.form)
     closed = Law(whole.A, whole.B, whole.C)
     return np.array(
         [
             evaluate_cost(model, closed).cost
-            for model in models_of(dataclasses.replace(problem, structure=Structure()), 1.0, 1.0)
+            for model in models_of(dataclasses.replace(problem, form=LawForm()), 1.0, 1.0)
         ]
     )
 
 
-def whole_law(law: Law, structure: Structure) -> StateSpace:
+def whole_law(law: Law, form: LawForm) -> StateSpace:
     """The law with its fixed filters."""
     system = StateSpace(law.A, law.B, law.C, np.zeros((len(law.C), law.B.shape[1])))
-    filtered = system if structure.before is None else series(structure.before, system)
-    return filtered if structure.after is None else series(filtered, structure.after)
+    filtered = system if form.before is None else series(form.before, system)
+    return filtered if form.after is None else series(filtered, form.after)
 
 
 def law_of(compensator: Compensator) -> Law:

@@ -16,8 +16,8 @@ from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
+from middeck.control.h2.law_form import LawForm
 from middeck.control.h2.nominal_law import solve_lqg
-from middeck.control.h2.structure import Structure
 from middeck.control.law.compensator import driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty
@@ -74,7 +74,7 @@ def design_sensitivity_weighted(
     """
     if strength is not None and not (np.isfinite(strength) and strength >= 0.0):
         raise ConfigError(f"a strength of {strength}: zero or more")
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, Structure(), shaping)
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, LawForm(), shaping)
     directions = stiffness_directions(plant, problem.nominal, uncertainty)
     models = models_of(problem, 1.0, 1.0)
     tried: list[Stage] = []
@@ -155,7 +155,7 @@ def _result(
     law, regulator, estimator, cost = _solve(models[0], directions, strength)
     part = partition_modes(problem.nominal)
     return SensitivityWeightedCompensator(
-        dynamics=whole_law(law, problem.structure),
+        dynamics=whole_law(law, problem.form),
         inputs=measured_ports(part.active),
         outputs=driven_ports(part.active),
         authority=problem.authority,

@@ -8,7 +8,7 @@ from middeck.identification.model.measurement_model import RANK, MeasurementMode
 from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.terms import constant_terms, shapes
 from middeck.identification.search.polish import Run
-from middeck.identification.uncertainty.unknowns import Structure
+from middeck.identification.uncertainty.unknowns import ModelStructure
 from middeck.signals.ports import Port
 
 
@@ -42,9 +42,9 @@ def model_of(run: Run, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> M
     )
 
 
-def structure_of(layout: Layout) -> Structure:
+def structure_of(layout: Layout) -> ModelStructure:
     """Which parts of the model were free."""
-    return Structure(
+    return ModelStructure(
         real_constants=layout.options.real_constants,
         with_delay=bool(layout.options.delay_of),
         with_lower=layout.options.residuals,

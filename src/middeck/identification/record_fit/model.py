@@ -16,7 +16,7 @@ from middeck.identification.record_fit.search import RecordRun
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.unknowns import Structure, places_of, ties
+from middeck.identification.uncertainty.unknowns import ModelStructure, places_of, ties
 
 
 def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> ModelCovariance:
@@ -61,7 +61,9 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
 class _Rows:
     """Derivatives of each output's spectra with the norm of its transients; made anew, for they are large."""
 
-    def __init__(self, run: RecordRun, data: Data, model: MeasurementModel, structure: Structure) -> None:
+    def __init__(
+        self, run: RecordRun, data: Data, model: MeasurementModel, structure: ModelStructure
+    ) -> None:
         self.run, self.data, self.model, self.structure = run, data, model, structure
         self.terms = Terms(run.layout, data, run.refined.theta)
 

@@ -24,7 +24,7 @@ from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root
 from middeck.identification.uncertainty.parameters import Uncertainty, modal_constant, uncertainty_of
-from middeck.identification.uncertainty.unknowns import Structure, places_of
+from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.signal import Excitation
 from middeck.signals.record import Record
@@ -65,7 +65,7 @@ def expected_accuracy(
     *,
     periods: int = 1,
     delay_s: float = 0.0,
-    structure: Structure | None = None,
+    structure: ModelStructure | None = None,
     scored_hz: Float[np.ndarray, " line"] | None = None,
 ) -> ExpectedAccuracy:
     """Standard deviations that a fit of ``model`` would have after the test, by the Cramer-Rao bound.
@@ -142,13 +142,13 @@ def periods_needed(
     return max(1, int(np.ceil(expected.periods * max(ratios) ** 2 - 1e-9)))
 
 
-def structure_of(model: MeasurementModel) -> Structure:
+def structure_of(model: MeasurementModel) -> ModelStructure:
     """What a fit of such a model would have free by default."""
     residue = np.einsum("om,mi->omi", model.shapes, model.participation)[:, model.is_pair]
     real = model.sample_hz is None and bool(
         np.all(np.abs(residue.real) <= ROUNDING * np.abs(residue).max(initial=0.0))
     )
-    return Structure(
+    return ModelStructure(
         real_constants=real,
         with_delay=real,
         with_lower=bool(np.any(model.lower)),
@@ -177,7 +177,7 @@ def _check(u: np.ndarray, inputs: int, noise: np.ndarray, periods: int) -> None:
 
 def _blocks(
     model: MeasurementModel,
-    structure: Structure,
+    structure: ModelStructure,
     s: Complex[np.ndarray, " line"],
     U: Complex[np.ndarray, "line experiment input"],
     variance: Float[np.ndarray, " output"],

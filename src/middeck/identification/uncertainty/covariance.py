@@ -28,7 +28,7 @@ from middeck.identification.uncertainty.entry_factors import (
     entry_slopes,
     shared_functions,
 )
-from middeck.identification.uncertainty.unknowns import Places, Structure, places_of, ties, unknowns_of
+from middeck.identification.uncertainty.unknowns import ModelStructure, Places, places_of, ties, unknowns_of
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -61,7 +61,7 @@ class ModelCovariance:
     """
 
     model: MeasurementModel
-    structure: Structure
+    structure: ModelStructure
     root: Float[np.ndarray, "unknown direction"]
     inflation: Float[np.ndarray, " unknown"]
     degrees: float
@@ -108,7 +108,7 @@ class ModelCovariance:
 
 def estimate_covariance(
     model: MeasurementModel,
-    structure: Structure,
+    structure: ModelStructure,
     measured: FrequencyResponse,
     *,
     assumed: Float[np.ndarray, "output line input"],
@@ -153,7 +153,7 @@ class _Entries:
     """Derivatives of all entries of H, by their factors; lines are taken some at a time."""
 
     def __init__(
-        self, model: MeasurementModel, structure: Structure, s: np.ndarray, variance: np.ndarray
+        self, model: MeasurementModel, structure: ModelStructure, s: np.ndarray, variance: np.ndarray
     ) -> None:
         self.model, self.structure, self.s, self.variance = model, structure, s, variance
         at = places_of(model, structure)
@@ -297,7 +297,7 @@ def as_exact(model: MeasurementModel) -> ModelCovariance:
     constants = (model.shapes * unit)[:, :, None] * model.participation
     real = bool(np.all(np.abs(np.imag(constants)) <= ROUNDING * np.abs(constants)))
     delay, lower, direct = (bool(np.any(part)) for part in (model.delay_s, model.lower, model.direct))
-    structure = Structure(real_constants=real, with_delay=delay, with_lower=lower, with_direct=direct)
+    structure = ModelStructure(real_constants=real, with_delay=delay, with_lower=lower, with_direct=direct)
     size = places_of(model, structure).size
     return ModelCovariance(
         model=model,

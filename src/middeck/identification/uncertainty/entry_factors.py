@@ -24,7 +24,13 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.spectra.weights import averaged
-from middeck.identification.uncertainty.unknowns import Places, Structure, constants_of, part_of, places_of
+from middeck.identification.uncertainty.unknowns import (
+    ModelStructure,
+    Places,
+    constants_of,
+    part_of,
+    places_of,
+)
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
@@ -39,7 +45,11 @@ class EntrySlopes:
 
 
 def entry_slopes(
-    model: MeasurementModel, structure: Structure, s: Complex[np.ndarray, " line"], output: int, input: int
+    model: MeasurementModel,
+    structure: ModelStructure,
+    s: Complex[np.ndarray, " line"],
+    output: int,
+    input: int,
 ) -> EntrySlopes:
     """H_oi and its derivatives at ``s``, which need not lie on the imaginary axis."""
     entry = entry_factors(model, structure, places_of(model, structure), output, input)
@@ -77,7 +87,7 @@ def combined(
 
 
 def shared_functions(
-    model: MeasurementModel, structure: Structure, s: Complex[np.ndarray, " line"]
+    model: MeasurementModel, structure: ModelStructure, s: Complex[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "function line"]:
     """Four functions of each mode, kind by kind, then 1/s^2, 1/s and 1, at any ``s``.
 
@@ -99,7 +109,7 @@ def shared_functions(
 
 
 def entry_factors(
-    model: MeasurementModel, structure: Structure, at: Places, output: int, input: int
+    model: MeasurementModel, structure: ModelStructure, at: Places, output: int, input: int
 ) -> EntryFactors:
     """Of H_oi, for unknowns at their places."""
     modes = len(model.poles)

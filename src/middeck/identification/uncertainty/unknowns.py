@@ -1,12 +1,12 @@
 """The unknowns of a fitted model in coordinates of their own, and the response's derivatives by them.
 
     [log sigma of each mode | log omega_d of each pair | free entries of b | entries of c of each output
-     | R | Q | L | D | delay of each output | what each path is late beyond its output's earliest]
+     | R | Q | L | D | delay of each output | delay of each path beyond its output's shortest]
 
-as far as the fit had them (`Structure`; R, Q and delays of paths as far as the model has them). The largest
-entry of each b is held: the residue c b leaves one factor free. Unlike the search's own vector, this one is
-read from a finished model alone, so that every kind of fit has its covariance in the same coordinates. Any
-vector is a stable, real model.
+as far as the fit had them (`ModelStructure`; R, Q and delays of paths as far as the model has them). The
+largest entry of each b is held: the residue c b leaves one factor free. Unlike the search's own vector, this
+one is read from a finished model alone, so that every kind of fit has its covariance in the same coordinates.
+Any vector is a stable, real model.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from middeck.values import record
 
 
 @record(kw_only=True)
-class Structure:
+class ModelStructure:
     """Which parts of a model were free in its fit.
 
     Attributes:
@@ -61,7 +61,7 @@ class Places:
     size: int
 
 
-def places_of(model: MeasurementModel, structure: Structure) -> Places:
+def places_of(model: MeasurementModel, structure: ModelStructure) -> Places:
     """The order of the unknowns; last axis of ``b`` and ``c``: real and imaginary part."""
     pair = model.is_pair
     modes, (outputs, inputs) = len(pair), model.direct.shape
@@ -109,14 +109,14 @@ def places_of(model: MeasurementModel, structure: Structure) -> Places:
     )
 
 
-def _free_paths(model: MeasurementModel, structure: Structure) -> Bool[np.ndarray, "output input"]:
+def _free_paths(model: MeasurementModel, structure: ModelStructure) -> Bool[np.ndarray, "output input"]:
     if model.path_delay_s is None or not structure.with_delay:
         return np.zeros(model.direct.shape, bool)
     earliest = np.argmin(model.path_delay_s, axis=1)
     return np.arange(model.direct.shape[1]) != earliest[:, None]
 
 
-def unknowns_of(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, " unknown"]:
+def unknowns_of(model: MeasurementModel, structure: ModelStructure) -> Float[np.ndarray, " unknown"]:
     """The vector of unknowns of a model."""
     at = places_of(model, structure)
     x = np.zeros(at.size)
@@ -151,18 +151,18 @@ def _take(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndarray
     return np.where(place >= 0, x[np.maximum(place, 0)], otherwise)
 
 
-def constants_of(model: MeasurementModel, structure: Structure) -> Complex[np.ndarray, "output mode"]:
+def constants_of(model: MeasurementModel, structure: ModelStructure) -> Complex[np.ndarray, "output mode"]:
     """c as the fit has it: phi = 2 j omega_d c of a pair with real constants."""
     return model.shapes * unit_of(model.poles, model.is_pair, structure)
 
 
-def unit_of(poles: np.ndarray, pair: np.ndarray, structure: Structure) -> np.ndarray:
+def unit_of(poles: np.ndarray, pair: np.ndarray, structure: ModelStructure) -> np.ndarray:
     """By what an output vector is multiplied to be a modal constant, where those are real."""
     return np.where(pair & structure.real_constants, 2j * np.imag(poles), 1.0)
 
 
 def model_at(
-    model: MeasurementModel, structure: Structure, x: Float[np.ndarray, " unknown"]
+    model: MeasurementModel, structure: ModelStructure, x: Float[np.ndarray, " unknown"]
 ) -> MeasurementModel:
     """The model with the unknowns ``x``, all else as in ``model``; no delay is negative."""
     at, pair = places_of(model, structure), model.is_pair
@@ -195,7 +195,7 @@ def _complex(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndar
     return parts[..., 0] + 1j * parts[..., 1]
 
 
-def ties(model: MeasurementModel, structure: Structure) -> Float[np.ndarray, "tie unknown"]:
+def ties(model: MeasurementModel, structure: ModelStructure) -> Float[np.ndarray, "tie unknown"]:
     """Derivatives of what the fit held at zero: the sum of all residues of each path, if it was."""
     at = places_of(model, structure)
     outputs, inputs = model.direct.shape

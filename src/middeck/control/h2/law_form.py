@@ -1,4 +1,4 @@
-"""Structure of a compensator: order, ports of each station, fixed filters, and its free entries."""
+"""LawForm of a compensator: order, ports of each station, fixed filters, and its free entries."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Station:
 
 
 @record
-class Structure:
+class LawForm:
     """The form of a law u = after K before y; K is strictly proper.
 
     Attributes:
@@ -36,7 +36,7 @@ class Structure:
         stations: Decentralised parts whose orders add up to that of K; empty for a centralised law.
         before, after: Fixed filters, e.g. notches or leads, of the measurements and of the commands, square.
 
-    >>> Structure(order=8).stations
+    >>> LawForm(order=8).stations
     ()
     """
 
@@ -62,18 +62,18 @@ class Free:
     C: Bool[np.ndarray, "u law"]
 
 
-def order_of(structure: Structure, default: int) -> int:
+def order_of(form: LawForm, default: int) -> int:
     """States of the free law."""
-    if structure.stations:
-        return sum(station.order for station in structure.stations)
-    return default if structure.order is None else structure.order
+    if form.stations:
+        return sum(station.order for station in form.stations)
+    return default if form.order is None else form.order
 
 
-def station_ports(structure: Structure, plant: Plant) -> list[tuple[list[int], list[int], int]]:
+def station_ports(form: LawForm, plant: Plant) -> list[tuple[list[int], list[int], int]]:
     """Rows of y, rows of u and number of states of each station."""
     return [
         (_positions(plant.y, s.inputs, "y"), _positions(plant.u, s.outputs, "u"), s.order)
-        for s in structure.stations
+        for s in form.stations
     ]
 
 
