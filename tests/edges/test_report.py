@@ -385,7 +385,11 @@ def test_unstable_levels_are_not_drawn_as_decibels(outcomes, draw):
 def test_part_of_a_study_gives_part_of_a_page(tmp_path, study, outcomes):
     """Also: a title is text, never markup."""
     name = "figures 4 and 5"
-    write(tmp_path, dataclasses.replace(study, title="<b>g & g</b>"), {name: outcomes[name]})
+    write(
+        tmp_path,
+        dataclasses.replace(study, form=study.form.model_copy(update={"title": "<b>g & g</b>"})),
+        {name: outcomes[name]},
+    )
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     page = Page(text)
     keys = ["figure-3", "figure-4", "figure-5"]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
+from middeck.errors import ConfigError
 from middeck.files import study_form
 from middeck.files.article_build import build_structure
 from middeck.files.article_checks import article_findings
@@ -34,6 +35,8 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.values import record
 
+F = TypeVar("F")
+
 
 @record
 class Case:
@@ -50,29 +53,68 @@ class Study:
     """All that a study needs, read and checked.
 
     Attributes:
+        form: The tables of the study file: attributes are its keys, units in their endings. Each table is a
+            property of the study, too, which raises `ConfigError` where the file has none.
+        folder: Of the study file; its paths are relative to it.
         cases: Every article in every environment; see `case`.
-        control, figure_6, siso, sito, mirror: The tables of the study file: attributes are its keys, units in
-            their endings.
-        rig, loop_test: The simulated rig, and the experiments on it with the motor of ``siso``.
-        train_file, test_file: Paths of the mirror's records.
         inputs: Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
         overrides: What ``--set`` has changed.
     """
 
-    title: str
-    seed: int
+    form: study_form.StudyForm
+    folder: Path
     cases: tuple[Case, ...]
-    control: study_form.ControlForm
-    rig: RigSettings
-    loop_test: LoopTest
-    figure_6: study_form.Figure6Form
-    siso: study_form.SisoForm
-    sito: study_form.SitoForm
-    mirror: study_form.MirrorForm
-    train_file: Path
-    test_file: Path
     inputs: tuple[tuple[str, str], ...]
     overrides: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """Heading of the report."""
+        return self.form.title
+
+    @property
+    def seed(self) -> int:
+        """Of all that is drawn."""
+        return self.form.seed
+
+    @property
+    def control(self) -> study_form.ControlForm:
+        """Inner loops, LQG and the sweep of authority."""
+        return _given(self.form.control, "control")
+
+    @property
+    def figure_6(self) -> study_form.Figure6Form:
+        """One input to several outputs in both environments."""
+        return _given(self.form.figure_6, "figure_6")
+
+    @property
+    def siso(self) -> study_form.SisoForm:
+        """The measured loop."""
+        return _given(self.form.siso, "siso")
+
+    @property
+    def sito(self) -> study_form.SitoForm:
+        """The measured loop with two sensors."""
+        return _given(self.form.sito, "sito")
+
+    @property
+    def mirror(self) -> study_form.MirrorForm:
+        """A measured record and one to judge its fit by."""
+        return _given(self.form.mirror, "mirror")
+
+    @property
+    def rig(self) -> RigSettings:
+        """The simulated rig."""
+        return build_rig_settings(_given(self.form.rig, "rig"))
+
+    @property
+    def loop_test(self) -> LoopTest:
+        """The experiments on the rig with the motor of ``siso``."""
+        return build_loop_test(self.siso)
+
+    def has(self, *tables: str) -> bool:
+        """Whether the study file has all these tables."""
+        return all(getattr(self.form, table) is not None for table in tables)
 
     def case(self, article: str, environment: str) -> tuple[Structure, Environment]:
         """The structure and environment of these names; KeyError if the study has none."""
@@ -101,7 +143,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     environments = {name: s for (name, _), s in zip(files, sources[len(names) :], strict=True)}
     study, structures, surroundings = _check(source, articles, environments, overrides)
     form = cast("study_form.StudyForm", study.form)
-    records = [base / form.mirror.train, base / form.mirror.test]
+    records = [] if form.mirror is None else [base / form.mirror.train, base / form.mirror.test]
     files = [Path(path), *(Path(s.file) for s in (*articles.values(), *environments.values())), *records]
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
     cases = tuple(
@@ -109,22 +151,13 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
         for (a, e), c in surroundings.items()
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)
-    return Study(
-        title=form.title,
-        seed=form.seed,
-        cases=cases,
-        control=form.control,
-        rig=build_rig_settings(form.rig),
-        loop_test=build_loop_test(form.siso),
-        figure_6=form.figure_6,
-        siso=form.siso,
-        sito=form.sito,
-        mirror=form.mirror,
-        train_file=records[0],
-        test_file=records[1],
-        inputs=inputs,
-        overrides=tuple(overrides),
-    )
+    return Study(form=form, folder=base, cases=cases, inputs=inputs, overrides=tuple(overrides))
+
+
+def _given(table: F | None, name: str) -> F:
+    if table is None:
+        raise ConfigError(f"the study has no table [{name}]", hint="studies/mace-1993.toml has every table")
+    return table
 
 
 def study_rules(data: dict[str, Any]) -> list[Finding]:

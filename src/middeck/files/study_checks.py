@@ -89,13 +89,13 @@ def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table)
 def _driven(form: StudyForm, article: str) -> list[tuple[str, str]]:
     """Key and name of every port of ``article`` that the study drives."""
     control, found = form.control, list[tuple[str, str]]()
-    if control.article == article:
+    if control is not None and control.article == article:
         arrays = (("inputs", control.inputs), ("disturbances", control.disturbances))
         arrays = (*arrays, ("pd_loops", control.pd_loops))
         found += [(f"control.{key}", port) for key, ports in arrays for port in ports]
-    if form.figure_6.article == article:
+    if form.figure_6 is not None and form.figure_6.article == article:
         found.append(("figure_6.input", form.figure_6.input))
-    if form.siso.article == article:
+    if form.siso is not None and form.siso.article == article:
         found.append(("siso.actuator", form.siso.actuator))
     return found
 

@@ -156,19 +156,29 @@ class MirrorForm(Form):
 
 
 class StudyForm(Form):
-    """A study: documents it stands on, and its settings."""
+    """A study: documents it stands on, and settings; a chapter without settings is not run.
+
+    Attributes:
+        account: Whose account the claims of the report are; without one nothing is claimed.
+    """
 
     schema_: Literal[1] = Field(alias="schema")
     title: str
     seed: Annotated[int, whole(0, 2**63 - 1)]
+    account: Literal["mace-1993"] | None = None
     article: dict[Name, str]
     environment: dict[Name, str]
-    control: ControlForm
-    rig: RigForm
-    figure_6: Figure6Form
-    siso: SisoForm
-    sito: SitoForm
-    mirror: MirrorForm
+    control: ControlForm | None = None
+    rig: RigForm | None = None
+    figure_6: Figure6Form | None = None
+    siso: SisoForm | None = None
+    sito: SitoForm | None = None
+    mirror: MirrorForm | None = None
+
+
+NEEDS = {"figure_6": ("rig", "siso"), "siso": ("rig",), "sito": ("siso",)}
+"""Tables that the settings of a chapter stand on."""
+CHAPTERS = ("control", "figure_6", "siso", "sito", "mirror")
 
 
 BANDS = (
@@ -187,6 +197,7 @@ def study_findings(data: Table) -> list[Finding]:
         *(f for where in BANDS for f in _ascending(where, table_of(data, where[0]).get(where[1]))),
         *_one_each(table_of(data, "sito"), "sensors", ["angle_noise_rad_per_rthz"], "sito"),
         *_one_each(table_of(data, "sito"), "smaller_states", ["smaller_bands_hz"], "sito"),
+        *_tables(data),
         *_levels(control),
         *_weighed(control),
         *_two_rates(data),
@@ -216,6 +227,17 @@ def _ascending(where: Path, band: Any) -> Iterator[Finding]:
             yield finding(where, "must ascend, [lowest, highest] in Hz", band)
         case _:
             return
+
+
+def _tables(data: Table) -> Iterator[Finding]:
+    """At least one chapter, and all that each stands on."""
+    if not any(key in data for key in CHAPTERS):
+        known = ", ".join(f"[{key}]" for key in CHAPTERS)
+        yield finding((CHAPTERS[0],), f"missing: a study needs one of {known}")
+    for key, needed in NEEDS.items():
+        for other in needed:
+            if key in data and other not in data:
+                yield finding((other,), f"missing: [{key}] needs it")
 
 
 def _levels(control: Table) -> Iterator[Finding]:
@@ -313,22 +335,28 @@ def _documents(data: Table) -> Iterator[Finding]:
 
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
     """Ports that an article of the study lacks; ``ports`` gives its actuators and its sensors by article."""
-    control, figure_6, siso = form.control, form.figure_6, form.siso
-    (drives, angles), (torques, sensors), (motors, sensed) = (
-        ports.get(setting.article, ([], [])) for setting in (control, figure_6, siso)
-    )
-    wanted = [
-        ("control", "inputs", control.inputs, drives),
-        ("control", "disturbances", control.disturbances, drives),
-        ("control", "angles", control.angles, angles),
-        ("control", "metric", control.metric, angles),
-        ("control", "pd_loops", control.pd_loops, [a for a in drives if a in angles]),
-        ("figure_6", "input", figure_6.input, torques),
-        ("figure_6", "outputs", figure_6.outputs, [*sensors, *(f"{s}_rate" for s in sensors)]),
-        ("siso", "actuator", siso.actuator, motors),
-        ("siso", "sensor", siso.sensor, sensed),
-        ("sito", "sensors", form.sito.sensors, sensed),
-    ]
+    wanted: list[tuple[str, str, str | Names, list[str]]] = []
+    if form.control is not None:
+        drives, angles = ports.get(form.control.article, ([], []))
+        wanted += [
+            ("control", "inputs", form.control.inputs, drives),
+            ("control", "disturbances", form.control.disturbances, drives),
+            ("control", "angles", form.control.angles, angles),
+            ("control", "metric", form.control.metric, angles),
+            ("control", "pd_loops", form.control.pd_loops, [a for a in drives if a in angles]),
+        ]
+    if form.figure_6 is not None:
+        drives, sensors = ports.get(form.figure_6.article, ([], []))
+        wanted += [
+            ("figure_6", "input", form.figure_6.input, drives),
+            ("figure_6", "outputs", form.figure_6.outputs, [*sensors, *(f"{s}_rate" for s in sensors)]),
+        ]
+    if form.siso is not None:
+        drives, sensors = ports.get(form.siso.article, ([], []))
+        wanted.append(("siso", "actuator", form.siso.actuator, drives))
+        wanted.append(("siso", "sensor", form.siso.sensor, sensors))
+        if form.sito is not None:
+            wanted.append(("sito", "sensors", form.sito.sensors, sensors))
     places = [
         ((where, key), given, known) if isinstance(given, str) else ((where, key, i), name, known)
         for where, key, given, known in wanted

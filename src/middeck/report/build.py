@@ -45,7 +45,8 @@ class StudyWriter:
         numbers = cast("Numbers", plain(study_numbers(self._study, self._outcomes)))
         write_json(self._out / "numbers.json", numbers)
         title = self._study.title
-        write_text(self._out / "report.html", render_page(title, numbers, self._drawings))
+        page = render_page(title, numbers, self._drawings, account=self._study.form.account)
+        write_text(self._out / "report.html", page)
         figure = picture.draw_picture(self._outcomes)
         if figure is not None:
             svg = svg_text(figure, key=picture.KEY, title=title, description=picture.WORDS)

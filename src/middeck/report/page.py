@@ -11,8 +11,11 @@ from middeck.report.summary import came_out, chapters_of, claim_rows, does_not_h
 from middeck.study.words import Numbers
 
 
-def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> str:
-    """The whole report as HTML that needs no other file; ``numbers`` is the document of numbers.json."""
+def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, account: str | None) -> str:
+    """The whole report as HTML that needs no other file; ``numbers`` is the document of numbers.json.
+
+    The claims and assumptions are those of a published ``account``; without one there are none.
+    """
     figures: Numbers = numbers["figures"]
     environment = Environment(
         loader=PackageLoader("middeck", "."),
@@ -22,11 +25,12 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str]) -> st
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    claims = claim_rows(figures)
+    claims = claim_rows(figures) if account else []
     inputs = dict(numbers["inputs"])
     overrides, seed = inputs.pop("overrides"), inputs.pop("seed")
     return environment.get_template("report/report.html.j2").render(
         title=title,
+        account=account,
         claims=claims,
         came_out=came_out(figures, claims),
         lacking=does_not_hold(figures, claims),

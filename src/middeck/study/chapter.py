@@ -63,6 +63,7 @@ class Chapter(Generic[T]):
     """One stage of the study, and all that the report shows of its outcome.
 
     Attributes:
+        tables: Of the study file, without which the chapter is not run.
         name, share: As progress is told, and the part of the whole time, measured, for the estimate of what
             remains.
         stream: Which stream of the study's seed it draws from; its own, so that it depends on no other
@@ -74,6 +75,7 @@ class Chapter(Generic[T]):
     """
 
     name: str
+    tables: tuple[str, ...] = ()
     share: float
     stream: int
     needs: tuple[Callable[[Study], Any], ...] = ()

@@ -31,6 +31,11 @@ CHAPTERS: tuple[Chapter[Any], ...] = (
 )
 
 
+def chapters_in(study: Study) -> tuple[Chapter[Any], ...]:
+    """The chapters that the study file has the settings of."""
+    return tuple(chapter for chapter in CHAPTERS if study.has(*chapter.tables))
+
+
 def run_chapters(study: Study) -> Iterator[tuple[str, Callable[[], Any]]]:
     """Name and computation of each chapter; one is computed when it is called, in any order."""
 
@@ -41,7 +46,7 @@ def run_chapters(study: Study) -> Iterator[tuple[str, Callable[[], Any]]]:
     def compute(chapter: Chapter[Any]) -> Any:
         return chapter.compute(study, chapter.rng(study.seed), *map(value, chapter.needs))
 
-    for chapter in CHAPTERS:
+    for chapter in chapters_in(study):
         yield chapter.name, lambda chapter=chapter: compute(chapter)
 
 

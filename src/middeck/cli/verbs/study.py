@@ -55,10 +55,10 @@ def _run(study: Study, out: Path) -> dict[str, float]:
 
     from middeck.cli.progress import follow
     from middeck.report.build import StudyWriter
-    from middeck.study.mission import CHAPTERS, run_chapters
+    from middeck.study.mission import chapters_in, run_chapters
 
     writer, times = StudyWriter(out, study), {}
-    with follow({chapter.name: chapter.share for chapter in CHAPTERS}) as (begin, end):
+    with follow({chapter.name: chapter.share for chapter in chapters_in(study)}) as (begin, end):
         for name, compute in run_chapters(study):
             start = time.monotonic()
             begin(name)

@@ -23,6 +23,7 @@ def compute(study: Any, rng: Any, comparison: ModeComparison) -> ModeComparison:
 
 GRAVITY_MODES = Chapter(
     name="figures 4 and 5",
+    tables=("control",),
     share=0.02,
     stream=0,
     needs=(compare_environments,),

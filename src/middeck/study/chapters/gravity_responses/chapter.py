@@ -10,6 +10,7 @@ from middeck.study.chapters.gravity_responses.figure_6 import figure_6
 
 GRAVITY_RESPONSES = Chapter(
     name="figure 6",
+    tables=("figure_6", "rig", "siso"),
     share=0.01,
     stream=1,
     compute=computation.compute,

@@ -30,7 +30,7 @@ class MirrorFit:
 
 def compute(study: Study, rng: np.random.Generator) -> MirrorFit:
     """Fit one record; NRMSE of the simulated outputs of the other. Nothing is drawn from ``rng``."""
-    train, test = load_record(study.train_file), load_record(study.test_file)
+    train, test = (load_record(study.folder / file) for file in (study.mirror.train, study.mirror.test))
     measured = estimate_response(train, band_hz=BAND_HZ)
     fit = fit_response(measured, states=study.mirror.states, sample_hz=train.sample_hz)
     fitted = evaluate_model(fit.model, measured.frequency_hz)
