@@ -149,16 +149,24 @@ def test_article_and_environment_swapped_is_one_message(capfd: Capture) -> None:
     assert "are swapped" in run(capfd, "check", LAB, ARTICLE).err
 
 
-def test_outside_the_repository_the_laboratory_is_missing_and_said_how_to_write(tmp_path: Path) -> None:
+def test_the_laboratory_needs_no_file(tmp_path: Path) -> None:
+    """The one that is built in hangs the article as the repository's does."""
     (tmp_path / "own.toml").write_bytes(ARTICLE.read_bytes())
-    ended = as_process("modes", "own.toml", cwd=tmp_path)
+    ended = as_process("modes", "own.toml", "--environment", "lab", "--json", cwd=tmp_path)
+    named = as_process("modes", str(ARTICLE), "--environment", "lab", "--json", cwd=ROOT)
+    assert ended.code == 0
+    assert ended.out == named.out
+    (tmp_path / "lab.toml").write_text(LAB.read_text().replace("bounce_hz = 0.25", "bounce_hz = 0.5"))
+    own = as_process("modes", "own.toml", "--environment", "lab", "--json", cwd=tmp_path)
+    assert own.out != named.out
+
+
+def test_an_article_without_attach_points_hangs_in_no_laboratory(tmp_path: Path) -> None:
+    text = ARTICLE.read_text()
+    (tmp_path / "own.toml").write_text(text[: text.index("\n[suspension]")])
+    ended = as_process("modes", "own.toml", "--environment", "lab", cwd=tmp_path)
     assert ended.code == 2
-    assert "no environment 'lab': there is none in environments" in ended.err
-    assert "try: orbit" in ended.err
-    written = ended.err[ended.err.index("schema = 1") :]
-    (tmp_path / "lab.toml").write_text(written)
-    assert load_environment(tmp_path / "lab.toml").hung
-    assert as_process("modes", "own.toml", "--environment", "lab.toml", cwd=tmp_path).code == 0
+    assert "no attach point to hang from" in ended.err
 
 
 # ---- TOML that is not --------------------------------------------------------------------------------------

@@ -32,7 +32,7 @@ from middeck.values import record
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
 # What ``--environment orbit`` means far from any environments/: it is the same everywhere.
-ORBIT = Path(__file__).with_name("orbit.toml")
+BUILT_IN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("orbit", "lab")}
 DOCUMENTS = (looks.ARTICLE, looks.ENVIRONMENT, looks.STUDY)
 FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
 
@@ -157,7 +157,10 @@ def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure
 
 
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
-    """The environment in file ``path``, or "orbit"; raises `ConfigError` with all its faults."""
+    """The environment in file ``path``, or "orbit"; raises `ConfigError` with all its faults.
+
+    "lab" hangs on the attach points of an article: see `load_setup`.
+    """
     source = read_source(_environment_file(path), "environment")
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
     return _environment(checked)
@@ -168,11 +171,12 @@ def load_setup(
 ) -> tuple[Structure, Environment]:
     """An article and an environment, joined by the names of attach points.
 
-    ``environment`` is a file, or "orbit", which needs none. Raises `ConfigError` with all faults of both,
+    ``environment`` is a file, or "orbit" or "lab", which need none: in "lab" the article hangs along x on a
+    cable of 4 m at each attach point, at 0.25 Hz. Raises `ConfigError` with all faults of both,
     among them names that the article lacks.
     """
     first, second = _check_case(article, environment, overrides)
-    return _structure(first), _environment(second)
+    return _structure(first), _environment(second, attach_names(first.data))
 
 
 def load_offset_keys(
@@ -201,16 +205,16 @@ def _check_case(article: str | Path, environment: str | Path, overrides: Sequenc
 
 
 def _environment_file(given: str | Path) -> str | Path:
-    """The path as given; the name of the built-in environment, unless a file has this name."""
-    return ORBIT if str(given) == ORBIT.stem and not Path(given).is_file() else given
+    """The path as given; the file of a built-in environment of this name, unless a file has the name."""
+    return given if Path(given).is_file() else BUILT_IN.get(str(given), given)
 
 
 def _structure(checked: Checked[Any]) -> Structure:
     return build_structure(cast("ArticleForm", checked.form))
 
 
-def _environment(checked: Checked[Any]) -> Environment:
-    return build_environment(cast("EnvironmentForm", checked.form))
+def _environment(checked: Checked[Any], attach: Sequence[str] = ()) -> Environment:
+    return build_environment(cast("EnvironmentForm", checked.form), attach)
 
 
 def _check_all(
@@ -247,41 +251,22 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     """The file that ``name`` means: an existing path, else ``articles/NAME.toml`` and the like.
 
     The folder is sought in the current folder, then next to the folder of the file ``beside``, so that an
-    article's environments are found from anywhere; the environment ``orbit`` needs no file. Raises
-    `ConfigError` with the nearest name there is.
+    article's environments are found from anywhere; so is a file of this name beside that file. The
+    environments ``orbit`` and ``lab`` need no file. Raises `ConfigError` with the nearest name there is.
     """
     given = Path(name)
     if given.is_file():
         return given
     if given.is_dir():
         raise ConfigError(f"{name} is a folder, not {_a(kind)}", hint=f"the path of {_a(kind)} file")
-    roots = [Path()] if beside is None else [Path(), Path(beside).resolve().parent.parent]
-    folders = [root / FOLDERS[kind] for root in roots]
+    own = [] if beside is None else [Path(beside).resolve().parent]
+    folders = [*(root / FOLDERS[kind] for root in (Path(), *(folder.parent for folder in own))), *own]
     for folder in folders:
         if (folder / f"{name}.toml").is_file():
             return folder / f"{name}.toml"
-    if (kind, name) == ("environment", "orbit"):
-        return ORBIT
-    known = sorted(p.stem for folder in folders for p in folder.glob("*.toml"))
-    if kind == "environment" and not known:
-        sought = " or ".join(dict.fromkeys(str(folder) for folder in folders))
-        raise ConfigError(f"no environment {name!r}: there is none in {sought}", hint=LABORATORY)
+    if kind == "environment" and name in BUILT_IN:
+        return BUILT_IN[name]
+    built_in = BUILT_IN if kind == "environment" else ()
+    known = sorted({*built_in, *(p.stem for folder in folders for p in folder.glob("*.toml"))})
     advice = nearest(name, known) or f"give the path of {_a(kind)} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)
-
-
-# Where there is no environment to copy from. An article's attach points are the names that it holds.
-LABORATORY = """\
-orbit, or the path of a file such as
-    schema = 1
-    name = "lab"
-    [constants]
-    gravity_m_s2 = 9.80665
-    gravity_direction = [0.0, -1.0, 0.0]
-    [suspension]
-    cable_length_m = 4.0
-    bounce_hz = 0.25
-    [suspension.held]          # the article's attach points
-    n1 = "yz"
-    n3 = "xyz"
-    n5 = "yz\""""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -12,7 +13,14 @@ from middeck.files.boundary_form import ClampForm, GroundBushingForm, build_clam
 from middeck.files.faults import Finding, finding, nearest
 from middeck.files.form import Form, Name, NotNegative, Positive, Vector
 from middeck.joints.friction import Friction
-from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.model.environment import (
+    AnchoredSpring,
+    Device,
+    DeviceKind,
+    Environment,
+    Suspension,
+    hang_along_x,
+)
 
 
 def world_directions(value: str) -> str:
@@ -53,11 +61,11 @@ class ConstantsForm(Form):
 
 
 class CablesForm(Form):
-    """One cable and device per attach point in ``held``, all alike but for their load."""
+    """One cable and device per attach point in ``held``, or per attach point of an article along x."""
 
     cable_length_m: Positive
     bounce_hz: Positive
-    held: dict[str, Held]
+    held: dict[str, Held] | None = None
     device: Kind = "constant_force"
     moving_mass_kg: NotNegative = 0.0
     friction_n: NotNegative = 0.0
@@ -109,7 +117,7 @@ def joint_findings(
 ) -> list[Finding]:
     """Names in the environment that the article does not have."""
     used = [
-        (("suspension", "held", name), name) for name in (form.suspension.held if form.suspension else {})
+        (("suspension", "held", name), name) for name in ((form.suspension and form.suspension.held) or ())
     ]
     devices = [(("device", i, "attach"), device.attach) for i, device in enumerate(form.device)]
     springs = [(("spring", i, "attach"), spring.attach) for i, spring in enumerate(form.spring)]
@@ -127,8 +135,8 @@ def joint_findings(
     ]
 
 
-def build_environment(form: EnvironmentForm) -> Environment:
-    """The value that a valid form describes."""
+def build_environment(form: EnvironmentForm, attach: Sequence[str] = ()) -> Environment:
+    """The value that a valid form describes, around an article with these attach points."""
     gravity = np.zeros(3)
     if form.constants is not None:
         direction = np.array(form.constants.gravity_direction)
@@ -144,7 +152,7 @@ def build_environment(form: EnvironmentForm) -> Environment:
         for s in form.spring
     )
     devices = tuple(_device(d) for d in form.device)
-    suspension = None if form.suspension is None else _suspension(form.suspension)
+    suspension = None if form.suspension is None else _suspension(form.suspension, attach)
     return Environment(
         title=form.name,
         gravity=gravity + 0.0,  # no negative zeros
@@ -161,10 +169,11 @@ def default_name(attach: str) -> str:
     return f"spring_{attach}"
 
 
-def _suspension(cables: CablesForm) -> Suspension:
+def _suspension(cables: CablesForm, attach: Sequence[str]) -> Suspension:
+    held = hang_along_x(attach) if cables.held is None else cables.held
     return Suspension(
-        attach=tuple(cables.held),
-        held=tuple(cables.held.values()),
+        attach=tuple(held),
+        held=tuple(held.values()),
         cable_length=cables.cable_length_m,
         bounce_hz=cables.bounce_hz,
         kind=DeviceKind(cables.device),

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 from middeck.errors import ConfigError
 from middeck.files import study_form
 from middeck.files.article_build import build_structure
-from middeck.files.article_checks import article_findings
+from middeck.files.article_checks import article_findings, attach_names
 from middeck.files.article_form import ArticleForm
 from middeck.files.documents import (
     Checked,
@@ -146,8 +146,9 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     records = [] if form.mirror is None else [base / form.mirror.train, base / form.mirror.test]
     files = [Path(path), *(Path(s.file) for s in (*articles.values(), *environments.values())), *records]
     built = {name: build_structure(cast("ArticleForm", c.form)) for name, c in structures.items()}
+    attach = {name: attach_names(c.data) for name, c in structures.items()}
     cases = tuple(
-        Case(a, e, built[a], build_environment(cast("EnvironmentForm", c.form)))
+        Case(a, e, built[a], build_environment(cast("EnvironmentForm", c.form), attach[a]))
         for (a, e), c in surroundings.items()
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)

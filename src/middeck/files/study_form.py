@@ -175,6 +175,10 @@ class StudyForm(Form):
     sito: SitoForm | None = None
     mirror: MirrorForm | None = None
 
+    def __hash__(self) -> int:
+        """Of what is no dictionary."""
+        return hash((self.title, self.seed))
+
 
 NEEDS = {"figure_6": ("rig", "siso"), "siso": ("rig",), "sito": ("siso",)}
 """Tables that the settings of a chapter stand on."""

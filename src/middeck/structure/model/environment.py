@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import field
 from enum import Enum
 
@@ -218,21 +219,31 @@ class Environment:
     ) -> Environment:
         """Gravity along -y and a cable at every attach point of ``structure``.
 
-        For an article along x: the reactions are found with y and z held at each point, and x at the middle
-        one only, so that the held article is not strained. Raises `ConfigError` if there is no attach point.
+        For an article along x, see `hang_along_x`. Raises `ConfigError` if there is no attach point.
         """
-        attach = tuple(point.name for point in structure.attach_points)
-        if not attach:
-            raise ConfigError(
-                "no attach point to hang from",
-                where=f"structure {structure.title!r}",
-                hint="give it attach_points, or use Environment.orbit()",
-            )
-        middle = len(attach) // 2
-        held = tuple("xyz" if i == middle else "yz" for i in range(len(attach)))
-        down = np.array([0.0, -gravity, 0.0])
+        held = hang_along_x([point.name for point in structure.attach_points])
         return Environment(
             title="lab",
-            gravity=down,
-            suspension=Suspension(attach=attach, held=held, cable_length=cable_length, bounce_hz=bounce_hz),
+            gravity=np.array([0.0, -gravity, 0.0]),
+            suspension=Suspension(
+                attach=tuple(held), held=tuple(held.values()), cable_length=cable_length, bounce_hz=bounce_hz
+            ),
         )
+
+
+def hang_along_x(attach: Sequence[str]) -> dict[str, str]:
+    """World directions in which each attach point of an article along x is held for the reactions.
+
+    These are y and z at each, and x at the middle one only, so that the held article is not strained. Raises
+    `ConfigError` if there is no attach point.
+
+    >>> hang_along_x(["n1", "n3", "n5"])
+    {'n1': 'yz', 'n3': 'xyz', 'n5': 'yz'}
+    """
+    if not attach:
+        raise ConfigError(
+            "the article has no attach point to hang from",
+            hint="give it attach points, clamp a node, or use the environment orbit",
+        )
+    middle = len(attach) // 2
+    return {name: "xyz" if i == middle else "yz" for i, name in enumerate(attach)}
