@@ -11,14 +11,14 @@ from middeck import __version__
 
 # In the order of the work.
 VERBS = (
-    *("study", "convert", "check", "level", "modes", "compare", "budget", "path", "sensitivity", "correlate"),
-    *("response", "excite", "record", "identify", "impact", "drift", "design", "qualify"),
+    *("new", "study", "convert", "check", "level", "modes", "compare", "budget", "path", "sensitivity"),
+    *("correlate", "response", "excite", "record", "identify", "impact", "drift", "design", "qualify"),
 )
 
 EXAMPLES = """\
 \b
 Examples:
-  middeck modes articles/mace-dm.toml --environment lab
+  middeck new boom
   middeck study studies/mace-1993.toml -o out/mace-1993
 
 \b

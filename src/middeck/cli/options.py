@@ -84,17 +84,18 @@ class Frequencies(Numbers):
         return numbers
 
 
+def printing(command: F) -> F:
+    """``--json`` and ``--debug``, which every verb has."""
+    show = click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")(show(command))
+
+
 def common(command: F) -> F:
-    """``--set``, ``--json`` and ``--debug``, which every verb has."""
-    for option in (
-        click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error."),
-        click.option("--json", "as_json", is_flag=True, help="Print one JSON document."),
-        click.option(
-            "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override an input value."
-        ),
-    ):
-        command = option(command)
-    return command
+    """``--set``, ``--json`` and ``--debug``, of every verb that reads something."""
+    change = click.option(
+        "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override an input value."
+    )
+    return change(printing(command))
 
 
 article = click.argument("article")

@@ -47,7 +47,7 @@ class StudyWriter:
         title = self._study.title
         page = render_page(title, numbers, self._drawings, account=self._study.form.account)
         write_text(self._out / "report.html", page)
-        figure = picture.draw_picture(self._outcomes)
+        figure = picture.draw_picture(self._outcomes) if self._study.form.account else None
         if figure is not None:
             svg = svg_text(figure, key=picture.KEY, title=title, description=picture.WORDS)
             write_text(self._out / "figures" / f"{picture.KEY}.svg", svg)
