@@ -102,6 +102,7 @@ from .files.records.together import split_periods as split_periods
 from .files.studies import load_study as load_study
 from .identification.faults.detect import detect_faults as detect_faults
 from .identification.fit.fit_response import fit_response as fit_response
+from .identification.free_decay.fit import fit_free_decay as fit_free_decay
 from .identification.impact.average import average_blows as average_blows
 from .identification.impact.damping import fit_impact as fit_impact
 from .identification.model.measurement_model import (

@@ -31,8 +31,8 @@ NOISE = (2.0e-5, 2.0e-4)  # rms, of the angles of the tip and of the paddle [rad
 def verb(folder: Path, as_json: bool) -> None:
     """Make the folder NAME to begin with.
 
-    It holds an article (a bus of tubes with torque wheels and a paddle), its environments, a record (a test of
-    it, simulated) and a study, which all run. NAME must not exist yet.
+    It holds an article (a bus of tubes with torque wheels and a paddle), its environments, a record (a test
+    of it, simulated) and a study, which all run. NAME must not exist yet.
     """
     import re
     from importlib.resources import files
