@@ -200,7 +200,7 @@ def test_residual_flexibility_is_a_mode_without_end(sensor, steps):
             sample_hz=500.0,
             delay_s=0.0117,
             sensors=sensors,
-            steps=steps,
+            substeps=steps,
         )
         return run_through(rig, None, u)["readings"]
 

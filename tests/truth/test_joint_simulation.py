@@ -60,7 +60,7 @@ def at(*elements):
 
 
 def rig_of(plant, joints, step_s, delay_s=0.0):
-    """A rig with an internal step in a tick."""
+    """A rig with a substep in a tick."""
     return build_rig(plant, joints=joints, sample_hz=1.0 / step_s, delay_s=delay_s + 0.5 * step_s)
 
 
@@ -238,7 +238,7 @@ def test_an_accelerometer_feels_the_elements_at_once():
 
 @pytest.mark.parametrize("element", [BEARING, GEAR], ids=["friction", "deadband"])
 def test_an_accelerometer_that_waits_converges_with_the_internal_step(element):
-    """Beside a slow gyro its samples are taken between two ticks, and between two internal steps."""
+    """Beside a slow gyro its samples are taken between two ticks, and between two substeps."""
     one = np.full((1, 1), 1.0 / np.sqrt(J))
     phi, accelerations = np.vstack([one, one, 0.0 * one]), np.vstack([0.0 * one, 0.0 * one, one])
     names = ("gimbal", "inertial", "acceleration")
@@ -256,7 +256,9 @@ def test_an_accelerometer_that_waits_converges_with_the_internal_step(element):
 
     def acceleration(joints, steps):
         sensors = {"acceleration": Sampler(), "inertial": Gyro(anti_alias_hz=25.0)}
-        rig = build_rig(plant, joints=joints, sensors=sensors, sample_hz=200.0, delay_s=0.0153, steps=steps)
+        rig = build_rig(
+            plant, joints=joints, sensors=sensors, sample_hz=200.0, delay_s=0.0153, substeps=steps
+        )
         return run_through(rig, None, u)["readings"][:, 0]
 
     exact = acceleration([at(element)], 64)

@@ -269,7 +269,7 @@ def test_friction_only_takes_energy_and_stops_the_joint_where_it_must():
     """An undamped swing under Coulomb friction loses 2 Tc/k of its amplitude in half a turn, then sticks."""
     w = 2.0 * np.pi * 1.3
     friction = Friction(0.05, 5000.0)
-    rig = rig_of(oscillator(0.0), joints=[JointElements("bus_z", "bus_z", (friction,))], steps=4)
+    rig = rig_of(oscillator(0.0), joints=[JointElements("bus_z", "bus_z", (friction,))], substeps=4)
     push = np.zeros(6000)
     push[:200] = 1.0 * np.sign(np.sin(w * np.arange(200) * T))
     angle = run_through(rig, push)["measured"]

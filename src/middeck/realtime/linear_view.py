@@ -69,7 +69,7 @@ def gyro_sums(rig: Rig) -> Float[np.ndarray, "gyro state"] | None:
 def _without_sums(rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B and the readings of the continuous part, followed by commands on their way."""
     plant, m = rig.plant, len(rig.inputs)
-    states, depth = plant.angle.shape[1], plant.late + 1
+    states, depth = plant.angle.shape[1], plant.delay_ticks + 1
     transition, window = np.eye(states), np.zeros((states, 2 * m))
     for step, drive in zip(plant.step, plant.drive, strict=True):
         transition, window = step[:states] @ transition, step[:states] @ window + drive[:states]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
@@ -64,6 +64,7 @@ Halves = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 def loop_path(plant: Plant, compensator: Compensator) -> Plant:
     """The plant from the commands of ``compensator`` to its measurements, without inert modes."""
+    locate_ports(compensator, plant.inputs, plant.outputs)
     inputs, outputs = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
     return select_ports(plant if plant.period_s else partition_modes(plant).active, inputs, outputs)
 

@@ -87,8 +87,7 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """
-    measured, driven = ([p.name for p in side] for side in (held.outputs, held.inputs))
-    law = arrange_ports(compensator, measured, driven).sampled
+    law = arrange_ports(compensator, held.outputs, held.inputs).sampled
     if not same_period(law.period_s, held.system.period_s):
         raise ConfigError(
             f"a law of {law.period_s} s on a plant held over {held.system.period_s} s",
