@@ -92,9 +92,9 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     for (name, _), (_, instant), d in zip(wiring.sensors, chains, system.D, strict=True):
         if instant == 1.0 and takes_over == 0.0 and np.any(d[:m]):
             raise ConfigError(
-                f"output {name!r} answers a command within the sample that the command answers",
+                f"algebraic loop: output {name!r} responds at once to a command computed from its own sample",
                 where="sensors",
-                hint="a longer total delay, or no direct term: outputs of a plant with static=False",
+                hint="increase delay_s, or leave out the direct term: build_plant(..., static=False)",
             )
     heads = len(system.A) + np.cumsum([0, *(length for length, _ in chains)])
     size = int(heads[-1])

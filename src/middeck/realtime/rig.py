@@ -92,7 +92,7 @@ def build_rig(
             ``plant`` is as new.
 
     Raises `ConfigError` if the filters alone take more than ``delay_s``; for unknown ports, a joint twice, no
-    substep, or an output that answers a command within the sample that the command answers; for drifts as
+    substep, or an output that responds at once to the command computed from its own sample; for drifts as
     `age_plant`.
     """
     if substeps != int(substeps) or substeps < 1:
