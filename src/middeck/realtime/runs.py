@@ -99,10 +99,10 @@ def run_closed_loop(
     """``periods`` periods of the loop under a repeated ``excitation`` added to the commands of ``law``.
 
     With ``steady``, which no hardware can, it begins where the linear loop would be in its steady state, if
-    that is stable, so that less has to settle. A rig that drifts is of the same age at the beginning of every
-    run's rest. The record is called periodic, as on hardware: whether ``settle`` was enough shows when
-    periods are compared (`estimate_response`). It holds excitation and measured outputs, from each gyro's
-    angle its ramp taken out (see `remove_ramps`).
+    that loop is stable, so that less has to settle; where it is not, the run begins at rest. A rig that
+    drifts is of the same age at the beginning of every run's rest. The record is called periodic, as on
+    hardware: whether ``settle`` was enough shows when periods are compared (`estimate_response`). It holds
+    excitation and measured outputs, from each gyro's angle its ramp taken out (see `remove_ramps`).
 
     A run that passes a stop, or overflows, has a cause and no record. Where nothing is switched on, a loop
     that is unstable by its eigenvalues is not run at all, and its cause is the mode that diverges.

@@ -46,9 +46,9 @@ def simulate_rig(
     """Run ``excitation`` as it comes, in constant memory; each block goes on where the last one ended.
 
     In each tick the outputs are sampled, the computer answers, and law and excitation together are issued to
-    the motors. Where the blocks are cut changes rounding only, which a loop without memory of its start, such
-    as one that chatters at a limit, makes larger. It begins at ``start``, or where the rig is switched on
-    without a rest; a plant that drifts is renewed as `Ageing` says, and blocks end there too.
+    the motors. Blocks cut elsewhere change the numbers by rounding, which a chaotic loop amplifies. The run
+    begins at ``start``, or where the rig is switched on without a rest; a plant that drifts is renewed as
+    `Ageing` says, and blocks end there too.
 
     Raises `ConfigError` for a law as `place_law`, a start of another rig or law, an excitation of other
     channels, or drifts that bring a frequency to zero on the way; `DataError` for an excitation that is not
@@ -196,7 +196,7 @@ def _draw(
 ) -> tuple[Array, Array, Array]:
     """Noise on the states and offsets of the readings at each tick, and the bias after them.
 
-    One stream of numbers, tick by tick: cutting it elsewhere changes nothing.
+    One stream of numbers, tick by tick: blocks cut elsewhere draw the same.
     """
     readout, outputs = rig.readout, len(rig.outputs)
     white = plant.noise.shape[1]
