@@ -87,7 +87,7 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
         return FeedbackLoop(sample_plant(path, period), compensator.sampled)
     if not same_period(period, plant.period_s):
         raise ConfigError(
-            f"a compensator of {period} s on a plant sampled every {plant.period_s} s",
+            f"the compensator's period is {period} s, the plant's {plant.period_s} s",
             hint="the continuous plant, or the compensator at the plant's rate",
         )
     return FeedbackLoop(path, compensator.sampled)
@@ -192,7 +192,7 @@ def broken_at(loop: FeedbackLoop, at: At) -> tuple[str, ...]:
     """Names of the channels at which the loop is broken."""
     names = {"inputs": loop.inputs, "outputs": loop.outputs, "both": (*loop.inputs, *loop.outputs)}
     if at not in names:
-        raise ConfigError(f"a loop broken at {at!r}", hint=f"one of {', '.join(names)}")
+        raise ConfigError(f"the loop cannot be broken at {at!r}", hint=f"one of {', '.join(names)}")
     return names[at]
 
 

@@ -109,8 +109,8 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
     raise NumericalError(
         f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
         f"{'an unclear number' if counted is None else counted} counted",
-        hint="another gain by a thousandth, if a root lies on the axis; one delay for each input and each "
-        "output in place of one for each path; or margins of the sampled loop, which has eigenvalues",
+        hint="change the gain by a thousandth if a root lies on the axis; give one delay for each input and "
+        "output instead of one for each path; or sample the loop: its stability follows from eigenvalues",
     )
 
 

@@ -48,7 +48,7 @@ class Compensator:
             if twice:
                 raise ConfigError(
                     f"the compensator {verb} {twice[0]!r} twice",
-                    hint="add its columns, or rows, up",
+                    hint="sum its columns (or rows) into one",
                 )
         if not all(np.isfinite(getattr(self.dynamics, matrix)).all() for matrix in "ABCD"):
             raise ConfigError(

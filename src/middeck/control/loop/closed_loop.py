@@ -78,13 +78,13 @@ def predict_closed_loop_response(
     """
     if not np.array_equal(plant.frequency_hz, compensator.frequency_hz):
         raise ConfigError(
-            "plant and compensator are given on different lines", hint="evaluate both on one grid"
+            "plant and compensator have different frequency lines", hint="evaluate both on one grid"
         )
     held, period = plant.hold_s, compensator.hold_s
     if held is not None and period is not None and held != period:
         raise ConfigError(
             f"the plant's response has a hold of {held:g} s, the compensator's period is {period:g} s",
-            hint="sample_plant(plant, period_s) for a sampled compensator, nothing sampled for another",
+            hint="sample_plant(plant, period_s) for a sampled compensator, both continuous otherwise",
         )
     u, y = locate_ports(compensator, plant.inputs, plant.outputs)
     G, K = plant.H, compensator.H

@@ -47,7 +47,7 @@ def sampled_outcomes(
     Sensor noise is averaged over a period: variance = intensity / period.
     """
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
-        raise ConfigError(f"a rate of {rate_hz} Hz: a positive one, please")
+        raise ConfigError(f"rate of {rate_hz} Hz", hint="positive and finite")
     period = 1.0 / rate_hz
     law = tustin(compensator.system, period)
     loops = [_sampled_loop(plant, law, weights, period) for plant in plants]
