@@ -51,7 +51,7 @@ class Shaping:
             _require_stable(name, system)
             if system.D.shape != (1, 1):
                 raise ConfigError(
-                    f"the weight on {name} has {system.D.shape} outputs and inputs, not one each"
+                    f"the weight on {name} has {system.D.shape} outputs and inputs, not one of each"
                 )
         for name, system in self.inputs:
             if system.D[0, 0] == 0.0:

@@ -79,7 +79,7 @@ def fit_spectrum(
     if f[0] <= 0.0 or len(f) < 4 * sections + 2:
         raise DataError(
             f"{len(f)} frequency lines from {f[0]:g} Hz cannot determine {sections} sections",
-            hint="positive frequencies, {4 * sections + 2} or more, or fewer sections",
+            hint=f"positive frequencies, {4 * sections + 2} or more, or fewer sections",
         )
     target = np.log(S)
     found = np.array([np.mean(target), np.log(3.0 * f[-1])])

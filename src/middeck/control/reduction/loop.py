@@ -154,7 +154,7 @@ def _mean_squares(
     if not spectral_abscissa(model, law) < 0.0:
         raise ConfigError(
             "the compensator to be reduced does not stabilise the plant",
-            hint="start from one that stabilises every plant: reduction preserves stability, but creates none",
+            hint="start from one that stabilises every plant: reduction preserves stability, it creates none",
         )
     A, B, C = closed_matrices(model, law)
     X = solve_lyapunov(A.T, B[:, :noises] @ B[:, :noises].T)

@@ -145,8 +145,8 @@ def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) 
             step /= 2.0
             if step < SMALLEST_STEP:
                 raise NumericalError(
-                    f"no compensator of {len(arrival.law.A)} states was found for more than {size:.3g} of the "
-                    "required uncertainty",
+                    f"no compensator of {len(arrival.law.A)} states was found for more than {size:.3g} of "
+                    "the required uncertainty",
                     hint="a smaller uncertainty, a lower authority, or a higher order",
                     size=size,
                     law=arrival.law,

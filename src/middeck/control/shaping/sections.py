@@ -35,7 +35,7 @@ def second_order_section(
     """
     if not (zero_hz > 0.0 and pole_hz > 0.0 and pole_damping > 0.0):
         raise ConfigError(
-            f"section with zeros at {zero_hz:g} Hz and poles at {pole_hz:g} Hz of damping ratio {pole_damping:g}",
+            f"zeros at {zero_hz:g} Hz and poles at {pole_hz:g} Hz of damping ratio {pole_damping:g}",
             hint="positive frequencies, and poles that decay",
         )
     wz, wp = 2.0 * np.pi * zero_hz, 2.0 * np.pi * pole_hz

@@ -82,7 +82,7 @@ def design_stepped_sine(
     cycles = np.round(np.asarray(frequency_hz, dtype=float) * dwell_s).astype(int)
     if cycles.ndim != 1 or not len(cycles) or cycles.min() < 1 or 2 * cycles.max() >= samples:
         raise ConfigError(
-            f"steps of {dwell_s} s are shorter than a cycle of some frequency, or one is above {0.5 * sample_hz} Hz",
+            f"steps of {dwell_s} s do not hold a whole cycle of every frequency below {0.5 * sample_hz} Hz",
             hint="longer steps, or frequencies between 1/dwell_s and half the sampling rate",
         )
     phase = 2.0 * np.pi * np.outer(cycles, np.arange(samples) / samples)
