@@ -139,10 +139,14 @@ def test_every_sensor_is_late_by_the_same_total_delay(plant, steps):
     np.testing.assert_allclose(ratio[at], expected[at], rtol=2e-3)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e8, 1e-8])
 @pytest.mark.parametrize("free", [False, True])
-def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free):
-    """Its sum is a row of the other states where the plant comes to rest, and a state of its own in orbit."""
-    modal = plant.dynamics
+def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free, unit):
+    """Its sum is a row of the other states where the plant comes to rest, and a state of its own in orbit.
+
+    In whatever ``unit`` a torque is.
+    """
+    modal = dataclasses.replace(plant.dynamics, psi=unit * plant.dynamics.psi)
     if free:
         omega = np.concatenate([np.zeros(1), modal.omega[1:]])
         modal = dataclasses.replace(modal, omega=omega, zeta=np.where(omega > 0.0, modal.zeta, 0.0))
@@ -156,7 +160,7 @@ def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free):
     taken = run_through(rig, None, u)["measured"]
     np.testing.assert_allclose(y, taken, rtol=0.0, atol=1e-10 * np.abs(taken).max(axis=0).min())
     # Closed, no pole is at one but the sum, and the free angle, of which the law reads the rate only.
-    poles = np.linalg.eigvals(close_rig(rig, damper()).A)
+    poles = np.linalg.eigvals(close_rig(rig, damper(0.05 / unit)).A)
     assert np.sum(np.abs(poles - 1.0) < 1e-7) == 2 * extra
 
 
