@@ -275,6 +275,20 @@ def test_ports_that_are_not_of_one_joint_are_refused():
     plant = two_joints()
     with pytest.raises(ConfigError, match=r"not reciprocal|does not turn"):
         rig_of(plant, [JointElements("a", "b", (GEAR,)), JointElements("b", "a", (GEAR,))], 0.01)
+    # An angle of b that is read with a part of a's, in whatever unit b is: it may be a travel.
+    for unit in (1.0, 1e-8):
+        s = plant.system
+        turned = StateSpace(
+            s.A, s.B * [1.0, unit], np.array([[1.0, 0.0], [0.1, 1.0]]) @ s.C * [[1.0], [unit]], s.D
+        )
+        joints = [JointElements(name, name, (GEAR,)) for name in "ab"]
+        rig_of(
+            dataclasses.replace(plant, dynamics=dataclasses.replace(turned, C=s.C * [[1.0], [unit]])),
+            joints,
+            0.01,
+        )
+        with pytest.raises(ConfigError, match="not reciprocal"):
+            rig_of(dataclasses.replace(plant, dynamics=turned), joints, 0.01)
     with pytest.raises(ConfigError, match="two entries for joint 'a'"):
         rig_of(plant, [JointElements("a", "a", ()), JointElements("a", "b", ())], 0.01)
     with pytest.raises(ConfigError, match="no input named 'c'"):

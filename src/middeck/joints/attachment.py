@@ -66,7 +66,9 @@ def check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequenc
                 where="JointElements",
                 hint="name the joint's torque input and its relative angle, not a rate or an inertial angle",
             )
-    if not np.allclose(compliance, compliance.T, rtol=0.0, atol=1e-6 * np.abs(compliance).max(initial=0.0)):
+    own = np.sqrt(np.diag(compliance))
+    relative = compliance / np.outer(own, own)  # no unit: one joint may turn and another travel
+    if not np.allclose(relative, relative.T, rtol=0.0, atol=1e-6):
         raise ConfigError(
             "the plant is not reciprocal between its joints",
             where="JointElements",
