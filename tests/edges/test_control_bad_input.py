@@ -196,8 +196,8 @@ def test_an_authority_that_is_none(method: str, authority: float) -> None:
 @pytest.mark.parametrize("period_s", [0.0, -0.01, np.nan, np.inf])
 def test_a_period_that_is_none(period_s: float) -> None:
     weights = LQGWeights(**GOOD)
-    refused(lambda: design_sampled_lqg(plant(), weights, 1e3, period_s), ConfigError, "a period of")
-    refused(lambda: sample_plant(plant(), period_s), ConfigError, "a period of")
+    refused(lambda: design_sampled_lqg(plant(), weights, 1e3, period_s), ConfigError, "sampling period of")
+    refused(lambda: sample_plant(plant(), period_s), ConfigError, "sampling period of")
     if not period_s > 0.0:
         refused(lambda: sample_dynamics(plant().dynamics, period_s), ConfigError, "a period of")
 

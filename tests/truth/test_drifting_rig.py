@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -129,6 +130,17 @@ def test_a_drift_to_zero_is_refused_before_the_run():
     for periods, rest_s in ((4, 0.0), (3, 1.0)):
         with pytest.raises(ConfigError, match="brings a frequency to zero at 4 s"):
             run(periods, rest_s)
+
+
+def test_a_drift_that_doubles_a_frequency_in_a_run_is_refused():
+    """Its pieces would be turns by 3 rad, and its swing wrong by half a per cent."""
+    rig = rig_of(plant_of([3.0], 0.01, [1.0]), [Drift(("a",), 200.0, 4.0)])
+    u = np.random.default_rng(3).standard_normal((500, 1))
+    for periods, refused in ((2, False), (4, True)):
+        with (
+            pytest.raises(ConfigError, match="raises a frequency to 9") if refused else nullcontext()
+        ):
+            run_open_loop(rig, u, periods=periods, rng=np.random.default_rng(0), settle=0, rest_s=0.0)
 
 
 def integrated(plant, drifts, age_s, u, gyro):

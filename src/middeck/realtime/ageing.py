@@ -94,7 +94,10 @@ def _knot_s(ageing: Ageing, number: int) -> float:
 
 
 def check_life(ageing: Ageing, ticks: int) -> None:
-    """Raise `ConfigError` unless every frequency stays above zero for ``ticks``, and to the knot after."""
+    """Raise `ConfigError` unless every frequency stays above zero for ``ticks``, and to the knot after.
+
+    Also where one rises so far that a piece is a turn by more than twice `TURN`.
+    """
     ends_s = drift_end(modal_part(ageing.plant), ageing.drifts) - ageing.age_s
     last = math.ceil(ticks / (ageing.pieces * ageing.ticks))
     if _knot_s(ageing, last) >= ends_s:
@@ -103,6 +106,19 @@ def check_life(ageing: Ageing, ticks: int) -> None:
             f"frequency to zero at {ends_s:g} s",
             where="Drift",
             hint="a shorter run or rest, a younger article, or a slower drift",
+        )
+    first, end = (
+        modal_part(age_plant(ageing.plant, ageing.drifts, ageing.age_s + _knot_s(ageing, number))).omega
+        for number in (0, last)
+    )
+    fastest = float(end[end != first].max(initial=0.0))
+    turn = fastest * ageing.ticks * ageing.wiring.period_s
+    if ageing.ticks > 1 and turn > 2.0 * TURN:
+        raise ConfigError(
+            f"a drift raises a frequency to {fastest / (2.0 * np.pi):.3g} Hz in this run; in the pieces "
+            f"planned for its beginning the mode would turn by {turn:.2g} rad",
+            where="Drift",
+            hint="run it in parts, each on a rig of its own age_s, so that no frequency doubles in one",
         )
 
 
