@@ -310,6 +310,4 @@ def test_a_plant_without_groups_is_told_to_name_them() -> None:
 def test_a_sweep_needs_something_to_compare_with() -> None:
     band = Performance(np.ones(1), np.eye(1), (0.0, 5.0))
     sweep = partial(sweep_authority, lambda a: design_lqg(plant(), LQGWeights(**GOOD), a), np.ones(1))
-    refused(
-        lambda: sweep(on={"p": plant()}, performance=band, reference=0.0), ConfigError, "reference = 0"
-    )
+    refused(lambda: sweep(on={"p": plant()}, performance=band, reference=0.0), ConfigError, "reference = 0")

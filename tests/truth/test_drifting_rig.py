@@ -137,9 +137,7 @@ def test_a_drift_that_doubles_a_frequency_in_a_run_is_refused():
     rig = rig_of(plant_of([3.0], 0.01, [1.0]), [Drift(("a",), 200.0, 4.0)])
     u = np.random.default_rng(3).standard_normal((500, 1))
     for periods, refused in ((2, False), (4, True)):
-        with (
-            pytest.raises(ConfigError, match="raises a frequency to 9") if refused else nullcontext()
-        ):
+        with pytest.raises(ConfigError, match="raises a frequency to 9") if refused else nullcontext():
             run_open_loop(rig, u, periods=periods, rng=np.random.default_rng(0), settle=0, rest_s=0.0)
 
 
