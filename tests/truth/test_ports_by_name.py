@@ -13,6 +13,8 @@ from middeck.control.loop.closed_loop import close_loop, predict_closed_loop_res
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import align_plant
+from middeck.control.reduction import reduce_compensator
+from middeck.control.robust.monte_carlo import outcomes_on
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
 from middeck.realtime.law import place_law
@@ -85,7 +87,13 @@ def test_the_order_of_ports_changes_nothing(plant, law, judge):
             np.testing.assert_allclose(other, first, rtol=1e-9)
 
 
-@pytest.mark.parametrize("judge", JUDGES.values(), ids=JUDGES)
+BY_GROUP = {
+    "verify": lambda plant, law: outcomes_on([plant], law, WEIGHTS),
+    "reduce": lambda plant, law: reduce_compensator(law, plant, 1),
+}
+
+
+@pytest.mark.parametrize("judge", [*JUDGES.values(), *BY_GROUP.values()], ids=[*JUDGES, *BY_GROUP])
 def test_another_unit_is_refused(plant, law, judge):
     degrees = dataclasses.replace(law, inputs=(OUTPUTS[0], Port("y1", "deg")))
     with pytest.raises(ConfigError, match=r"reads y1 in deg, the (plant|rig) has it in rad"):
