@@ -281,7 +281,7 @@ def test_a_campaign_refuses_other_rates_and_channels(tmp_path: Path) -> None:
         paths = [tmp_path / f"a{k}.npz", tmp_path / f"b{k}.npz"]
         write_record(paths[0], base)
         write_record(paths[1], changed)
-        with pytest.raises(DataError, match=r"sampled at 5 Hz|other channels"):
+        with pytest.raises(DataError, match=r"sampled at 5 Hz|channels differ"):
             load_campaign(paths)
 
 

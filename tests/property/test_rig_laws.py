@@ -130,7 +130,7 @@ def test_with_nothing_switched_on_it_is_the_sampled_plant(seed, delay, steps, ac
     exact, _ = simulate(sample_dynamics(plant.dynamics, 1.0 / RATE, delay / RATE), u)
     for motor in (Motor(), Motor(torque_limit=1e9)):
         motors = {p.name: motor for p in plant.inputs}
-        rig = build_rig(plant, motors=motors, sample_hz=RATE, delay_s=(delay + 0.5) / RATE, steps=steps)
+        rig = build_rig(plant, motors=motors, sample_hz=RATE, delay_s=(delay + 0.5) / RATE, substeps=steps)
         assert rig.linear == (motor == Motor())
         # Rounding of 300 steps of undamped modes.
         np.testing.assert_allclose(run(rig, u).measured, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
@@ -151,7 +151,7 @@ def test_left_alone_a_rig_never_gains_energy(seed, joints, steps):
         JointElements(p.name, p.name, tuple(random_element(rng) for _ in range(int(rng.integers(1, 3)))))
         for p in plant.inputs
     ]
-    rig = rig_of(plant, joints=parts, steps=steps)
+    rig = rig_of(plant, joints=parts, substeps=steps)
     omega = plant.dynamics.omega
     scale, size = np.where(omega > 0.0, omega, 1.0), 2 * len(omega)
     rng0 = np.random.default_rng(0)

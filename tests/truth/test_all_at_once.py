@@ -54,7 +54,7 @@ def law():
 def rig(plant):
     motors, sensors = dict(zip(NAMES, (WHEEL, GIMBAL), strict=True)), dict.fromkeys(NAMES, Encoder(STEP))
     return build_rig(
-        plant, motors=motors, sensors=sensors, joints=[RUB], sample_hz=RATE, delay_s=DELAY, steps=STEPS
+        plant, motors=motors, sensors=sensors, joints=[RUB], sample_hz=RATE, delay_s=DELAY, substeps=STEPS
     )
 
 

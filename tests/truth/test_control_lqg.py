@@ -185,7 +185,7 @@ def test_no_process_noise_at_all_is_named_where_a_mode_needs_it():
 
 def test_a_filter_for_other_noise_is_refused():
     other = design_filter(scalar_plant(-1.0), scalar_weights(2.0, 1.0))
-    with pytest.raises(ConfigError, match="other intensities"):
+    with pytest.raises(ConfigError, match="other noise intensities"):
         design_lqg(scalar_plant(-1.0), scalar_weights(1.0, 1.0), 1.0, kalman=other)
 
 

@@ -152,7 +152,7 @@ def test_a_held_input_comes_through_at_once_or_after_the_delay(delay_s):
 
 
 def test_a_rig_without_delay_is_refused_by_name():
-    with pytest.raises(ConfigError, match="'y0' answers a command within the sample"):
+    with pytest.raises(ConfigError, match="algebraic loop: output 'y0' responds at once"):
         build_rig(plant(system(hz=(7.0,))), sample_hz=500.0, delay_s=0.001)
     with pytest.raises(ConfigError, match="'y0' answers a command at once: its rate is infinite"):
         build_rig(plant(system(hz=(7.0,))), sample_hz=500.0, delay_s=0.01, sensors={"y0": Gyro()})
@@ -200,7 +200,7 @@ def test_residual_flexibility_is_a_mode_without_end(sensor, steps):
             sample_hz=500.0,
             delay_s=0.0117,
             sensors=sensors,
-            steps=steps,
+            substeps=steps,
         )
         return run_through(rig, None, u)["readings"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -95,6 +96,49 @@ def test_an_undamped_mode_that_drifts_is_a_bessel_function():
     # Without the drift it would be another motion altogether.
     still = measured(rig_of(plant_of([3.0], 0.0, [1.0])), rest, start=start)
     assert np.abs(still - exact).max() > 1.0
+
+
+def test_an_acceleration_is_read_from_the_plant_as_it_is_now():
+    """Of a free undamped mode it is -w^2 times the angle, w drifting; knots are 600 ticks apart."""
+    w0, percent, seconds = 2.0 * np.pi * 3.0, 12.0, 4.0
+    modal = ModalSystem(
+        omega=[w0], zeta=[0.0], psi=[[0.0]], phi=[[1.0], [0.0]], phi_rate=np.zeros((2, 1)), names=("a",),
+        phi_acceleration=[[0.0], [1.0]],
+    )  # fmt: skip
+    plant = Plant(
+        dynamics=modal, inputs=PORTS[0], outputs=(Port("angle", "rad"), Port("acceleration", "rad/s^2"))
+    )
+    rig = build_rig(plant, sample_hz=RATE, delay_s=DELAY, drifts=[Drift(("a",), percent, seconds)])
+    rig = held_for(rig, 6, pieces=100)
+    start = dataclasses.replace(switch_on(rig, None, 0.0, np.random.default_rng(0)), x=np.array([1.0, 0.0]))
+    u = np.zeros((round(seconds * RATE), 1))
+    blocks = simulate_rig(rig, None, [u], np.random.default_rng(0), start)
+    angle, acceleration = np.concatenate([b.measured for b in blocks]).T
+    w = w0 * (1.0 + 0.01 * percent * T * np.arange(len(u)) / seconds)
+    # Half a piece of 12 ms, in which w^2 changes by 4e-4, and the chord of w^2 over 3.6 %: 3e-4.
+    np.testing.assert_allclose(acceleration, -(w**2) * angle, rtol=0.0, atol=1e-3 * w0**2)
+
+
+def test_a_drift_to_zero_is_refused_before_the_run():
+    rig = rig_of(plant_of([3.0], 0.01, [1.0]), [Drift(("a",), -50.0, 2.0)])  # zero at 4 s
+    u = np.random.default_rng(3).standard_normal((500, 1))
+
+    def run(periods, rest_s=0.0):
+        return run_open_loop(rig, u, periods=periods, rng=np.random.default_rng(0), settle=0, rest_s=rest_s)
+
+    assert run(3).record is not None
+    for periods, rest_s in ((4, 0.0), (3, 1.0)):
+        with pytest.raises(ConfigError, match="brings a frequency to zero at 4 s"):
+            run(periods, rest_s)
+
+
+def test_a_drift_that_doubles_a_frequency_in_a_run_is_refused():
+    """Its pieces would be turns by 3 rad, and its swing wrong by half a per cent."""
+    rig = rig_of(plant_of([3.0], 0.01, [1.0]), [Drift(("a",), 200.0, 4.0)])
+    u = np.random.default_rng(3).standard_normal((500, 1))
+    for periods, refused in ((2, False), (4, True)):
+        with pytest.raises(ConfigError, match="raises a frequency to 9") if refused else nullcontext():
+            run_open_loop(rig, u, periods=periods, rng=np.random.default_rng(0), settle=0, rest_s=0.0)
 
 
 def integrated(plant, drifts, age_s, u, gyro):

@@ -79,7 +79,7 @@ def test_with_nothing_switched_on_it_is_the_sampled_plant(plant, steps, delay, t
         "base": Motor(torque_limit=1e9),
         "pri_rel_z": Motor(torque_limit=1e9),
     }  # limits that nothing reaches
-    rig = rig_of(plant, motors=far if ticks else None, steps=steps, delay_s=delay)
+    rig = rig_of(plant, motors=far if ticks else None, substeps=steps, delay_s=delay)
     assert rig.linear != ticks
     loop = feedback(exact, law, range(2), range(2))
     y, _ = simulate(loop, np.hstack([u, np.zeros_like(u)]))
@@ -101,7 +101,7 @@ def test_with_nothing_switched_on_it_is_the_sampled_plant(plant, steps, delay, t
 def test_with_joints_it_is_what_plain_steps_give(plant, element, steps):
     u = 0.3 * noise(1500)
     joints = [JointElements("pri_rel_z", "pri_rel_z", (element,))]
-    taken = run_through(rig_of(plant, joints=joints, steps=steps), None, u)
+    taken = run_through(rig_of(plant, joints=joints, substeps=steps), None, u)
     plain, y = PlainJoints(plant, joints, 1.0 / RATE / steps, DELAY - 0.5 / RATE), []
     for torque in u:
         y.append(plain.outputs)
@@ -118,7 +118,7 @@ def test_every_sensor_is_late_by_the_same_total_delay(plant, steps):
     hz = np.geomspace(0.2, 20.0, 40)
     sensors = {"bus_z": GYRO, "pri_rel_z": Encoder(1e-12)}
     H = statespace_response(
-        linearise_rig(rig_of(plant, sensors=sensors, steps=steps)).sampled, 2 * np.pi * hz
+        linearise_rig(rig_of(plant, sensors=sensors, substeps=steps)).sampled, 2 * np.pi * hz
     )
     exact = statespace_response(exactly_sampled(plant), 2.0 * np.pi * hz)
     # The encoder waits for the gyro, by a part of a sample, exactly.
@@ -139,10 +139,14 @@ def test_every_sensor_is_late_by_the_same_total_delay(plant, steps):
     np.testing.assert_allclose(ratio[at], expected[at], rtol=2e-3)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e8, 1e-8])
 @pytest.mark.parametrize("free", [False, True])
-def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free):
-    """Its sum is a row of the other states where the plant comes to rest, and a state of its own in orbit."""
-    modal = plant.dynamics
+def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free, unit):
+    """Its sum is a row of the other states where the plant comes to rest, and a state of its own in orbit.
+
+    In whatever ``unit`` a torque is.
+    """
+    modal = dataclasses.replace(plant.dynamics, psi=unit * plant.dynamics.psi)
     if free:
         omega = np.concatenate([np.zeros(1), modal.omega[1:]])
         modal = dataclasses.replace(modal, omega=omega, zeta=np.where(omega > 0.0, modal.zeta, 0.0))
@@ -150,13 +154,13 @@ def test_the_linear_view_of_a_gyro_is_what_it_sums(plant, free):
     rig = rig_of(dataclasses.replace(plant, dynamics=modal), sensors=sensors)
     linear = linearise_rig(rig).sampled
     extra = 1 if free else 0
-    assert len(linear.A) == rig.plant.angle.shape[1] + 2 * (rig.plant.late + 1) + extra
+    assert len(linear.A) == rig.plant.angle.shape[1] + 2 * (rig.plant.delay_ticks + 1) + extra
     u = noise()
     y, _ = simulate(linear, u)
     taken = run_through(rig, None, u)["measured"]
     np.testing.assert_allclose(y, taken, rtol=0.0, atol=1e-10 * np.abs(taken).max(axis=0).min())
     # Closed, no pole is at one but the sum, and the free angle, of which the law reads the rate only.
-    poles = np.linalg.eigvals(close_rig(rig, damper()).A)
+    poles = np.linalg.eigvals(close_rig(rig, damper(0.05 / unit)).A)
     assert np.sum(np.abs(poles - 1.0) < 1e-7) == 2 * extra
 
 
@@ -255,10 +259,9 @@ def test_a_loop_without_limits_that_overflows_has_a_cause(plant):
         np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 1e6 * np.eye(2), period_s=1.0 / RATE
     )
     rig = rig_of(plant, sensors={"bus_z": Encoder(1e-9), "pri_rel_z": Encoder(1e-9)})
-    with np.errstate(over="ignore", invalid="ignore"):
-        run = run_closed_loop(
-            rig, on_rig(rig, law), noise(2000), periods=1, rng=np.random.default_rng(0), settle=0
-        )
+    run = run_closed_loop(
+        rig, on_rig(rig, law), noise(2000), periods=1, rng=np.random.default_rng(0), settle=0
+    )
     assert run.record is None
     assert "overflow" in run.cause
     assert run.partial is None
@@ -269,10 +272,9 @@ def test_a_law_that_overflows_behind_a_limited_motor_has_a_cause_too(plant):
     B = np.array([[1.0, 0.0]])
     law = SampledStateSpace([[2.0]], B, 1e-3 * B.T, np.zeros((2, 2)), period_s=1.0 / RATE)
     rig = rig_of(plant, motors={"base": Motor(torque_limit=0.1), "pri_rel_z": Motor(torque_limit=0.1)})
-    with np.errstate(over="ignore", invalid="ignore"):
-        run = run_closed_loop(
-            rig, on_rig(rig, law), noise(600), periods=8, rng=np.random.default_rng(0), settle=0
-        )
+    run = run_closed_loop(
+        rig, on_rig(rig, law), noise(600), periods=8, rng=np.random.default_rng(0), settle=0
+    )
     assert run.record is None
     assert "the law itself" in run.cause
     assert np.isfinite(run.partial.y).all()
@@ -295,8 +297,8 @@ def test_ramps_are_taken_out_and_nothing_else():
 def test_settings_that_cannot_be_are_refused(plant):
     with pytest.raises(ConfigError, match="hold and filters"):
         rig_of(plant, sensors={"bus_z": GYRO}, delay_s=0.003)
-    with pytest.raises(ConfigError, match="internal steps"):
-        rig_of(plant, steps=0)
+    with pytest.raises(ConfigError, match="substeps in a tick"):
+        rig_of(plant, substeps=0)
     with pytest.raises(ConfigError, match="no output named 'nose'"):
         rig_of(plant, sensors={"nose": Sampler()})
     with pytest.raises(ConfigError, match="no input named 'fin'"):

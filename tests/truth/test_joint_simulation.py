@@ -60,7 +60,7 @@ def at(*elements):
 
 
 def rig_of(plant, joints, step_s, delay_s=0.0):
-    """A rig with an internal step in a tick."""
+    """A rig with a substep in a tick."""
     return build_rig(plant, joints=joints, sample_hz=1.0 / step_s, delay_s=delay_s + 0.5 * step_s)
 
 
@@ -238,7 +238,7 @@ def test_an_accelerometer_feels_the_elements_at_once():
 
 @pytest.mark.parametrize("element", [BEARING, GEAR], ids=["friction", "deadband"])
 def test_an_accelerometer_that_waits_converges_with_the_internal_step(element):
-    """Beside a slow gyro its samples are taken between two ticks, and between two internal steps."""
+    """Beside a slow gyro its samples are taken between two ticks, and between two substeps."""
     one = np.full((1, 1), 1.0 / np.sqrt(J))
     phi, accelerations = np.vstack([one, one, 0.0 * one]), np.vstack([0.0 * one, 0.0 * one, one])
     names = ("gimbal", "inertial", "acceleration")
@@ -256,7 +256,9 @@ def test_an_accelerometer_that_waits_converges_with_the_internal_step(element):
 
     def acceleration(joints, steps):
         sensors = {"acceleration": Sampler(), "inertial": Gyro(anti_alias_hz=25.0)}
-        rig = build_rig(plant, joints=joints, sensors=sensors, sample_hz=200.0, delay_s=0.0153, steps=steps)
+        rig = build_rig(
+            plant, joints=joints, sensors=sensors, sample_hz=200.0, delay_s=0.0153, substeps=steps
+        )
         return run_through(rig, None, u)["readings"][:, 0]
 
     exact = acceleration([at(element)], 64)
@@ -273,6 +275,20 @@ def test_ports_that_are_not_of_one_joint_are_refused():
     plant = two_joints()
     with pytest.raises(ConfigError, match=r"not reciprocal|does not turn"):
         rig_of(plant, [JointElements("a", "b", (GEAR,)), JointElements("b", "a", (GEAR,))], 0.01)
+    # An angle of b that is read with a part of a's, in whatever unit b is: it may be a travel.
+    for unit in (1.0, 1e-8):
+        s = plant.system
+        turned = StateSpace(
+            s.A, s.B * [1.0, unit], np.array([[1.0, 0.0], [0.1, 1.0]]) @ s.C * [[1.0], [unit]], s.D
+        )
+        joints = [JointElements(name, name, (GEAR,)) for name in "ab"]
+        rig_of(
+            dataclasses.replace(plant, dynamics=dataclasses.replace(turned, C=s.C * [[1.0], [unit]])),
+            joints,
+            0.01,
+        )
+        with pytest.raises(ConfigError, match="not reciprocal"):
+            rig_of(dataclasses.replace(plant, dynamics=turned), joints, 0.01)
     with pytest.raises(ConfigError, match="two entries for joint 'a'"):
         rig_of(plant, [JointElements("a", "a", ()), JointElements("a", "b", ())], 0.01)
     with pytest.raises(ConfigError, match="no input named 'c'"):

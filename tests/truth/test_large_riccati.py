@@ -76,7 +76,7 @@ def test_a_neighbour_leads_to_the_same_solution():
     # A start that does not stabilise is left, one of another size refused.
     useless = solve_riccati(A, B, C.T @ C, np.eye(3), start=np.zeros_like(near))
     np.testing.assert_allclose(useless.X, near, rtol=1e-9, atol=1e-9 * np.abs(near).max())
-    with pytest.raises(ConfigError, match="start of shape"):
+    with pytest.raises(ConfigError, match="start has shape"):
         solve_riccati(A, B, C.T @ C, np.eye(3), start=np.eye(2))
 
 

@@ -292,7 +292,7 @@ def test_what_makes_no_sense_is_refused():
         Shaping(outputs=(("z", StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]])),))
     with pytest.raises(ConfigError, match="twice"):
         Shaping(colours=(("w", lag(1.0)), ("w", lag(2.0))))
-    with pytest.raises(ConfigError, match="not one each"):
+    with pytest.raises(ConfigError, match="not one of each"):
         Shaping(outputs=(("z", gain_system(np.ones((1, 2)))),))
     with pytest.raises(ConfigError, match="integral is not positive"):
         Shaping(integral=(("y", 0.0),))
@@ -300,7 +300,7 @@ def test_what_makes_no_sense_is_refused():
         design_lqg(plant, asked, 1.0, shaping=Shaping(colours=(("nothing", lag(1.0)),)))
     with pytest.raises(ConfigError, match="no port 'z'"):
         design_lqg(plant, asked, 1.0, shaping=Shaping(integral=(("z", 1.0),)))  # not measured
-    with pytest.raises(ConfigError, match="more than fully"):
+    with pytest.raises(ConfigError, match="correlation above one"):
         design_lqg(plant, asked, 1.0, shaping=Shaping(cross=np.array([[1.0]])))
     with pytest.raises(ConfigError, match="cross intensity"):
         design_lqg(plant, asked, 1.0, shaping=Shaping(cross=np.ones((2, 1))))

@@ -341,7 +341,7 @@ def test_bad_pairs_are_refused() -> None:
     slower = Compensator(
         SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], period_s=0.2), (WAY,), (FORCE,)
     )
-    with pytest.raises(ConfigError, match=r"0\.2 s on a plant sampled every 0\.1 s"):
+    with pytest.raises(ConfigError, match=r"period is 0\.2 s, the plant's 0\.1 s"):
         measure_margins(sample_plant(INTEGRATOR, 0.1), slower)
     with pytest.raises(ConfigError, match="broken at"):
         measure_margins(INTEGRATOR, gain(1.0), at="input")  # type: ignore[arg-type]

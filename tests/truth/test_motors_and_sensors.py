@@ -15,11 +15,13 @@ from middeck.realtime.motors import Motor, Rotor
 from middeck.realtime.rig import build_rig
 from middeck.realtime.runs import run_closed_loop, run_open_loop
 from middeck.realtime.sensors import Encoder, Gyro, Sampler
-from middeck.realtime.simulation import cut_blocks, simulate_rig, switch_on
+from middeck.realtime.simulation import BLOCK, cut_blocks, simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.sampling import sample_dynamics
+from middeck.systems.simulation import simulate
+from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 RATE, DELAY = 500.0, 0.010
 T = 1.0 / RATE
@@ -236,6 +238,63 @@ def test_a_gyro_clips_and_says_so():
     assert run.events.clipped[0] > 0.1
 
 
+@pytest.mark.parametrize(("resolution", "reach", "codes"), [(0.1, 0.26, 2), (0.1, 0.3, 3), (0.05, 0.38, 7)])
+def test_a_converter_reads_whole_steps_within_its_range(resolution, reach, codes):
+    u = 3.0 * np.random.default_rng(8).standard_normal((3000, 1))
+    rig, without = (
+        rig_of(oscillator(), sensor=gyro) for gyro in (Gyro(resolution=resolution, range=reach), Gyro())
+    )
+    true = run_through(without, u)["readings"]
+    counts = np.clip(np.round(true / resolution), -codes, codes)
+    np.testing.assert_allclose(run_through(rig, u)["readings"], counts * resolution, rtol=1e-12)
+    events = run_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=0, rest_s=0.0).events
+    assert events.clipped[0] == np.mean(np.abs(counts) == codes)
+    assert 0.05 < events.clipped[0] < 0.95
+
+
+def test_a_converter_without_a_step_in_its_range_is_refused():
+    with pytest.raises(ConfigError, match="a range of one step or more"):
+        Gyro(resolution=0.1, range=0.09)
+
+
+def test_a_gyro_on_a_rate_reads_the_acceleration_at_once():
+    """Behind its lag a the reading is a (v - v lagged): no derivative of the torque is needed."""
+    corner = 40.0
+    plant = oscillator(0.05)
+    rate = np.array([[0.0, 1.0]]) @ plant.system.A  # a row that a torque moves at once
+    plant = Plant(
+        dynamics=StateSpace(plant.system.A, plant.system.B, rate, [[0.0]]),
+        inputs=plant.inputs,
+        outputs=(Port("bus_z", "rad/s"),),
+    )
+    a, s = 2.0 * np.pi * corner, plant.system
+    A = np.block([[s.A, np.zeros((2, 1))], [a * s.C, np.array([[-a]])]])
+    lagged = StateSpace(A, np.vstack([s.B, [[0.0]]]), np.hstack([a * s.C, [[-a]]]), [[0.0]])
+    u = np.random.default_rng(9).standard_normal((400, 1))
+    exact = simulate(sample_dynamics(lagged, T, DELAY - 0.5 * T - 1.0 / a), u)[0][:, 0]
+    readings = run_through(rig_of(plant, sensor=Gyro(bandwidth_hz=corner)), u)["readings"]
+    np.testing.assert_allclose(readings, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
+
+
+def test_momentum_is_minus_the_torque_given_with_and_without_limits():
+    u = np.random.default_rng(10).standard_normal(1000)
+    for motor in (Motor(), Motor(torque_limit=1e6)):
+        rig = rig_of(oscillator(), motor)
+        assert rig.linear == (motor == Motor())
+        taken = run_through(rig, u, gain(-2.0))
+        np.testing.assert_allclose(taken["momentum"], -np.cumsum(taken["torque"]), rtol=0.0, atol=1e-12)
+
+
+def test_slew_is_counted_across_blocks():
+    """A torque that stands still where blocks of a run meet is not slewed there."""
+    rig = rig_of(oscillator(), Motor(slew_limit=100.0))
+    u = np.full((3 * BLOCK + 5, 1), 5.0)
+    u[BLOCK // 2 :: 1000] = -5.0
+    run = run_open_loop(rig, u, periods=1, rng=np.random.default_rng(0), settle=0)
+    steps = np.abs(np.diff(run.torque.ravel(), prepend=0.0))
+    assert run.events.slewed[0] * len(u) == pytest.approx(np.sum(steps > 100.0 * T * (1.0 - 1e-9)))
+
+
 def test_records_of_the_sheets_gyro_serve_identification():
     """Bias, walk and noise are on; the response at the excited lines is what the noise allows."""
     plant = oscillator(0.02)
@@ -269,7 +328,7 @@ def test_friction_only_takes_energy_and_stops_the_joint_where_it_must():
     """An undamped swing under Coulomb friction loses 2 Tc/k of its amplitude in half a turn, then sticks."""
     w = 2.0 * np.pi * 1.3
     friction = Friction(0.05, 5000.0)
-    rig = rig_of(oscillator(0.0), joints=[JointElements("bus_z", "bus_z", (friction,))], steps=4)
+    rig = rig_of(oscillator(0.0), joints=[JointElements("bus_z", "bus_z", (friction,))], substeps=4)
     push = np.zeros(6000)
     push[:200] = 1.0 * np.sign(np.sin(w * np.arange(200) * T))
     angle = run_through(rig, push)["measured"]
@@ -317,3 +376,8 @@ def test_named_modes_drift_with_age_and_only_they():
         age_plant(plant, [Drift(("fourth",), 1.0, 1.0)], 1.0)
     with pytest.raises(ConfigError, match="to zero"):
         age_plant(plant, [Drift(("first",), -100.0, 1.0)], 1.0)
+    # Two drifts past zero are no positive frequency.
+    with pytest.raises(ConfigError, match="an age below 1 s"):
+        age_plant(plant, [Drift(("first",), -100.0, 1.0), Drift(("first",), -100.0, 1.5)], 2.0)
+    with pytest.raises(ConfigError, match="-5 s old"):
+        age_plant(plant, [], -5)

@@ -342,9 +342,9 @@ def test_bad_input_is_named():
         design(start=weak, form=LawForm(5))
     with pytest.raises(ConfigError, match="mean or maximum"):
         design(over="worst")
-    with pytest.raises(ConfigError, match="an order of 0"):
+    with pytest.raises(ConfigError, match="order = 0"):
         LawForm(0)
-    with pytest.raises(ConfigError, match="shifted twice"):
+    with pytest.raises(ConfigError, match="two shifts name"):
         Uncertainty(shifts=(ModeShift(("a",), 0.1), ModeShift(("a",), 0.1)))
     with pytest.raises(ConfigError, match="random generator"):
         corner_positions(TOGETHER, count=3)

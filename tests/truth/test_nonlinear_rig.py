@@ -21,7 +21,7 @@ from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace
 from repeats import repeats
 
-RATE, DELAY = 500.0, 0.0103  # not a whole number of internal steps
+RATE, DELAY = 500.0, 0.0103  # not a whole number of substeps
 PORTS = (
     (Port("base", "N m"), Port("pri_rel_z", "N m")),
     (Port("pri_rel_z", "rad"), Port("bus_z", "rad")),
@@ -50,7 +50,7 @@ def at(*elements):
 
 
 def quiet_rig(plant, joints, steps=8, delay=DELAY):
-    return build_rig(plant, joints=joints, sample_hz=RATE, delay_s=delay, steps=steps)
+    return build_rig(plant, joints=joints, sample_hz=RATE, delay_s=delay, substeps=steps)
 
 
 def run(rig, u, periods, settle, **more):
@@ -154,12 +154,12 @@ def test_a_free_wheel_with_friction_runs_though_it_has_no_linear_steady_state():
     # Stuck: it swings on the presliding spring.
     np.testing.assert_allclose(taken.y[0, 1], taken.y[0, 0], rtol=0.0, atol=1e-6 * np.std(taken.y))
     w = 2.0 * np.pi
-    # About where the start has left the slider; the internal step, (w h)^2/12 at 14 rad/s.
+    # About where the start has left the slider; the substep, (w h)^2/12 at 14 rad/s.
     assert 0.5 * np.ptp(taken.y[0, 1]) == pytest.approx(0.4 / abs(200.0 - w**2 + 2j * w), rel=1e-4)
 
 
 def test_settings_that_cannot_be_are_refused(plant):
-    with pytest.raises(ConfigError, match="internal steps"):
+    with pytest.raises(ConfigError, match="substeps in a tick"):
         quiet_rig(plant, [], steps=0)
     with pytest.raises(ConfigError, match="hold"):
         quiet_rig(plant, [], delay=0.0005)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -106,11 +108,23 @@ def test_what_does_not_fit_is_named(sampled: Compensator) -> None:
     elsewhere = Compensator(
         sampled.sampled, (OUTPUTS[2], Port("mirror", "rad")), (INPUTS[1],), method="tustin"
     )
-    with pytest.raises(ConfigError, match="no output of the rig named 'mirror'"):
+    with pytest.raises(ConfigError, match="reads mirror; the rig has no such output"):
         run(elsewhere)
-    with pytest.raises(ConfigError, match="no input of the rig named 'shaker'"):
+    with pytest.raises(ConfigError, match="drives shaker; the rig has no such input"):
         run(Compensator(sampled.sampled, sampled.inputs, (Port("shaker", "N"),), method="tustin"))
+    in_degrees = Port(OUTPUTS[2].name, "deg")
+    with pytest.raises(ConfigError, match="in deg, the rig has it in rad"):
+        run(Compensator(sampled.sampled, (in_degrees, OUTPUTS[0]), sampled.outputs))
     with pytest.raises(ConfigError, match=r"at 0\.01 s, the rig at 0\.005 s"):
         run(emulate(_law(), 0.01))
     with pytest.raises(ConfigError, match="a continuous compensator"):
         run(_law())
+
+
+def test_a_law_that_is_no_law_is_refused_where_it_is_made(sampled: Compensator) -> None:
+    s = sampled.sampled
+    for bad in (np.nan, np.inf):
+        with pytest.raises(ConfigError, match="a gain that is not finite"):
+            dataclasses.replace(sampled, dynamics=dataclasses.replace(s, D=np.full_like(s.D, bad)))
+    with pytest.raises(ConfigError, match="reads 'bus' twice"):
+        dataclasses.replace(sampled, inputs=(OUTPUTS[0], OUTPUTS[0]))

@@ -121,7 +121,7 @@ def test_nothing_worse_than_the_nominal_plant_needs_one_model():
 
 def test_what_makes_no_sense_is_refused():
     plant = oscillator()
-    with pytest.raises(ConfigError, match="disturbs and controls"):
+    with pytest.raises(ConfigError, match="is a disturbance and a control"):
         plant_as_sampled(
             Plant(
                 dynamics=plant.dynamics,
@@ -142,7 +142,7 @@ def test_what_makes_no_sense_is_refused():
         phi_rate=[[0.0], [0.0]],
         names=("half",),
     )
-    with pytest.raises(ConfigError, match="half the rate of 1 Hz"):
+    with pytest.raises(ConfigError, match="half the sample rate of 1 Hz"):
         plant_as_sampled(
             Plant(
                 dynamics=half,

@@ -518,12 +518,12 @@ def test_weights_must_fit():
 
 def test_direct_paths_without_a_sample_are_refused():
     plant, weights = remove_delays(cases.tangled()), cases.tangled_weights()
-    with pytest.raises(ConfigError, match="answers within the sample"):
+    with pytest.raises(ConfigError, match="the plant responds within the sample"):
         design_sampled_lqg(plant, weights, 10.0, 0.1, "current")
     law = design_sampled_lqg(plant, weights, 10.0, 0.1, "predictor")
     assert measure_sampled_loop(plant, law, weights, 10.0).cost == pytest.approx(law.cost, rel=1e-11)
     direct = dataclasses.replace(law.sampled, D=np.ones((2, 2)))
-    with pytest.raises(ConfigError, match="so does the law"):
+    with pytest.raises(ConfigError, match="both respond within the sample"):
         measure_sampled_loop(plant, Compensator(direct, law.inputs, law.outputs), weights, 10.0)
     with pytest.raises(ConfigError, match="no form"):
         design_sampled_lqg(plant, weights, 10.0, 0.1, "filtered")

@@ -222,7 +222,7 @@ def test_multisine_depends_on_the_generator_alone():
     ("band", "period", "rate", "message"),
     [
         ((1.0, 5.0), 1.01, 50.0, "samples"),
-        ((1.1, 1.2), 1.0, 50.0, "no line"),
+        ((1.1, 1.2), 1.0, 50.0, "no multiple"),
         ((1.0, 25.0), 1.0, 50.0, "half"),
     ],
 )

@@ -97,7 +97,7 @@ def test_bad_input_is_named():
 
     with pytest.raises(ConfigError, match="no mode is uncertain"):
         design(Uncertainty(shifts=()))
-    with pytest.raises(ConfigError, match="a strength of -1"):
+    with pytest.raises(ConfigError, match="strength = -1"):
         design(TOGETHER, strength=-1.0)
     with pytest.raises(NumericalError, match="at no strength"):
         design_sensitivity_weighted(

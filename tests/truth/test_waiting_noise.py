@@ -33,7 +33,7 @@ def _rig(*others: Sensor, alias_hz: float = ALIAS_HZ, steps: int = 1) -> Rig:
     )
     plant = Plant(dynamics=modal, inputs=(Port("t", "N m"),), outputs=tuple(Port(n, "rad") for n in "abc"))
     sensors = dict(zip("abc", (Gyro(noise=NOISE, anti_alias_hz=alias_hz), *others), strict=False))
-    return build_rig(plant, sensors=sensors, sample_hz=RATE_HZ, delay_s=0.1, steps=steps)
+    return build_rig(plant, sensors=sensors, sample_hz=RATE_HZ, delay_s=0.1, substeps=steps)
 
 
 def _butterworth(alias_hz: float) -> np.ndarray:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
-from middeck.control.law.compensator import Compensator, arrange_ports
+from middeck.control.law.compensator import Compensator, arrange_ports, driven_ports, measured_ports
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import measure_sampled_loop
 from middeck.systems.plant import Plant
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.stability import growth_limit
 
 
 def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
@@ -23,11 +23,11 @@ def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeight
     Raises `ConfigError` for ports that do not exist, weights that do not fit, and process noise that reaches
     z directly; `NumericalError` where stability cannot be decided.
     """
-    law = arrange_ports(compensator, plant.y, plant.u)
+    law = arrange_ports(compensator, measured_ports(plant), driven_ports(plant))
     if law.period_s is None:
         return integrate_noise(plant, law, weights)
     found = measure_sampled_loop(plant, law, weights, 1.0)
-    decays = np.abs(found.poles).max(initial=0.0) < np.exp(-GROWTH_LIMIT * law.period_s)
+    decays = np.abs(found.poles).max(initial=0.0) < np.exp(-growth_limit(law.period_s) * law.period_s)
     if not decays:  # whether noise drives it or not
         return NoiseOutcome(found.stable, np.inf, np.inf)
     effort = float(np.sqrt(np.sum(weights.input * found.control_rms**2)))

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from middeck.control.analysis import LoopMargins, LoopStability, measure_margins
-from middeck.control.law.compensator import Compensator, idle_compensator
+from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg import LQGWeights
@@ -107,27 +107,9 @@ def _try(name: str, plant: Plant, compensator: Compensator, weights: LQGWeights)
 def align_plant(plant: Plant, compensator: Compensator) -> Plant:
     """The plant whose groups u and y are the compensator's ports, in its own order where it has them.
 
-    Inert modes are left out.
-
-    Raises `ConfigError` naming the ports that the plant does not have.
+    Inert modes are left out. Raises `ConfigError` as `locate_ports`.
     """
-    sides = (("drives", "input", compensator.outputs, plant.inputs),
-             ("reads", "output", compensator.inputs, plant.outputs))  # fmt: skip
-    for verb, side, wanted, there in sides:
-        known = {port.name: port.unit for port in there}
-        missing = [port.name for port in wanted if port.name not in known]
-        if missing:
-            raise ConfigError(
-                f"the compensator {verb} {', '.join(missing)}; the plant has no such {side}",
-                hint=f"a plant with it; this one has {', '.join(known)}",
-            )
-        other = [p for p in wanted if p.unit and known[p.name] and p.unit != known[p.name]]
-        if other:
-            raise ConfigError(
-                f"the compensator {verb} {other[0].name} in {other[0].unit}, the plant has it in "
-                f"{known[other[0].name]}",
-                hint="scale one of them",
-            )
+    locate_ports(compensator, plant.inputs, plant.outputs)
     u, y = (tuple(port.name for port in side) for side in (compensator.outputs, compensator.inputs))
     # Weights go by the plant's own groups where these are the compensator's ports.
     u = plant.u if sorted(plant.u) == sorted(u) else u

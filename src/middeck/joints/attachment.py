@@ -1,6 +1,6 @@
 """Elements attached to the joints of a plant: which port is whose, viscous drag, and what is refused.
 
-A rig (`middeck.realtime.rig`) steps them. Between two internal steps its linear part is exact under held
+A rig (`middeck.realtime.rig`) steps them. Between two substeps its linear part is exact under held
 torques. The torque of an element is held too, at its mean over the way that the joint goes in this step,
 found together with where the joint ends. The work of a held torque is exact, mean torque times way; it is the
 work done on the element. So nothing but the excitation brings energy in, whatever the step; the discrete
@@ -66,7 +66,9 @@ def check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequenc
                 where="JointElements",
                 hint="name the joint's torque input and its relative angle, not a rate or an inertial angle",
             )
-    if not np.allclose(compliance, compliance.T, rtol=0.0, atol=1e-6 * np.abs(compliance).max(initial=0.0)):
+    own = np.sqrt(np.diag(compliance))
+    relative = compliance / np.outer(own, own)  # no unit: one joint may turn and another travel
+    if not np.allclose(relative, relative.T, rtol=0.0, atol=1e-6):
         raise ConfigError(
             "the plant is not reciprocal between its joints",
             where="JointElements",

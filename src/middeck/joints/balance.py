@@ -54,7 +54,7 @@ class Balance:
                 return torque
         raise NumericalError(
             "the torques of the joints' elements do not settle within a step",
-            hint="take a shorter internal step",
+            hint="more substeps in a tick",
         )
 
 

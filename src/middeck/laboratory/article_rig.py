@@ -38,7 +38,7 @@ def build_article_rig(
     drifts: Sequence[Drift] = (),
     age_s: float = 0.0,
     drifting: bool = False,
-    steps: int = 1,
+    substeps: int = 1,
 ) -> Rig:
     """The rig of ``article`` between torque commands at ``inputs`` and samples of the angles ``outputs``.
 
@@ -64,7 +64,7 @@ def build_article_rig(
         sample_hz=settings.sample_hz,
         delay_s=rig_delay(article, settings),
         joints=[JointElements(name, name, elements) for name in rubs],
-        steps=steps,
+        substeps=substeps,
         drifts=drifts if drifting else (),
         age_s=age_s,
     )

@@ -21,7 +21,7 @@ from middeck.realtime.linear_view import linearise_rig
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.stability import GROWTH_LIMIT, growth_rates
+from middeck.systems.stability import growth_limit, growth_rates
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -66,8 +66,7 @@ class RigLoop:
 def view_rig(bench: Bench) -> RigView:
     """Linearise the rig of ``bench`` and evaluate it once for all laws."""
     rig = bench.rig
-    plant = Plant(dynamics=linearise_rig(rig).sampled, inputs=rig.inputs, outputs=rig.outputs)
-    f = _lines(bench)
+    plant, f = linearise_rig(rig), _lines(bench)
     return RigView(bench, plant, f, evaluate_plant(plant, f).H)
 
 
@@ -76,7 +75,7 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
     fastest = fastest_pole(view, compensator)
     found = RigLoop(
         percent=percent,
-        stable=not fastest.real > GROWTH_LIMIT,
+        stable=fastest.real <= growth_limit(view.plant.period_s),
         growth_hz=abs(fastest.imag) / (2.0 * np.pi),
         growth_rad_s=fastest.real,
     )

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from middeck.realtime.drift import Drift, age_plant, modal_part
+from middeck.errors import ConfigError
+from middeck.realtime.drift import Drift, age_plant, drift_end, modal_part
 from middeck.realtime.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
 from middeck.systems.modal import rate_scale
 from middeck.systems.plant import Plant
@@ -26,6 +28,9 @@ TURN = 1.0
 CHORD = 1e-3
 """Relative change of a frequency from knot to knot. On the chord it is wrong by a twelfth of the
 square of that, a hundred-thousandth of the half-width of a mode of 1 % damping."""
+
+MOVES = ("step", "drive", "push", "read")
+"""What of a `HybridPlant` depends on frequencies: an acceleration is read from states by their squares."""
 
 
 @record(kw_only=True)
@@ -79,9 +84,42 @@ def follow_ageing(ageing: Ageing) -> Callable[[int], tuple[HybridPlant, int]]:
 
 def _build_knot(ageing: Ageing, number: int) -> HybridPlant:
     """The plant at a knot, in the states of the one that was switched on."""
-    at_s = number * ageing.pieces * ageing.ticks * ageing.wiring.period_s
+    at_s = _knot_s(ageing, number)
     old, new = (age_plant(ageing.plant, ageing.drifts, ageing.age_s + s) for s in (0.0, at_s))
     return build_hybrid_plant(_with_states_of(old, new), ageing.wiring)
+
+
+def _knot_s(ageing: Ageing, number: int) -> float:
+    return number * ageing.pieces * ageing.ticks * ageing.wiring.period_s
+
+
+def check_life(ageing: Ageing, ticks: int) -> None:
+    """Raise `ConfigError` unless every frequency stays above zero for ``ticks``, and to the knot after.
+
+    Also where one rises so far that a piece is a turn by more than twice `TURN`.
+    """
+    ends_s = drift_end(modal_part(ageing.plant), ageing.drifts) - ageing.age_s
+    last = math.ceil(ticks / (ageing.pieces * ageing.ticks))
+    if _knot_s(ageing, last) >= ends_s:
+        raise ConfigError(
+            f"a run to {ticks * ageing.wiring.period_s:g} s after switching on, in which a drift brings a "
+            f"frequency to zero at {ends_s:g} s",
+            where="Drift",
+            hint="a shorter run or rest, a younger article, or a slower drift",
+        )
+    first, end = (
+        modal_part(age_plant(ageing.plant, ageing.drifts, ageing.age_s + _knot_s(ageing, number))).omega
+        for number in (0, last)
+    )
+    fastest = float(end[end != first].max(initial=0.0))
+    turn = fastest * ageing.ticks * ageing.wiring.period_s
+    if ageing.ticks > 1 and turn > 2.0 * TURN:
+        raise ConfigError(
+            f"a drift raises a frequency to {fastest / (2.0 * np.pi):.3g} Hz in this run; in the pieces "
+            f"planned for its beginning the mode would turn by {turn:.2g} rad",
+            where="Drift",
+            hint="run it in parts, each on a rig of its own age_s, so that no frequency doubles in one",
+        )
 
 
 def _with_states_of(old: Plant, new: Plant) -> Plant:
@@ -95,8 +133,5 @@ def _with_states_of(old: Plant, new: Plant) -> Plant:
 
 
 def _between(first: HybridPlant, last: HybridPlant, share: float) -> HybridPlant:
-    step, drive, push = (
-        a + share * (b - a)
-        for a, b in ((first.step, last.step), (first.drive, last.drive), (first.push, last.push))
-    )
-    return dataclasses.replace(first, step=step, drive=drive, push=push)
+    moved = {k: getattr(first, k) + share * (getattr(last, k) - getattr(first, k)) for k in MOVES}
+    return dataclasses.replace(first, **moved)

@@ -45,20 +45,32 @@ def age_plant(plant: Plant, drifts: Sequence[Drift], age_s: float) -> Plant:
     Raises `ConfigError` for a plant that is not modal, an unknown mode, or a frequency that would not be
     positive.
     """
+    if not 0.0 <= age_s < math.inf:
+        raise ConfigError(f"an article {age_s} s old", where="Drift", hint="finite, from zero")
     if not drifts:
         return plant
     modal = modal_part(plant)
-    if not 0.0 <= age_s < math.inf:
-        raise ConfigError(f"an article {age_s} s old", where="Drift", hint="finite, from zero")
     omega = np.array(modal.omega)
     for drift in drifts:
         for name in drift.modes:
             if name not in modal.names:
                 raise ConfigError(f"no mode {name!r}", where="Drift", hint=f"one of {', '.join(modal.names)}")
             omega[modal.names.index(name)] *= drift.factor(age_s)
-    if np.any(omega < 0.0) or np.any((omega == 0.0) != (modal.omega == 0.0)):
-        raise ConfigError(f"at {age_s} s a drift has brought a frequency to zero", hint="a younger article")
+    ends_s = drift_end(modal, drifts)
+    if age_s >= ends_s:
+        raise ConfigError(
+            f"at an age of {age_s:g} s a drift has brought a frequency to zero",
+            where="Drift",
+            hint=f"an age below {ends_s:g} s",
+        )
     return dataclasses.replace(plant, dynamics=dataclasses.replace(modal, omega=omega))
+
+
+def drift_end(modal: ModalSystem, drifts: Sequence[Drift]) -> float:
+    """Age [s] at which the first drift has brought a frequency to zero; ``inf`` if none ever does."""
+    moving = {name for name, w in zip(modal.names, modal.omega, strict=True) if w > 0.0}
+    ends = [-100.0 * d.age_s / d.percent for d in drifts if d.percent < 0.0 and moving & set(d.modes)]
+    return min(ends, default=math.inf)
 
 
 def nearest_modes(plant: Plant, frequency_hz: float, count: int = 2) -> tuple[str, ...]:

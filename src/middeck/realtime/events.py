@@ -49,10 +49,11 @@ class StopRule:
 
 
 def stop_limits(rules: Sequence[StopRule], outputs: Sequence[Port]) -> Float[np.ndarray, " output"]:
-    """The limit of each output, infinite without a rule; `ConfigError` for an unknown output."""
+    """The tightest limit of each output, infinite without a rule; `ConfigError` for an unknown output."""
     limits = np.full(len(outputs), np.inf)
     for rule in rules:
-        limits[port_indices(outputs, [rule.name], "output")[0]] = rule.limit
+        at = port_indices(outputs, [rule.name], "output")[0]
+        limits[at] = min(limits[at], rule.limit)
     return limits
 
 
@@ -85,7 +86,7 @@ class EventCounter:
         self._slewed += (step >= motors.slew * FULL).sum(axis=0)
         full = np.abs(block.momentum) >= motors.momentum * FULL
         self._full += full.sum(axis=0)
-        self._clipped += (np.abs(block.readings) >= readout.range * FULL - readout.step).sum(axis=0)
+        self._clipped += (np.abs(block.readings) >= readout.range * FULL).sum(axis=0)
         for i, motor in enumerate(self._rig.motors):
             if motor.rotor is not None:
                 impulse = float(np.abs(block.momentum[:, i]).max(initial=0.0)) * self._rig.period_s

@@ -1,6 +1,6 @@
 """The continuous part of a rig, exactly sampled: plant, filters, delays, and noise in filters.
 
-Between two ticks of the computer there are one or more internal steps, in which joints rub. Commands are held
+Between two ticks of the computer there are one or more substeps, in which joints rub. Commands are held
 over a tick and act after their delay, also of a part of a tick. A sample that has no filter waits until it is
 as old as those of the slowest sensor. Only the joints' torques are approximated, see
 `middeck.joints.attachment`.
@@ -29,29 +29,31 @@ Hold = Callable[[float], tuple[np.ndarray, np.ndarray]]
 
 @record(kw_only=True)
 class HybridPlant:
-    """One tick of the continuous part, in internal steps.
+    """One tick of the continuous part, in substeps.
 
     Attributes:
-        step: States after each internal step; below them the angles of the joints there, their torques left
+        step: States after each substep; below them the angles of the joints there, their torques left
             out.
-        drive: What two commands in a row add to that: the one issued ``late`` + 1 ticks ago, then the next.
+        drive: What two commands in a row add to that: the one issued ``delay_ticks`` + 1 ticks ago, then the
+            next.
         push: States after a step of a unit torque held at each joint.
         answer: What samples taken in a step answer at once: to the joints' torques at its beginning, then at
             its end.
         angle: Angle of each joint per state.
         read: What is sampled at a tick, per state.
-        late: Ticks before the later of the two commands begins to act, at the tick's end at the latest.
+        delay_ticks: Ticks before the later of the two commands begins to act, at the tick's end at the
+            latest.
         noise: White normal numbers to what they add at a tick: to the filters' states, and to samples that
             wait.
     """
 
-    step: Float[np.ndarray, "internal row state"]
-    drive: Float[np.ndarray, "internal row window"]
-    push: Float[np.ndarray, "internal state joint"]
-    answer: Float[np.ndarray, "internal state two_joint"]
+    step: Float[np.ndarray, "substep row state"]
+    drive: Float[np.ndarray, "substep row window"]
+    push: Float[np.ndarray, "substep state joint"]
+    answer: Float[np.ndarray, "substep state two_joint"]
     angle: Float[np.ndarray, "joint state"]
     read: Float[np.ndarray, "output state"]
-    late: int
+    delay_ticks: int
     noise: Float[np.ndarray, "state white"]
 
 
@@ -62,7 +64,7 @@ class Wiring:
     Attributes:
         inputs, sensors: The plant's inputs that motors drive, and its outputs with what reads each.
         joints: Friction and gaps.
-        period_s, steps: A tick, and internal steps in it.
+        period_s, substeps: A tick, and the number of substeps in it.
         command_delay_s: Delay of the commands.
         wait_s: How long ago each sample was taken.
     """
@@ -71,7 +73,7 @@ class Wiring:
     sensors: tuple[tuple[str, Sensor], ...]
     joints: tuple[JointElements, ...]
     period_s: float
-    steps: int
+    substeps: int
     command_delay_s: float
     wait_s: Float[np.ndarray, " output"]
 
@@ -82,17 +84,17 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     Raises `ConfigError` for unknown ports, an output that answers within the tick of its command, or a joint
     whose ports are not its own.
     """
-    joints, period_s, steps, m = wiring.joints, wiring.period_s, wiring.steps, len(wiring.inputs)
+    joints, period_s, substeps, m = wiring.joints, wiring.period_s, wiring.substeps, len(wiring.inputs)
     filtered = filter_outputs(plant, wiring.inputs, wiring.sensors, joints)
     system, own = filtered.system, plant.system
-    late, takes_over = _split_command(wiring.command_delay_s / period_s)
+    delay_ticks, takes_over = _split_command(wiring.command_delay_s / period_s)
     chains = [_chain(w / period_s, bool(np.any(d))) for w, d in zip(wiring.wait_s, system.D, strict=True)]
     for (name, _), (_, instant), d in zip(wiring.sensors, chains, system.D, strict=True):
         if instant == 1.0 and takes_over == 0.0 and np.any(d[:m]):
             raise ConfigError(
-                f"output {name!r} answers a command within the sample that the command answers",
+                f"algebraic loop: output {name!r} responds at once to a command computed from its own sample",
                 where="sensors",
-                hint="a longer total delay, or no direct term: outputs of a plant with static=False",
+                hint="increase delay_s, or leave out the direct term: build_plant(..., static=False)",
             )
     heads = len(system.A) + np.cumsum([0, *(length for length, _ in chains)])
     size = int(heads[-1])
@@ -105,8 +107,8 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
         else:
             read[output, : len(system.A)] = system.C[output]
     hold = functools.cache(functools.partial(hold_inputs, system))
-    tick = _Tick(system, hold, m, period_s, steps, takes_over)
-    parts = [_one_step(tick, j, chains, heads) for j in range(steps)]
+    tick = _Tick(system, hold, m, period_s, substeps, takes_over)
+    parts = [_one_step(tick, j, chains, heads) for j in range(substeps)]
     step, drive, push, answer = (np.array(x) for x in zip(*parts, strict=True))
     commands = plant.input_indices([*wiring.inputs, *(j.torque for j in joints)])
     check_collocated(angle @ push[0], own.D[np.ix_(rows, commands)], joints)
@@ -121,12 +123,12 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     return HybridPlant(
         step=np.concatenate([step, angle @ step], axis=1),
         drive=np.concatenate([drive, angle @ drive], axis=1),
-        push=push, answer=answer, angle=angle, read=read, late=late, noise=noise,
+        push=push, answer=answer, angle=angle, read=read, delay_ticks=delay_ticks, noise=noise,
     )  # fmt: skip
 
 
 def _split_command(ticks: float) -> tuple[int, float]:
-    """`HybridPlant.late`, and when in a tick [ticks] the later command takes over: after 0, up to 1.
+    """`HybridPlant.delay_ticks`, and when in a tick [ticks] the later command takes over: after 0, up to 1.
 
     Without any delay it takes over at 0.
     """
@@ -145,13 +147,13 @@ def _chain(ticks: float, direct: bool) -> tuple[int, float]:
 
 
 class _Tick:
-    """A tick with its internal steps, within which one command takes over from another."""
+    """A tick with its substeps, within which one command takes over from another."""
 
     def __init__(
-        self, system: StateSpace, hold: Hold, m: int, period_s: float, steps: int, takes_over: float
+        self, system: StateSpace, hold: Hold, m: int, period_s: float, substeps: int, takes_over: float
     ) -> None:
         self.system, self.hold, self.m = system, hold, m
-        self.period_s, self.steps, self.takes_over = period_s, steps, takes_over
+        self.period_s, self.substeps, self.takes_over = period_s, substeps, takes_over
 
     def rows(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States, two commands in a row and joints' torques to the states at ``end`` [ticks]."""
@@ -172,23 +174,23 @@ class _Tick:
 def _one_step(
     tick: _Tick, j: int, chains: Sequence[tuple[int, float]], heads: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """`HybridPlant.step`, ``drive``, ``push`` and ``answer`` of internal step ``j``, waiting samples last."""
+    """`HybridPlant.step`, ``drive``, ``push`` and ``answer`` of substep ``j``, waiting samples last."""
     system, m, states, size = tick.system, tick.m, len(tick.system.A), int(heads[-1])
     joints = system.B.shape[1] - m
     A, B, P, answer = np.eye(size), *(np.zeros((size, k)) for k in (2 * m, joints, 2 * joints))
-    begin = j / tick.steps
-    A[:states, :states], B[:states], P[:states] = tick.rows(begin, (j + 1) / tick.steps)
+    begin = j / tick.substeps
+    A[:states, :states], B[:states], P[:states] = tick.rows(begin, (j + 1) / tick.substeps)
     for output, ((length, instant), first) in enumerate(zip(chains, heads[:-1], strict=True)):
         if length and j == 0:
             A[first + 1 : first + length] = np.eye(size)[first : first + length - 1]
         # The last step of a tick also holds an instant at its end.
-        taken = min(int(instant * tick.steps), tick.steps - 1)
+        taken = min(int(instant * tick.substeps), tick.substeps - 1)
         if length and j == taken:
             c = system.C[output]
             transition, window, pushed = tick.rows(begin, instant)
             A[first] = 0.0
             A[first, :states], P[first] = c @ transition, c @ pushed
             B[first] = c @ window + tick.answers(output, instant)
-            share = instant * tick.steps - j
+            share = instant * tick.substeps - j
             answer[first] = np.kron([1.0 - share, share], system.D[output, m:])
     return A, B, P, answer

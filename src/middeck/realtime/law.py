@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.errors import ConfigError
-from middeck.signals.ports import Port, port_indices
+from middeck.signals.ports import Port
 from middeck.systems.statespace import SampledStateSpace, same_period
 
 
@@ -18,7 +18,7 @@ def place_law(
     """``law`` from all outputs to all inputs of a rig of this period; None commands nothing.
 
     A compensator finds its ports by name and leaves other inputs at rest. Raises `ConfigError` for ports that
-    the rig lacks, another period, or a compensator that is not sampled.
+    the rig lacks or has in another unit, another period, or a compensator that is not sampled.
 
     >>> y, u = Port("y", "rad"), Port("u", "N m")
     >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], period_s=0.1)
@@ -30,8 +30,7 @@ def place_law(
         return SampledStateSpace(
             np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), np.zeros((m, p)), period_s=period_s
         )
-    rows = port_indices(inputs, [p.name for p in law.outputs], "input of the rig")
-    columns = port_indices(outputs, [p.name for p in law.inputs], "output of the rig")
+    rows, columns = locate_ports(law, inputs, outputs, "rig")
     into, out = np.eye(len(outputs))[columns], np.eye(len(inputs))[:, rows]
     s = law.sampled
     if not same_period(s.period_s, period_s):

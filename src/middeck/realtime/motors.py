@@ -49,7 +49,8 @@ class Motor:
     Attributes:
         torque_limit: Most that the motor gives, to either side.
         holding: Constant part of it that gravity takes; commands count from there.
-        slew_limit: Most that the torque changes in a second [N m/s].
+        slew_limit: Most that the torque changes in a second [N m/s]; only a rotor that runs full takes it
+            back faster, at once.
         resolution: One step of its converter [N m]; zero for none.
         rotor: Of a wheel; None for a motor between two bodies.
 

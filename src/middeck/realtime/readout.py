@@ -16,9 +16,9 @@ from middeck.values import record
 class Readout:
     """Steps, ranges and errors of converters and encoders, one entry for each output.
 
-    ``step`` is one count (`EXACT` for none), ``range`` the largest reading; ``noise_rms`` is white and added
-    before them. ``bias`` and ``walk`` (per tick) are standard deviations of an error and of its random walk;
-    ``gyro`` tells the outputs that have one.
+    ``step`` is one count (`EXACT` for none), ``range`` the largest reading, a whole number of counts;
+    ``noise_rms`` is white and added before them. ``bias`` and ``walk`` (per tick) are standard deviations of
+    an error and of its random walk; ``gyro`` tells the outputs that have one.
     """
 
     step: Float[np.ndarray, " output"]
@@ -40,7 +40,9 @@ def gather_readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
             case Encoder():
                 step[i] = sensor.step
             case Gyro():
-                step[i], reach[i] = sensor.resolution or EXACT, sensor.range
+                step[i] = sensor.resolution or EXACT
+                # Counts within the range; a range of whole steps keeps the last one, whatever its rounding.
+                reach[i] = step[i] * np.floor(sensor.range / step[i] * (1.0 + 1e-12))
                 bias[i], walk[i] = sensor.bias, sensor.bias_walk * np.sqrt(period_s)
                 if np.isinf(sensor.anti_alias_hz):
                     noise[i] = sensor.noise / np.sqrt(period_s)

@@ -72,7 +72,7 @@ def build_rig(
     motors: Mapping[str, Motor] | None = None,
     sensors: Mapping[str, Sensor] | None = None,
     joints: Sequence[JointElements] = (),
-    steps: int = 1,
+    substeps: int = 1,
     drifts: Sequence[Drift] = (),
     age_s: float = 0.0,
 ) -> Rig:
@@ -86,17 +86,17 @@ def build_rig(
             the rate. All inputs with motors without limits, and all outputs sampled without noise, if they
             are left out.
         joints: Friction and gaps, at any joint of the plant; those need not be commanded.
-        steps: Internal steps h in a tick. They lower the frequency w of a mode that the joints' elements
-            alone would hold by (w h)^2/12 of itself; without elements the rig is exact.
+        substeps: Integration steps, of length h, in a tick. They lower the frequency w of a mode that the
+            joints' elements alone would hold by (w h)^2/12 of itself; without elements the rig is exact.
         drifts, age_s: Modes that drift while it runs, and how old the plant is whenever it is switched on;
             ``plant`` is as new.
 
     Raises `ConfigError` if the filters alone take more than ``delay_s``; for unknown ports, a joint twice, no
-    step, or an output that answers a command within the sample that the command answers; for drifts as
+    substep, or an output that responds at once to the command computed from its own sample; for drifts as
     `age_plant`.
     """
-    if steps < 1:
-        raise ConfigError(f"{steps} internal steps in a tick", hint="one or more")
+    if substeps != int(substeps) or substeps < 1:
+        raise ConfigError(f"{substeps} substeps in a tick", hint="a whole number from one")
     if not (0.0 < sample_hz < np.inf and 0.0 <= delay_s < np.inf):
         raise ConfigError(
             f"{sample_hz} samples a second, a delay of {delay_s} s",
@@ -117,7 +117,7 @@ def build_rig(
         )
     wiring = Wiring(
         inputs=tuple(motors), sensors=tuple(sensors.items()), joints=tuple(joints), period_s=1.0 / sample_hz,
-        steps=steps, command_delay_s=max(pure, 0.0), wait_s=slowest - lags,
+        substeps=int(substeps), command_delay_s=max(pure, 0.0), wait_s=slowest - lags,
     )  # fmt: skip
     return Rig(
         plant=build_hybrid_plant(age_plant(plant, drifts, age_s), wiring),

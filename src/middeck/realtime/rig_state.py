@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import ConfigError
 from middeck.realtime.rig import Rig
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
@@ -58,13 +59,26 @@ def cut_block(block: RigBlock, ticks: int) -> RigBlock:
     return RigBlock(*(x[:ticks] for x in block[:-1]), state=block.state)
 
 
+def check_start(rig: Rig, law: SampledStateSpace, start: RigState) -> None:
+    """Raise `ConfigError` for a state of another rig, or of another law."""
+    rest = start_at_rest(rig, law, np.zeros(len(rig.outputs)))
+    for name in ("x", "computer", "issued", "momentum", "joints", "bias", "trim"):
+        given, asked = np.shape(getattr(start, name)), np.shape(getattr(rest, name))
+        if given != asked:
+            raise ConfigError(
+                f"{name} of the start has the shape {given}, this rig and law have {asked}",
+                where="start",
+                hint="switch_on(rig, law, rest_s, rng) with the same rig and law, or a state of their blocks",
+            )
+
+
 def start_at_rest(rig: Rig, law: SampledStateSpace, bias: Float[np.ndarray, " output"]) -> RigState:
     """Everything at rest and at zero, but for the error of the readings."""
     m, p = len(rig.inputs), len(rig.outputs)
     return RigState(
         x=np.zeros(rig.plant.angle.shape[1]),
         computer=np.zeros(int(rig.readout.gyro.sum()) + len(law.A)),
-        issued=np.zeros((rig.plant.late + 1, m)),
+        issued=np.zeros((rig.plant.delay_ticks + 1, m)),
         momentum=np.zeros(m),
         joints=np.zeros(sum(len(j.elements) for j in rig.joints)),
         bias=bias,

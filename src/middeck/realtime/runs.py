@@ -6,19 +6,29 @@ and ``settle`` unrecorded periods of the excitation go by before the recorded on
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.errors import ConfigError, NumericalError
+from middeck.errors import ConfigError
+from middeck.realtime.ageing import check_life
 from middeck.realtime.events import EventCounter, RunEvents, StopRule, find_stop, stop_limits
 from middeck.realtime.law import place_law
 from middeck.realtime.linear_view import close_rig, gyro_sums
 from middeck.realtime.rig import Rig
 from middeck.realtime.rig_state import RigBlock, RigState, cut_block
-from middeck.realtime.simulation import BLOCK, cut_blocks, linear_state, simulate_rig, switch_on
+from middeck.realtime.simulation import (
+    BLOCK,
+    DivergedError,
+    check_excitation,
+    cut_blocks,
+    linear_state,
+    simulate_rig,
+    switch_on,
+)
 from middeck.signals.record import Record
 from middeck.systems.simulation import find_periodic_state
 from middeck.systems.stability import growth_rates, is_stable
@@ -89,28 +99,34 @@ def run_closed_loop(
     """``periods`` periods of the loop under a repeated ``excitation`` added to the commands of ``law``.
 
     With ``steady``, which no hardware can, it begins where the linear loop would be in its steady state, if
-    that is stable, so that less has to settle. A rig that drifts is of the same age at the beginning of every
-    run's rest. The record is called periodic, as on hardware: whether ``settle`` was enough shows when
-    periods are compared (`estimate_response`). It holds excitation and measured outputs, from each gyro's
-    angle its ramp taken out (see `remove_ramps`).
+    that loop is stable, so that less has to settle; where it is not, the run begins at rest. A rig that
+    drifts is of the same age at the beginning of every run's rest. The record is called periodic, as on
+    hardware: whether ``settle`` was enough shows when periods are compared (`estimate_response`). It holds
+    excitation and measured outputs, from each gyro's angle its ramp taken out (see `remove_ramps`).
 
     A run that passes a stop, or overflows, has a cause and no record. Where nothing is switched on, a loop
     that is unstable by its eigenvalues is not run at all, and its cause is the mode that diverges.
 
-    Raises `ConfigError` for no period, an unknown output, or a law as `place_law`; `NumericalError` for
-    ``steady`` where the excitation drives a rigid-body mode on and on.
+    Raises `ConfigError` for no period, an unknown output, a law as `place_law`, or drifts that bring a
+    frequency to zero before the end; `DataError` for an excitation that is not finite; `NumericalError` for
+    ``steady`` where the excitation drives a rigid-body mode on and on, and for joints' torques that do not
+    settle within a substep.
     """
-    if periods < 1 or settle < 0 or len(excitation) < 1:
+    u = check_excitation(excitation, len(rig.inputs))
+    whole = int(periods), int(settle)
+    if whole != (periods, settle) or periods < 1 or settle < 0 or len(u) < 1:
         raise ConfigError(
-            f"{periods} periods of {len(excitation)} samples after {settle} to settle",
-            hint="one or more after zero or more",
+            f"{periods} periods of {len(u)} samples after {settle} to settle",
+            hint="one or more after zero or more, whole numbers",
         )
-    u = np.asarray(excitation, dtype=float)
+    periods, settle = whole
     limits = stop_limits(stops, rig.outputs)
     loop = close_rig(rig, place_law(law, rig.inputs, rig.outputs, rig.period_s))
     holds = is_stable(loop)
     if rig.linear and not holds:
         return Run(cause=_explain(loop))
+    if rig.ageing is not None:
+        check_life(rig.ageing, round(rest_s * rig.sample_hz) + (settle + periods) * len(u))
     begin = switch_on(rig, law, rest_s, rng)
     begin = find_steady_start(rig, loop, u, begin) if steady and holds else begin
     taken = _Taken(rig, begin)
@@ -122,7 +138,7 @@ def run_closed_loop(
             taken.add(block if stop is None else cut_block(block, stop[0] + 1))
             if stop is not None:
                 return _stopped(rig, u, taken, stop[1])
-    except NumericalError as error:
+    except DivergedError as error:
         return Run(cause=f"diverged: {error}", events=taken.counter.total(), partial=taken.partial(u))
     measured, control, torque = (
         x[settle * len(u) :].reshape(periods, len(u), x.shape[1]) for x in taken.joined()
@@ -166,12 +182,20 @@ def find_steady_start(
 ) -> RigState:
     """``rested`` with the states of the linear ``loop`` at the start of a steady period of ``u``.
 
-    Raises `NumericalError` where there is none.
+    Joints' elements are where a motion to the angle of this start leaves them. Raises `NumericalError` where
+    there is no such state.
     """
     x = find_periodic_state(loop, np.hstack([u, np.zeros((len(u), len(rig.outputs)))]))
     rows = gyro_sums(rig)
     sums = np.zeros(0) if rows is None else rows @ x[: len(rested.x) + rested.issued.size]
-    return linear_state(rig, rested, x, sums)
+    steady = linear_state(rig, rested, x, sums)
+    angles, states = (rig.plant.angle @ steady.x).tolist(), iter(rested.joints.tolist())
+    joints = [
+        part.resist(angle, next(states))[1]
+        for joint, angle in zip(rig.joints, angles, strict=True)
+        for part in joint.elements
+    ]
+    return dataclasses.replace(steady, joints=np.array(joints))
 
 
 class _Taken:

@@ -46,7 +46,8 @@ class Gyro:
         bias_walk: Intensity of the random walk of this error [rad/s/sqrt(s)].
         anti_alias_hz: Corner frequency of a Butterworth filter of second order before the converter; infinite
             for none, and the noise is then taken in the band of the samples.
-        resolution, range: One step of the converter [rad/s] (zero for none), and its largest rate.
+        resolution, range: One step of the converter [rad/s] (zero for none), and its largest rate: it
+            reads whole steps up to there.
         gain: Reading per true rad/s.
 
     Raises `ConfigError` for a value out of its range.
@@ -71,6 +72,12 @@ class Gyro:
                 f"{self.range} rad/s",
                 where="Gyro",
                 hint="all above zero; infinite for no limit",
+            )
+        if self.resolution > self.range:
+            raise ConfigError(
+                f"a converter in steps of {self.resolution} rad/s with a range of {self.range} rad/s",
+                where="Gyro",
+                hint="a range of one step or more",
             )
         _refuse_gain("Gyro", self.gain)
 

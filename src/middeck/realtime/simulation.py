@@ -22,14 +22,18 @@ from middeck.realtime.hybrid_plant import HybridPlant
 from middeck.realtime.law import place_law
 from middeck.realtime.linear_view import close_rig
 from middeck.realtime.rig import Rig
-from middeck.realtime.rig_state import RigBlock, RigState, start_at_rest
+from middeck.realtime.rig_state import RigBlock, RigState, check_start, start_at_rest
 from middeck.realtime.tick import Tick
 from middeck.systems.simulation import simulate
 from middeck.systems.statespace import SampledStateSpace
 
-BLOCK = 2048  # ticks simulated in one go; nothing depends on it
+BLOCK = 2048  # ticks simulated in one go
 
 Array = np.ndarray
+
+
+class DivergedError(NumericalError):
+    """The simulated state has left the range of numbers: the loop, or the law in it, grows without end."""
 
 
 def simulate_rig(
@@ -42,28 +46,33 @@ def simulate_rig(
     """Run ``excitation`` as it comes, in constant memory; each block goes on where the last one ended.
 
     In each tick the outputs are sampled, the computer answers, and law and excitation together are issued to
-    the motors; the numbers do not depend on where the blocks are cut. It begins at ``start``, or where the
-    rig is switched on without a rest; a plant that drifts is renewed as `Ageing` says, and blocks end there
-    too. Raises `ConfigError` for a law as `place_law` or an excitation of other channels, `DataError` for
-    one that is not finite, and `NumericalError` where the state overflows.
+    the motors. Blocks cut elsewhere change the numbers by rounding, which a chaotic loop amplifies. The run
+    begins at ``start``, or where the rig is switched on without a rest; a plant that drifts is renewed as
+    `Ageing` says, and blocks end there too.
+
+    Raises `ConfigError` for a law as `place_law`, a start of another rig or law, an excitation of other
+    channels, or drifts that bring a frequency to zero on the way; `DataError` for an excitation that is not
+    finite; `DivergedError` where the state overflows; `NumericalError` where joints' torques do not settle.
     """
     placed = place_law(law, rig.inputs, rig.outputs, rig.period_s)
     state = switch_on(rig, law, 0.0, rng) if start is None else start
+    check_start(rig, placed, state)
     computer, loop = build_computer(rig.sensors, placed), close_rig(rig, placed) if rig.linear else None
     held_at = None if rig.ageing is None else follow_ageing(rig.ageing)
     for block in excitation:
-        left = _check_excitation(block, len(rig.inputs))
+        left = check_excitation(block, len(rig.inputs))
         while len(left):
             plant, ticks = (rig.plant, len(left)) if held_at is None else held_at(state.tick)
             e, left = left[:ticks], left[ticks:]
-            done = (
-                _run_ticks(rig, plant, computer, e, rng, state)
-                if loop is None
-                else _run_linear(rig, loop, e, rng, state)
-            )
+            with np.errstate(over="ignore", invalid="ignore"):  # told as an error below
+                done = (
+                    _run_ticks(rig, plant, computer, e, rng, state)
+                    if loop is None
+                    else _run_linear(rig, loop, e, rng, state)
+                )
             state = done.state
-            if not (np.isfinite(state.x).all() and np.isfinite(state.computer).all()):
-                raise NumericalError(
+            if not all(np.isfinite(x).all() for x in (state.x, state.computer, done.torque, done.measured)):
+                raise DivergedError(
                     "the simulated state overflows",
                     hint="is the loop, or the law itself, unstable? give motors a torque_limit, or set stops",
                 )
@@ -114,7 +123,8 @@ def linear_state(
     )
 
 
-def _check_excitation(block: Array, inputs: int) -> Array:
+def check_excitation(block: Array, inputs: int) -> Float[np.ndarray, "sample input"]:
+    """``block`` as numbers; `ConfigError` for other channels, `DataError` for one that is not finite."""
     e = np.ascontiguousarray(block, dtype=float)
     if e.ndim != 2 or e.shape[1] != inputs:
         raise ConfigError(
@@ -186,7 +196,7 @@ def _draw(
 ) -> tuple[Array, Array, Array]:
     """Noise on the states and offsets of the readings at each tick, and the bias after them.
 
-    One stream of numbers, tick by tick: cutting it elsewhere changes nothing.
+    One stream of numbers, tick by tick: blocks cut elsewhere draw the same.
     """
     readout, outputs = rig.readout, len(rig.outputs)
     white = plant.noise.shape[1]

@@ -62,7 +62,7 @@ class Tick:
         return np.array([s for row in self.inner for s in row], dtype=float)
 
     def read(self, offset: list[float], reading: Array) -> None:
-        """What the sensors give now, in counts; and the states after the first internal step."""
+        """What the sensors give now, in counts; and the states after the first substep."""
         self.look(self.x, self.ahead)
         read = self.sampled.tolist()
         for i, (lower, upper, whole) in enumerate(self.sensors):

@@ -58,7 +58,9 @@ class Campaign:
             if not (same_ports(other.inputs, first.inputs) and same_ports(other.outputs, first.outputs)):
                 named = ", ".join(p.name for p in (*other.inputs, *other.outputs))
                 raise DataError(
-                    f"other channels than the first: {named}", where=where, hint="name them alike"
+                    f"channels differ from those of the first record: {named}",
+                    where=where,
+                    hint="use the same names in all records",
                 )
 
 

@@ -69,7 +69,7 @@ def sample_delayed(
     """
     delay_s = np.asarray(delay_s, dtype=float)
     if not (np.isfinite(period_s) and period_s > 0.0):
-        raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
+        raise ConfigError(f"sampling period of {period_s} s", hint="positive and finite")
     if delay_s.shape != system.D.shape or not (np.isfinite(delay_s).all() and (delay_s >= 0.0).all()):
         raise ConfigError(
             f"delays of shape {delay_s.shape} for {system.D.shape} outputs and inputs, or one is negative",

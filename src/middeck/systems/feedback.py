@@ -44,7 +44,10 @@ def _solve_direct(loop: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "
     except np.linalg.LinAlgError:
         amplified, through = np.inf, one
     if not amplified < AMPLIFIED:
-        raise ConfigError("the loop through the direct terms has no solution", hint="add a delay or a lag")
+        raise ConfigError(
+            "algebraic loop: the loop through the direct terms has no solution",
+            hint="add a delay or a lag to one of the two systems",
+        )
     return through
 
 

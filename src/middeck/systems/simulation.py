@@ -8,6 +8,7 @@ damped modes. The result equals stepping to rounding.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -26,7 +27,7 @@ LONGEST = 256
 REPEATS = 1e-9
 """Change of a free motion over a period, relative to the largest, below which it repeats itself."""
 STEADY = 1e-6
-"""Relative change of a driven state over a period, below which it is steady."""
+"""Change of an output from one period to the next, relative to its largest, below which it is steady."""
 CHUNK = 1 << 16  # samples at a time: what a block needs beside its input and output stays below this
 
 
@@ -99,19 +100,35 @@ def find_periodic_state(
 ) -> Float[np.ndarray, " state"]:
     """The state x0 at the start of a steady period of ``u``: x0 = A^N x0 + (one period from rest).
 
-    A pole that repeats itself after N samples (a rigid-body mode, an undamped one on a line) has no steady
-    state where ``u`` drives it: `NumericalError`. Where nothing does, it may have any: the smallest is taken.
+    Each state is counted in what it reaches from rest, so that units of states and inputs have no say. A pole
+    that repeats itself after N samples (a rigid-body mode, an undamped one on a line) has no steady state
+    where ``u`` drives it: `NumericalError`, if an output shows it. Where nothing does, it may have any: the
+    smallest is taken.
     """
-    A, scale = balance(system.A)
-    end = simulate(system, u)[1] / scale
-    left = np.eye(len(A)) - np.linalg.matrix_power(A, len(u))
-    x = np.linalg.lstsq(left, end, rcond=REPEATS)[0]
-    if np.linalg.norm(left @ x - end) > STEADY * np.linalg.norm(end):
+    reach = _reach(system, u)
+    moved = np.flatnonzero(reach)
+    size, end = reach[moved], simulate(system, u)[1][moved]
+    A = system.A[np.ix_(moved, moved)] * size / size[:, None]
+    left = np.eye(len(moved)) - np.linalg.matrix_power(A, len(u))
+    start = np.zeros(len(reach))
+    start[moved] = size * np.linalg.lstsq(left, end / size, rcond=REPEATS)[0]
+    first, after = simulate(system, u, start)
+    change = np.abs(simulate(system, u, after)[0] - first).max(axis=0)
+    if np.any(change > STEADY * np.abs(first).max(axis=0)):
         raise NumericalError(
             "no periodic steady state: a pole repeats itself from period to period",
             hint="hold the rigid-body modes, or start from rest",
         )
-    return x * scale
+    return start
+
+
+def _reach(system: SampledStateSpace, u: np.ndarray) -> Float[np.ndarray, " state"]:
+    """Largest magnitude of each state from rest, in a period and at least as many samples as states."""
+    n = len(system.A)
+    states = dataclasses.replace(system, C=np.eye(n), D=np.zeros((n, system.B.shape[1])))
+    samples = np.arange(max(len(u), n) + 1) % len(u)
+    pieces = (u[samples[k : k + CHUNK]] for k in range(0, len(samples), CHUNK))
+    return np.max([np.abs(x).max(axis=0) for x in stream(states, pieces)], axis=0)
 
 
 def _as_input(system: SampledStateSpace, u: np.ndarray) -> Float[np.ndarray, "sample input"]:

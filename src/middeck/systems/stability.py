@@ -28,6 +28,15 @@ CROWDED = 2e-6
 """Distance from zero, relative to A, to which rounding may move a double eigenvalue: ten times its root."""
 
 
+def growth_limit(period_s: float | None = None) -> float:
+    """`GROWTH_LIMIT`, or of a sampled system what rounding of its eigenvalues takes for growth, if larger.
+
+    >>> growth_limit(1e-3) == GROWTH_LIMIT, growth_limit(1e-8) > GROWTH_LIMIT
+    (True, True)
+    """
+    return max(GROWTH_LIMIT, ROUNDINGS * np.finfo(float).eps / period_s) if period_s else GROWTH_LIMIT
+
+
 def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
     """Poles in rad/s; those of a sampled system are mapped by log(p)/T (a pole at zero to -inf).
 
@@ -36,13 +45,14 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     >>> growth_rates(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]])).real
     array([-2.])
     """
-    rates = _rates(system, _joined(system.A, poles(system), sampled=isinstance(system, SampledStateSpace)))
-    if none_grows(rates):
+    period_s = system.period_s if isinstance(system, SampledStateSpace) else None
+    rates = _rates(system, _joined(system.A, poles(system), sampled=period_s is not None))
+    if none_grows(rates, period_s):
         return rates
     # Rounding splits equal light modes of a cascade to both sides of the axis; each component alone is not
     # split.
     alone = _rates(system, component_poles(system.A))
-    return alone if none_grows(alone) else rates
+    return alone if none_grows(alone, period_s) else rates
 
 
 def _rates(system: StateSpace | SampledStateSpace, p: np.ndarray) -> Complex[np.ndarray, " state"]:
@@ -80,12 +90,13 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
 
 
 def is_stable(system: StateSpace | SampledStateSpace) -> bool:
-    """True where no pole grows faster than `GROWTH_LIMIT`; a system without states is stable.
+    """True where no pole grows faster than `growth_limit`; a system without states is stable.
 
     >>> is_stable(StateSpace([[0.1]], [[1.0]], [[1.0]], [[0.0]]))
     False
     """
-    return none_grows(growth_rates(system))
+    period_s = system.period_s if isinstance(system, SampledStateSpace) else None
+    return none_grows(growth_rates(system), period_s)
 
 
 def decays(system: StateSpace) -> bool:
@@ -93,10 +104,10 @@ def decays(system: StateSpace) -> bool:
     return bool(np.all(np.real(growth_rates(system)) < 0.0))
 
 
-def none_grows(rates: Complex[np.ndarray, " state"]) -> bool:
-    """As `is_stable`, for known poles [rad/s].
+def none_grows(rates: Complex[np.ndarray, " state"], period_s: float | None = None) -> bool:
+    """As `is_stable`, for known poles [rad/s], of a sampled system if it has a period.
 
     >>> none_grows(np.array([-1.0 + 2.0j, -1.0 - 2.0j]))
     True
     """
-    return not len(rates) or bool(np.real(rates).max() <= GROWTH_LIMIT)
+    return not len(rates) or bool(np.real(rates).max() <= growth_limit(period_s))

@@ -51,9 +51,15 @@ def gain_system(D: Float[np.ndarray, "output input"]) -> StateSpace:
 
 
 def select_paths(system: System, inputs: Sequence[int], outputs: Sequence[int]) -> System:
-    """The system from some of its inputs to some of its outputs."""
-    D = system.D[np.ix_(outputs, inputs)]
-    return dataclasses.replace(system, B=system.B[:, inputs], C=system.C[outputs], D=D)
+    """The system from some of its inputs to some of its outputs, by their numbers.
+
+    >>> system = gain_system(np.array([[1.0, 2.0], [3.0, 4.0]]))
+    >>> select_paths(system, (1,), (1, 0)).D.tolist()
+    [[4.0], [2.0]]
+    """
+    columns, rows = list(inputs), list(outputs)  # a tuple would be taken for one row and one column
+    D = system.D[np.ix_(rows, columns)]
+    return dataclasses.replace(system, B=system.B[:, columns], C=system.C[rows], D=D)
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:

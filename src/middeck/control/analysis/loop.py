@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
@@ -64,6 +64,7 @@ Halves = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 def loop_path(plant: Plant, compensator: Compensator) -> Plant:
     """The plant from the commands of ``compensator`` to its measurements, without inert modes."""
+    locate_ports(compensator, plant.inputs, plant.outputs)
     inputs, outputs = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
     return select_ports(plant if plant.period_s else partition_modes(plant).active, inputs, outputs)
 
@@ -86,7 +87,7 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
         return FeedbackLoop(sample_plant(path, period), compensator.sampled)
     if not same_period(period, plant.period_s):
         raise ConfigError(
-            f"a compensator of {period} s on a plant sampled every {plant.period_s} s",
+            f"the compensator's period is {period} s, the plant's {plant.period_s} s",
             hint="the continuous plant, or the compensator at the plant's rate",
         )
     return FeedbackLoop(path, compensator.sampled)
@@ -191,7 +192,7 @@ def broken_at(loop: FeedbackLoop, at: At) -> tuple[str, ...]:
     """Names of the channels at which the loop is broken."""
     names = {"inputs": loop.inputs, "outputs": loop.outputs, "both": (*loop.inputs, *loop.outputs)}
     if at not in names:
-        raise ConfigError(f"a loop broken at {at!r}", hint=f"one of {', '.join(names)}")
+        raise ConfigError(f"the loop cannot be broken at {at!r}", hint=f"one of {', '.join(names)}")
     return names[at]
 
 

@@ -127,7 +127,7 @@ def direct_gain(loop: FeedbackLoop) -> float:
     gain = float(np.abs(np.linalg.eigvals(law @ through)).max(initial=0.0))
     if not alike and gain >= 1.0:
         raise NumericalError(
-            f"a direct term of loop gain {gain:.3g} comes back by paths of different delays",
-            hint="a law or a plant that rolls off",
+            f"the loop has a direct term of gain {gain:.3g} through paths of different delays",
+            hint="add a roll-off to the compensator or the plant",
         )
     return gain

@@ -64,7 +64,7 @@ def find_allowed_shifts(
     not positive; `NumericalError` where modes without names nearly coincide (`part_modes`).
     """
     if not 0.0 < step <= most < 1.0:
-        raise ConfigError(f"steps of {step:g} up to {most:g}: 0 < step <= most < 1")
+        raise ConfigError(f"step = {step:g}, most = {most:g}", hint="0 < step <= most < 1")
     plant = _named(plant)
     names = _oscillating(plant) if modes is None else tuple(modes)
 

@@ -23,7 +23,7 @@ from middeck.systems.inert_modes import observed_modes, reached_modes
 from middeck.systems.integrators import rest_once
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant
-from middeck.systems.stability import GROWTH_LIMIT, growth_rates, none_grows
+from middeck.systems.stability import growth_limit, growth_rates, none_grows
 from middeck.systems.statespace import poles
 from middeck.values import record
 
@@ -82,7 +82,7 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """As `decide_stability`, for a loop already formed."""
     if not loop.plant.delayed:
         loop, unmoved = _split_unmoved(loop)
-        return _outcome(np.concatenate([loop_poles(loop), unmoved]))
+        return _outcome(np.concatenate([loop_poles(loop), unmoved]), loop.period_s)
     if direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
         return LoopStability(
@@ -109,8 +109,8 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
     raise NumericalError(
         f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
         f"{'an unclear number' if counted is None else counted} counted",
-        hint="another gain by a thousandth, if a root lies on the axis; one delay for each input and each "
-        "output in place of one for each path; or margins of the sampled loop, which has eigenvalues",
+        hint="change the gain by a thousandth if a root lies on the axis; give one delay for each input and "
+        "output instead of one for each path; or sample the loop: its stability follows from eigenvalues",
     )
 
 
@@ -158,7 +158,7 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
     return float(np.real(rates).max(initial=-np.inf))
 
 
-def _outcome(roots: Complex[np.ndarray, " root"]) -> LoopStability:
+def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
     if not len(roots):
         return LoopStability(
             stable=True, pole=complex(-np.inf, 0.0), frequency_hz=0.0, margin=np.inf, damping=1.0, growing=0
@@ -166,9 +166,9 @@ def _outcome(roots: Complex[np.ndarray, " root"]) -> LoopStability:
     lead = complex(roots[np.argmax(np.real(roots))])
     pole = complex(lead.real, abs(lead.imag))
     damping = -pole.real / abs(pole) if 0.0 < abs(pole) < np.inf else float(pole.real < 0.0)
-    growing = int(np.sum(np.real(roots) > GROWTH_LIMIT))
+    growing = int(np.sum(np.real(roots) > growth_limit(period_s)))
     return LoopStability(
-        stable=none_grows(roots),
+        stable=none_grows(roots, period_s),
         pole=pole,
         frequency_hz=pole.imag / (2.0 * np.pi),
         margin=-pole.real,

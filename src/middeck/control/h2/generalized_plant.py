@@ -132,7 +132,9 @@ def _priced(m: GeneralizedPlant) -> GeneralizedPlant:
 
 def _filter_measurements(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant:
     if f.D.shape != (len(m.C2), len(m.C2)):
-        raise ConfigError(f"a filter of {f.D.shape} before the compensator, for {len(m.C2)} measurements")
+        raise ConfigError(
+            f"the filter before the compensator has shape {f.D.shape} for {len(m.C2)} measurements"
+        )
     n, k = len(m.A), len(f.A)
     return GeneralizedPlant(
         A=np.block([[m.A, np.zeros((n, k))], [f.B @ m.C2, f.A]]),
@@ -148,7 +150,9 @@ def _filter_measurements(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant
 
 def _filter_commands(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant:
     if f.D.shape != (m.B2.shape[1], m.B2.shape[1]):
-        raise ConfigError(f"a filter of {f.D.shape} after the compensator, for {m.B2.shape[1]} inputs")
+        raise ConfigError(
+            f"the filter after the compensator has shape {f.D.shape} for {m.B2.shape[1]} inputs"
+        )
     n, k = len(m.A), len(f.A)
     return GeneralizedPlant(
         A=np.block([[m.A, m.B2 @ f.C], [np.zeros((k, n)), f.A]]),

@@ -48,7 +48,7 @@ class LawForm:
     def __post_init__(self) -> None:
         total = sum(station.order for station in self.stations)
         if self.order is not None and (self.order < 1 or (self.stations and total != self.order)):
-            raise ConfigError(f"an order of {self.order}, and stations of {total} states together")
+            raise ConfigError(f"order = {self.order}, but the stations have {total} states together")
         if any(station.order < 1 for station in self.stations):
             raise ConfigError("a station without states")
 

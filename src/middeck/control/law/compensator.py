@@ -26,7 +26,8 @@ class Compensator:
         outputs: Plant inputs that are driven, in the order of the rows.
         method: Name of the design method; empty if unknown.
 
-    Raises `ConfigError` where the ports do not fit the law.
+    Raises `ConfigError` where the ports do not fit the law, for a port named twice, and for a gain that is
+    not finite.
     """
 
     dynamics: LinearSystem
@@ -40,6 +41,18 @@ class Compensator:
                 f"a compensator with {len(self.outputs)} outputs and {len(self.inputs)} inputs named; "
                 f"the law has {self.dynamics.D.shape}",
                 hint="one output for each row of D, one input for each column",
+            )
+        for verb, ports in (("reads", self.inputs), ("drives", self.outputs)):
+            names = [port.name for port in ports]
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ConfigError(
+                    f"the compensator {verb} {twice[0]!r} twice",
+                    hint="sum its columns (or rows) into one",
+                )
+        if not all(np.isfinite(getattr(self.dynamics, matrix)).all() for matrix in "ABCD"):
+            raise ConfigError(
+                "the compensator has a gain that is not finite", hint="look for NaN or inf in A, B, C and D"
             )
 
     @property
@@ -69,19 +82,56 @@ class Compensator:
         return self.dynamics
 
 
-def arrange_ports(compensator: Compensator, y: Sequence[str], u: Sequence[str]) -> Compensator:
+def locate_ports(
+    compensator: Compensator | FrequencyResponse,
+    inputs: Sequence[Port],
+    outputs: Sequence[Port],
+    owner: str = "plant",
+) -> tuple[list[int], list[int]]:
+    """Positions among ``inputs`` of what the compensator drives, and among ``outputs`` of what it reads.
+
+    Raises `ConfigError` for a port that ``owner`` does not have, or has in another unit; a port without a
+    unit fits any.
+    """
+    return (
+        _locate(compensator.outputs, inputs, "drives", "input", owner),
+        _locate(compensator.inputs, outputs, "reads", "output", owner),
+    )
+
+
+def _locate(wanted: Sequence[Port], there: Sequence[Port], verb: str, side: str, owner: str) -> list[int]:
+    units, names = {port.name: port.unit for port in there}, [port.name for port in there]
+    missing = [port.name for port in wanted if port.name not in units]
+    if missing:
+        raise ConfigError(
+            f"the compensator {verb} {', '.join(missing)}; the {owner} has no such {side}",
+            hint=f"a {owner} with it; this one has {', '.join(names)}",
+        )
+    for port in wanted:
+        unit = units[port.name]
+        if port.unit and unit and port.unit != unit:
+            raise ConfigError(
+                f"the compensator {verb} {port.name} in {port.unit}, the {owner} has it in {unit}",
+                hint="scale one of them",
+            )
+    return [names.index(port.name) for port in wanted]
+
+
+def arrange_ports(compensator: Compensator, y: Sequence[Port], u: Sequence[Port]) -> Compensator:
     """The same law with its ports in the order of a plant's groups ``y`` and ``u``.
 
-    Raises `ConfigError` where they are not the same ports.
+    Raises `ConfigError` where they are not the same ports, or in other units.
     """
-    reads, drives = (tuple(p.name for p in side) for side in (compensator.inputs, compensator.outputs))
-    if sorted(reads) != sorted(y) or sorted(drives) != sorted(u):
+    names = [[p.name for p in side] for side in (compensator.inputs, compensator.outputs, y, u)]
+    reads, drives, measured, driven = names
+    if sorted(reads) != sorted(measured) or sorted(drives) != sorted(driven):
         raise ConfigError(
             f"the compensator reads {', '.join(reads)} and drives {', '.join(drives)}; the plant's groups y "
-            f"and u are {', '.join(y)} and {', '.join(u)}",
+            f"and u are {', '.join(measured)} and {', '.join(driven)}",
             hint="group_ports(plant, u=, y=) with the compensator's ports; weights go by these groups",
         )
-    columns, rows = [reads.index(name) for name in y], [drives.index(name) for name in u]
+    locate_ports(compensator, u, y)
+    columns, rows = [reads.index(name) for name in measured], [drives.index(name) for name in driven]
     return dataclasses.replace(
         compensator,
         dynamics=select_paths(compensator.dynamics, columns, rows),

@@ -39,9 +39,11 @@ class ModeShift:
     def __post_init__(self) -> None:
         require_names(self.modes, "modes")
         if not self.modes:
-            raise ConfigError("a shift without modes")
+            raise ConfigError("a shift names no modes")
         if not 0.0 < self.half_width < 1.0:
-            raise ConfigError(f"modes shifted by {self.half_width:g} of their frequency: between 0 and 1")
+            raise ConfigError(
+                f"half-width of a shift is {self.half_width:g} of the frequency", hint="between 0 and 1"
+            )
 
 
 @record(kw_only=True)
@@ -76,7 +78,7 @@ class Uncertainty:
         named = [mode for shift in self.shifts for mode in shift.modes]
         twice = sorted({mode for mode in named if named.count(mode) > 1})
         if twice:
-            raise ConfigError(f"{', '.join(twice)} would be shifted twice", hint="one group for each mode")
+            raise ConfigError(f"two shifts name {', '.join(twice)}", hint="one group for each mode")
 
 
 def parameter_names(uncertainty: Uncertainty) -> tuple[str, ...]:
@@ -100,7 +102,9 @@ def perturb_plant(plant: Plant, uncertainty: Uncertainty, position: Sequence[flo
     if len(position) != len(names):
         raise ConfigError(f"{len(position)} numbers for {len(names)} parameters: {', '.join(names)}")
     if uncertainty.delay and not plant.delayed:
-        raise ConfigError("an uncertain delay, and the plant has none", hint="delay_plant(plant, delay_s)")
+        raise ConfigError(
+            "the delay is uncertain, but the plant has none", hint="delay_plant(plant, delay_s)"
+        )
     at = iter(float(p) for p in position)
     frequency = {
         mode: factor
@@ -140,11 +144,14 @@ def corner_positions(
     n = len(parameter_names(uncertainty))
     if count is not None:
         if rng is None:
-            raise ConfigError("corners to be drawn need a random generator", hint="rng=")
+            raise ConfigError("drawing corners needs a random generator", hint="rng=")
         drawn = rng.choice([-1.0, 1.0], size=(count, n))
         return np.vstack([np.zeros((1, n)), drawn])
     if 2**n > MOST_CORNERS:
-        raise ConfigError(f"{2**n} corners of {n} parameters", hint="draw some: count= and rng=")
+        raise ConfigError(
+            f"{n} parameters have {2**n} corners, more than {MOST_CORNERS}",
+            hint="draw some with count= and rng=",
+        )
     return np.vstack([np.zeros((1, n)), np.array(list(itertools.product([-1.0, 1.0], repeat=n)))])
 
 

@@ -70,7 +70,7 @@ def sweep_authority(
 ) -> AuthoritySweep:
     """Metric of every plant under the design at every authority; ``reference`` is the metric called 0 dB."""
     if not 0.0 < reference < np.inf:
-        raise ConfigError(f"a reference of {reference}", hint="the metric called 0 dB, > 0")
+        raise ConfigError(f"reference = {reference} is not positive", hint="the metric that counts as 0 dB")
     laws = [design(float(level)) for level in levels]
     loops = {name: [close_loop(plant, law) for law in laws] for name, plant in on.items()}
     metric = np.array([[loop_metric(loop, performance) for loop in row] for row in loops.values()])

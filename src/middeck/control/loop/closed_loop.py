@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex
 
-from middeck.control.law.compensator import Compensator, idle_compensator
+from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.signals.ports import Port, port_indices
+from middeck.signals.ports import Port
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant, name_states
 from middeck.systems.response import FrequencyResponse
@@ -42,14 +42,13 @@ class ClosedLoop:
 def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     """Join them by port name; the compensator's output is added at the plant's input.
 
-    Raises `ConfigError` where the plant lacks a port of the compensator or the loop through the direct
-    terms has no solution.
+    Raises `ConfigError` where the plant lacks a port of the compensator, or has it in another unit, or where
+    the loop through the direct terms has no solution.
     """
     part = partition_modes(plant)
     active, law = part.active, compensator.system
     w, z = active.input_indices(active.w), active.output_indices(active.z)
-    u = active.input_indices([p.name for p in compensator.outputs])
-    y = active.output_indices([p.name for p in compensator.inputs])
+    u, y = locate_ports(compensator, active.inputs, active.outputs)
     joined = select_paths(feedback(active.system, law, u, y), w, z)
     values = growth_rates(joined)
     return ClosedLoop(
@@ -75,20 +74,19 @@ def predict_closed_loop_response(
 
     With G_u, G_y the columns and rows the compensator drives and reads, T = G + G_u (I - K G_yu)^-1 K G_y;
     for one input and output T = G / (1 - G K). Says nothing about stability. Raises `ConfigError` where the
-    lines differ or a port does not exist.
+    lines differ, a port does not exist, or its units differ.
     """
     if not np.array_equal(plant.frequency_hz, compensator.frequency_hz):
         raise ConfigError(
-            "plant and compensator are given on different lines", hint="evaluate both on one grid"
+            "plant and compensator have different frequency lines", hint="evaluate both on one grid"
         )
     held, period = plant.hold_s, compensator.hold_s
     if held is not None and period is not None and held != period:
         raise ConfigError(
             f"the plant's response has a hold of {held:g} s, the compensator's period is {period:g} s",
-            hint="sample_plant(plant, period_s) for a sampled compensator, nothing sampled for another",
+            hint="sample_plant(plant, period_s) for a sampled compensator, both continuous otherwise",
         )
-    u = port_indices(plant.inputs, [p.name for p in compensator.outputs], "input")
-    y = port_indices(plant.outputs, [p.name for p in compensator.inputs], "output")
+    u, y = locate_ports(compensator, plant.inputs, plant.outputs)
     G, K = plant.H, compensator.H
     return_difference = np.eye(len(u)) - K @ G[:, y][:, :, u]
     T = G + G[:, :, u] @ np.linalg.solve(return_difference, K @ G[:, y])

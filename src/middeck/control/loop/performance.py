@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.law.intensity import require_intensity
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop
@@ -83,7 +83,7 @@ def _show_commands(plant: Plant, compensator: Compensator) -> Plant:
     """
     active = partition_modes(plant).active
     system, w = active.system, active.input_indices(active.w)
-    u = active.input_indices([p.name for p in compensator.outputs])
+    u, _ = locate_ports(compensator, active.inputs, active.outputs)
     echo = np.eye(len(active.inputs))[u]
     commands = tuple(Port(f"command {port.name}", port.unit) for port in compensator.outputs)
     disturbances = tuple(Port(f"disturbance {active.inputs[i].name}", active.inputs[i].unit) for i in w)

@@ -45,7 +45,7 @@ class PointingWindow:
     def __post_init__(self) -> None:
         if not 0.0 < self.length_s < np.inf or not 0.0 < self.lag_s < np.inf:
             raise ConfigError(
-                f"a window of {self.length_s} s and a lag of {self.lag_s} s", hint="both positive and finite"
+                f"window of {self.length_s} s, lag of {self.lag_s} s", hint="both positive and finite"
             )
 
 
@@ -143,7 +143,7 @@ def _cuts(window: PointingWindow, band_hz: tuple[float, float]) -> Float[np.ndar
     count = (band_hz[1] - band_hz[0]) * longest
     if count > PERIODS:
         raise ConfigError(
-            f"{longest:g} s have {count:.0f} periods in {band_hz[0]:g} to {band_hz[1]:g} Hz",
+            f"{longest:g} s span {count:.0f} periods of the band {band_hz[0]:g} to {band_hz[1]:g} Hz",
             hint=f"a shorter window, lag or band: at most {PERIODS} periods",
         )
     return 2.0 * np.pi * np.arange(band_hz[0], band_hz[1], PERIODS_A_PANEL / longest)

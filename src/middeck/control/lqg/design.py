@@ -80,7 +80,7 @@ def design_lqg(
         )
     if not all(np.array_equal(getattr(kalman, k), getattr(model, k)) for k in ("process", "sensor", "cross")):
         raise ConfigError(
-            "the filter was designed for other intensities of noise", hint="design it with the same weights"
+            "the filter was designed for other noise intensities", hint="design it with the same weights"
         )
     law = _join(model, regulator.solution.gain, kalman.gain)
     cost = _cost(model, regulator, kalman.solution.X)

@@ -128,7 +128,7 @@ def _intensities(
     cross = np.zeros((len(weights.process), len(weights.sensor))) if shaping.cross is None else shaping.cross
     if cross.shape != (len(weights.process), len(weights.sensor)):
         raise ConfigError(
-            f"the cross intensity is {cross.shape}",
+            f"the cross intensity has shape {cross.shape}",
             hint=f"one row for each of {len(weights.process)} disturbances, one column for each measurement",
         )
     joint = np.block([[weights.process, cross], [cross.T, np.diag(weights.sensor)]])
@@ -136,7 +136,7 @@ def _intensities(
     # Compare correlations, which have no units; 1e-9 is rounding of an eigenvalue of some tens of rows.
     if np.linalg.eigvalsh(joint / np.outer(size, size)).min(initial=0.0) < -1e-12:
         raise ConfigError(
-            "process and sensor noise correlate more than fully",
+            "process and sensor noise have a correlation above one",
             hint="cross^2 <= process * sensor for each pair, and jointly positive semidefinite",
         )
     count = np.array([1 if colour is None else colour.D.shape[1] for colour in colours], dtype=int)

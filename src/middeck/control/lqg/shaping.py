@@ -51,7 +51,7 @@ class Shaping:
             _require_stable(name, system)
             if system.D.shape != (1, 1):
                 raise ConfigError(
-                    f"the weight on {name} has {system.D.shape} outputs and inputs, not one each"
+                    f"the weight on {name} has {system.D.shape} outputs and inputs, not one of each"
                 )
         for name, system in self.inputs:
             if system.D[0, 0] == 0.0:
@@ -64,14 +64,16 @@ class Shaping:
             if len(system.D) != 1:
                 raise ConfigError(f"the colour of {name} has {len(system.D)} outputs, not one")
         if any(not weight > 0.0 for _, weight in self.integral):
-            raise ConfigError("the weight of an integral is not positive", hint="leave it out, or weigh it")
+            raise ConfigError(
+                "the weight of an integral is not positive", hint="give it a positive weight, or leave it out"
+            )
 
 
 def _require_stable(name: str, system: StateSpace) -> None:
     if np.any(np.real(growth_rates(system)) >= 0.0):
         raise ConfigError(
             f"the filter at {name} is not stable",
-            hint="poles left of the axis; for no error at rest ask for integral action",
+            hint="poles left of the axis; for zero steady-state error use integral action",
         )
 
 

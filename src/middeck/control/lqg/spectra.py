@@ -44,7 +44,7 @@ def line_filter(frequency_hz: float, width_hz: float, rms: float) -> StateSpace:
     """
     if not 0.0 < width_hz < 2.0 * frequency_hz or not 0.0 < rms < np.inf:
         raise ConfigError(
-            f"a line at {frequency_hz} Hz, {width_hz} Hz wide, of rms {rms}",
+            f"spectral line: frequency {frequency_hz} Hz, width {width_hz} Hz, rms {rms}",
             hint="0 < width < 2 frequency (a wheel whose speed wanders by 1 %: 0.01 frequency), rms > 0",
         )
     omega, half = 2.0 * np.pi * frequency_hz, np.pi * width_hz
@@ -73,13 +73,13 @@ def fit_spectrum(
     f, S = np.asarray(frequency_hz, dtype=float), np.asarray(density, dtype=float)
     if f.shape != S.shape or not np.all(np.isfinite(f * S)) or np.any(S <= 0.0) or np.any(np.diff(f) <= 0.0):
         raise DataError(
-            "a spectrum needs ascending frequencies and positive densities, one for one",
-            hint="leave out lines where nothing was measured",
+            "a spectrum needs ascending frequencies and one positive density for each",
+            hint="leave out frequencies without a measurement",
         )
     if f[0] <= 0.0 or len(f) < 4 * sections + 2:
         raise DataError(
-            f"{len(f)} lines from {f[0]:g} Hz for {sections} sections",
-            hint="positive frequencies; fewer sections",
+            f"{len(f)} frequency lines from {f[0]:g} Hz cannot determine {sections} sections",
+            hint=f"positive frequencies, {4 * sections + 2} or more, or fewer sections",
         )
     target = np.log(S)
     found = np.array([np.mean(target), np.log(3.0 * f[-1])])

@@ -46,12 +46,12 @@ class LQGWeights:
         if not np.all(self.input > 0.0):
             raise ConfigError(
                 "an input weight is not positive: the control would be unbounded",
-                hint="weigh every input, or take it out of u",
+                hint="give every input a positive weight, or remove it from u",
             )
         if not np.all(self.sensor > 0.0):
             raise ConfigError(
                 "a sensor noise intensity is not positive: the filter would be singular",
-                hint="give every measurement some noise, or take the useless one out of y",
+                hint="give every measurement some noise, or remove it from y",
             )
         require_intensity("the process intensity", self.process)
 
@@ -60,7 +60,7 @@ def require_size(what: str, size: int, group: tuple[str, ...]) -> None:
     """Raise `ConfigError` unless there is one of ``what`` for each port of ``group``."""
     if not group:
         raise ConfigError(
-            f"{size} {what}, and no ports in that group of the plant", hint="name its groups: w=, u=, z=, y="
+            f"{size} {what}, but that group of the plant is empty", hint="name its groups: w=, u=, z=, y="
         )
     if size != len(group):
         raise ConfigError(

@@ -79,7 +79,7 @@ def reduce_compensator(
     fixed, left = parts.kept, order - len(parts.kept.A)
     if left < 1:
         raise ConfigError(
-            f"an order of {order}, and {len(fixed.A)} poles on the axis are kept", hint=f"{len(fixed.A) + 1}"
+            f"order {order} is too low: {len(fixed.A)} poles on the axis are kept", hint=f"{len(fixed.A) + 1}"
         )
     # The rest is reduced in a loop that these poles are part of.
     loops = [dataclasses.replace(loop, model=absorb(loop.model, fixed)) for loop in loops]

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, closed_matrices, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.riccati.lyapunov import solve_lyapunov
@@ -38,7 +38,8 @@ class Loop:
 
 
 def pose_loop(plant: Plant, compensator: Compensator, weights: LQGWeights | None, authority: float) -> Loop:
-    """The loop of ``compensator`` and ``plant``; raises `ConfigError` where it is unstable."""
+    """The loop of ``compensator`` and ``plant``; `ConfigError` if it is unstable or ports differ."""
+    locate_ports(compensator, plant.inputs, plant.outputs)
     joined = dataclasses.replace(
         plant,
         u=tuple(p.name for p in compensator.outputs),
@@ -154,7 +155,7 @@ def _mean_squares(
     if not spectral_abscissa(model, law) < 0.0:
         raise ConfigError(
             "the compensator to be reduced does not stabilise the plant",
-            hint="begin with a law that holds every plant: reduction keeps a loop stable, it makes none",
+            hint="start from one that stabilises every plant: reduction preserves stability, it creates none",
         )
     A, B, C = closed_matrices(model, law)
     X = solve_lyapunov(A.T, B[:, :noises] @ B[:, :noises].T)

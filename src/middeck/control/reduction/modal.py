@@ -141,7 +141,7 @@ def _most(
 ) -> tuple[Bool[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     if not max(int(must.sum()), 1) <= modes <= len(share):
         raise ConfigError(
-            f"{modes} modes of {len(share)}, of which {int(must.sum())} do not decay and are kept",
+            f"cannot keep {modes} modes of {len(share)}: {int(must.sum())} do not decay and must be kept",
             hint=f"from {max(int(must.sum()), 1)} to {len(share)}",
         )
     ranked = np.argsort(-np.where(must, np.inf, share), kind="stable")

@@ -34,7 +34,7 @@ def reduce_plant(
     rigid, names, flexible = _set_rigid_aside(active)
     if order is not None and order < len(rigid.A):
         raise ConfigError(
-            f"an order of {order}, and {len(rigid.A)} states of rigid modes are kept: {', '.join(names)}",
+            f"order {order} is too low: {len(rigid.A)} states of rigid modes are kept: {', '.join(names)}",
             hint=f"an order from {len(rigid.A)}, or leave modes out of the plant",
         )
     found = reduce_balanced(

@@ -54,7 +54,9 @@ def settle_order(hankel: Float[np.ndarray, " value"], order: int | None, bound: 
         raise ConfigError("a reduction needs an order or a bound, not both", hint="order=8, or bound=1e-3")
     if bound is not None:
         if not bound > 0.0:
-            raise ConfigError(f"a bound of {bound} on the error", hint="positive, in the sizes of the ports")
+            raise ConfigError(
+                f"bound = {bound} on the error", hint="positive, relative to the sizes of the ports"
+            )
         left_out = 2.0 * np.append(np.cumsum(hankel[::-1])[::-1], 0.0)
         return int(np.argmax(left_out <= bound))
     k = min(int(order or 0), len(hankel))
@@ -78,7 +80,7 @@ def check_order(order: int | None, kept: int, whole: int) -> int | None:
         return None
     if order < max(kept, 0) or order < 0:
         raise ConfigError(
-            f"an order of {order}, and {kept} states do not decay: those are kept as they are",
+            f"order {order} does not fit: {kept} states do not decay and are kept as they are",
             hint=f"an order from {kept} to {whole}",
         )
     return order - kept

@@ -91,8 +91,8 @@ def _separate(
     ordered, vectors, *_, info = cast("Any", lapack).dtrsen(which.astype(np.int32), T, Q, job="N")
     if info:
         raise NumericalError(
-            "poles to be kept and poles to be reduced are too close to part",
-            hint="another order",
+            "the poles to keep and the poles to reduce are too close to separate",
+            hint="choose another order",
             poles=values,
         )
     X = _uncouple(ordered, k)

@@ -119,6 +119,8 @@ def _check_weight(weight: StateSpace | None, ports: int, name: str, *, into: boo
     joint = weight.D.shape[0] if into else weight.D.shape[1]
     if joint != ports:
         side = "outputs" if into else "inputs"
-        raise ConfigError(f"the weight {name} has {joint} {side}, the system {ports} ports there")
+        raise ConfigError(f"the weight {name} has {joint} {side} for {ports} ports of the system")
     if not decays(weight):
-        raise ConfigError(f"the weight {name} is not stable", hint="its mirror image has the same gain")
+        raise ConfigError(
+            f"the weight {name} is not stable", hint="reflect its unstable poles: the gain stays the same"
+        )

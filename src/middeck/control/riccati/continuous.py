@@ -88,7 +88,7 @@ def solve_riccati(
     Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
     if start is not None and np.shape(start) != np.shape(A):
         raise ConfigError(
-            f"a start of shape {np.shape(start)} for {len(A)} states",
+            f"the start has shape {np.shape(start)} for {len(A)} states",
             hint="the solution of a neighbouring problem with the same states",
         )
     X, remains = _solve_balanced(Abar, Bn, Qbar, start)

@@ -80,14 +80,12 @@ def _given(problem: Problem, start: Law) -> Arrival:
     shape = len(start.A), start.B.shape[1], len(start.C)
     if shape != (order + len(rows), len(model.C2), model.B2.shape[1]):
         raise ConfigError(
-            f"a start of {shape[0]} states, {shape[1]} inputs and {shape[2]} outputs does not fit"
+            f"start= with {shape[0]} states, {shape[1]} inputs and {shape[2]} outputs does not fit"
         )
     if np.any(start.A[order:]) or not np.array_equal(start.B[order:], np.eye(shape[1])[rows]):
-        raise ConfigError("the last states of the law to start from are not the integrals asked for")
+        raise ConfigError("the last states of start= are not the required integrals")
     if not stabilises(models, start):
-        raise ConfigError(
-            "the law to start from does not stabilise the nominal plant", hint="leave out start="
-        )
+        raise ConfigError("start= does not stabilise the nominal plant", hint="leave it out")
     return Arrival(start, np.inf, ())
 
 
@@ -147,8 +145,8 @@ def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) 
             step /= 2.0
             if step < SMALLEST_STEP:
                 raise NumericalError(
-                    f"no law of {len(arrival.law.A)} states was found for perturbations beyond {size:.3g} of "
-                    "those asked for",
+                    f"no compensator of {len(arrival.law.A)} states was found for more than {size:.3g} of "
+                    "the required uncertainty",
                     hint="a smaller uncertainty, a lower authority, or a higher order",
                     size=size,
                     law=arrival.law,
@@ -186,8 +184,8 @@ def _withdraw_discount(models: Sequence[GeneralizedPlant], stations: Stations, l
             )
         )
     raise NumericalError(
-        f"no law of {len(law.A)} states was found that stabilises",
-        hint="a higher order, or a law to start from: start=",
+        f"no stabilising compensator of {len(law.A)} states was found",
+        hint="a higher order, or a compensator to start from: start=",
         law=law,
         history=tuple(history),
     )
@@ -206,7 +204,7 @@ def _step(
     found = improve(arrival.law, models, stations, power=power, tolerance=tolerance, steps=steps)
     if found is None:
         raise NumericalError(
-            "the law lost a model on the way: rounding at the edge of stability", law=arrival.law,
+            "the compensator no longer stabilises a model: it is at the edge of stability", law=arrival.law,
             history=arrival.history,
         )  # fmt: skip
     law, descent = found

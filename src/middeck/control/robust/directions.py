@@ -118,6 +118,6 @@ def _require_whole(
         if np.abs(have - want).max() > MISSED * moved + ROUNDING * size:
             modes = ", ".join(mode for shift in uncertainty.shifts for mode in shift.modes)
             raise ConfigError(
-                f"{port} reads more of a shift of {modes} than stiffness and damping: no bound would hold",
-                hint="an angle or a rate in place of an acceleration, or design_multimodel",
+                f"a shift of {modes} changes {port} by more than stiffness and damping: no bound holds",
+                hint="an angle or a rate instead of an acceleration, or design_multimodel",
             )

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
-from middeck.control.law.compensator import Compensator, idle_compensator
+from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg import LQGWeights
@@ -113,6 +113,7 @@ def worst_db(outcomes: PlantOutcomes) -> float:
 
 
 def _require_ports(plant: Plant, compensator: Compensator) -> None:
+    locate_ports(compensator, plant.inputs, plant.outputs)
     reads, drives = (tuple(p.name for p in side) for side in (compensator.inputs, compensator.outputs))
     if reads != plant.y or drives != plant.u:
         raise ConfigError(

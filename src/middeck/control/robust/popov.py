@@ -100,8 +100,8 @@ def design_popov(
             return _result(problem, directions, found)
         history = found.history
     raise NumericalError(
-        "no law was found whose bound covers the box",
-        hint="a smaller uncertainty, a lower authority, or design_multimodel, which promises less",
+        "no compensator was found whose bound covers the box",
+        hint="a smaller uncertainty, a lower authority, or design_multimodel, which guarantees less",
         history=history,
     )
 

@@ -52,7 +52,7 @@ def pose_problem(
     shaping = shaping or Shaping()
     if shaping.integral and (form.stations or form.before or form.after):
         raise ConfigError(
-            "integral action goes with no stations and no fixed filters",
+            "integral action cannot be combined with stations or fixed filters",
             hint="a form of an order alone, or a filter at a port of the plant",
         )
     if isinstance(uncertainty, Uncertainty):
@@ -75,7 +75,7 @@ def pose_problem(
         )
     else:
         if positions is not None:
-            raise ConfigError("positions belong to an Uncertainty, and plants are given one by one")
+            raise ConfigError("positions= needs an Uncertainty, but plants were given one by one")
         given = tuple(without_delays(p) for p in (plant, *uncertainty))
         _same_groups(given)
         problem = Problem(
@@ -132,7 +132,7 @@ def law_of(compensator: Compensator) -> Law:
     """The matrices of a strictly proper compensator; raises `ConfigError` for another."""
     system = compensator.system
     if np.any(system.D):
-        raise ConfigError("the compensator to start from is not strictly proper")
+        raise ConfigError("start= is not strictly proper")
     return Law(system.A, system.B, system.C)
 
 
@@ -156,9 +156,14 @@ def _same_groups(plants: tuple[Plant, ...]) -> None:
 def _require_a_cost(weights: LQGWeights, shaping: Shaping) -> None:
     """Refuse zero noise or zero output weights: the optimal law would be zero."""
     if not np.any(weights.process):
-        raise ConfigError("the process intensity is zero: nothing disturbs the plant", hint="some noise on w")
+        raise ConfigError(
+            "the process intensity is zero: nothing disturbs the plant",
+            hint="a positive intensity on an input of w",
+        )
     if not np.any(weights.output) and not shaping.integral:
-        raise ConfigError("all output weights are zero: nothing is to be kept small", hint="weigh some z")
+        raise ConfigError(
+            "all output weights are zero: the cost has no output", hint="a positive weight on an output of z"
+        )
 
 
 def _require_stabilisable(plant: Plant, shaping: Shaping) -> None:

@@ -20,7 +20,7 @@ from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant, subsystem
 from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.stability import growth_limit
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -47,7 +47,7 @@ def sampled_outcomes(
     Sensor noise is averaged over a period: variance = intensity / period.
     """
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
-        raise ConfigError(f"a rate of {rate_hz} Hz: a positive one, please")
+        raise ConfigError(f"rate of {rate_hz} Hz", hint="positive and finite")
     period = 1.0 / rate_hz
     law = tustin(compensator.system, period)
     loops = [_sampled_loop(plant, law, weights, period) for plant in plants]
@@ -61,7 +61,7 @@ def sampled_outcomes(
             np.array([loops[i].A for i in group]), np.array([loops[i].Q for i in group])
         )
         # A root at z = 1 drifts: its side of the circle is rounding.
-        stable[group] = np.abs(values).max(axis=1) < np.exp(-GROWTH_LIMIT * period)
+        stable[group] = np.abs(values).max(axis=1) < np.exp(-growth_limit(period) * period)
         rms[group] = np.linalg.norm(row_rms(np.array([loops[i].outputs for i in group]), X), axis=1)
         moved = row_rms(np.array([loops[i].inputs for i in group]), X)
         noise = np.array([loops[i].input_noise for i in group])

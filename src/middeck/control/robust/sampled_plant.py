@@ -38,7 +38,7 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
     active = partition_modes(rest).active
     shared = sorted(set(active.w) & set(active.u))
     if shared:
-        raise ConfigError(f"{', '.join(shared)} disturbs and controls", hint="a port of its own for each")
+        raise ConfigError(f"{', '.join(shared)} is a disturbance and a control", hint="use separate ports")
     outputs = tuple(p for p in active.outputs if p.name in (*active.z, *active.y))
     inputs = tuple(p for p in active.inputs if p.name not in active.u)
     commands = tuple(p for p in active.inputs if p.name in active.u)
@@ -62,7 +62,9 @@ def _without_tustin(
     """The continuous system that Tustin's rule maps to this one."""
     unit, root = np.eye(len(A)), 2.0 / np.sqrt(period_s)
     if np.linalg.norm(unit + A, -2) < 1e-12:
-        raise ConfigError(f"a mode at half the rate of {1.0 / period_s:g} Hz", hint="another rate")
+        raise ConfigError(
+            f"a mode lies at half the sample rate of {1.0 / period_s:g} Hz", hint="choose another rate"
+        )
     inverse = np.linalg.inv(unit + A)
     into, out = root * inverse @ B, root * C @ inverse
     return StateSpace((2.0 / period_s) * (A - unit) @ inverse, into, out, D - C @ into / root)

@@ -73,7 +73,7 @@ def design_sensitivity_weighted(
     `design_multimodel`.
     """
     if strength is not None and not (np.isfinite(strength) and strength >= 0.0):
-        raise ConfigError(f"a strength of {strength}: zero or more")
+        raise ConfigError(f"strength = {strength}", hint="zero or more")
     problem = pose_problem(plant, weights, authority, uncertainty, positions, LawForm(), shaping)
     directions = stiffness_directions(plant, problem.nominal, uncertainty)
     models = models_of(problem, 1.0, 1.0)
@@ -96,7 +96,7 @@ def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, t
     best = int(np.argmin(costs))
     if not np.isfinite(costs[best]):
         raise NumericalError(
-            f"sensitivity weighting holds the models at no strength up to {RUNGS[-1]:g}",
+            f"sensitivity weighting stabilises the models at no strength up to {RUNGS[-1]:g}",
             hint="a lower authority, a smaller uncertainty, or design_multimodel",
             history=tuple(tried),
         )

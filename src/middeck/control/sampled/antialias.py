@@ -32,7 +32,7 @@ def filter_measurements(plant: Plant, section: StateSpace) -> Plant:
     (('x_unfiltered',), ('x',), ('state 0', 'anti-alias', 'anti-alias'))
     """
     if section.D.shape != (1, 1):
-        raise ConfigError(f"a filter of {section.D.shape} outputs and inputs", hint="one of each")
+        raise ConfigError(f"the filter has {section.D.shape} outputs and inputs", hint="one of each")
     filtered = _filtered(remove_delays(plant), section)
     return dataclasses.replace(filtered, delay_s=np.vstack([plant.delay_s, plant.delay_s[_shared(plant)]]))
 

@@ -108,8 +108,8 @@ def design_sampled_lqg(
     system = held.system
     if form == "current" and np.any(system.D):
         raise ConfigError(
-            "the plant answers within the sample in which it is commanded: y[k] needs u[k], and u[k] y[k]",
-            hint="the predictor form, or the plant's true delay",
+            "algebraic loop: the plant responds within the sample, so that y[k] needs u[k], and u[k] y[k]",
+            hint="use the predictor form, or give the plant its true delay",
         )
     price = sample_cost(held, weights, authority)
     names, sensor = held.state_names, np.diag(held.sensor)

@@ -43,10 +43,10 @@ def emulate(
     [0.818731, 0.818182, 0.818731]
     """
     if not (np.isfinite(period_s) and period_s > 0.0):
-        raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
+        raise ConfigError(f"sampling period of {period_s} s", hint="positive and finite")
     if match_hz is not None and not 0.0 <= match_hz < 0.5 / period_s:
         raise ConfigError(
-            f"a law cannot be met at {match_hz} Hz when sampled at {1.0 / period_s:g} Hz",
+            f"match_hz = {match_hz} for a compensator sampled at {1.0 / period_s:g} Hz",
             hint="a frequency below half the rate",
         )
     if rule not in get_args(Rule):

@@ -63,7 +63,7 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     that reaches z or y directly: its samples are infinite.
     """
     if not (np.isfinite(period_s) and period_s > 0.0):
-        raise ConfigError(f"a period of {period_s} s cannot be sampled at", hint="a positive period")
+        raise ConfigError(f"sampling period of {period_s} s", hint="positive and finite")
     _check_delays(plant, period_s)
     timed = place_delays(plant, weights.disturbed, weights.process)
     part = partition_modes(timed.plant)
@@ -107,7 +107,7 @@ def _check_delays(plant: Plant, period_s: float) -> None:
     if longest > MOST_LATE * period_s:
         raise ConfigError(
             f"a delay of {longest:g} s is {longest / period_s:.0f} periods of {period_s:g} s, a state each",
-            hint=f"at most {MOST_LATE}: a slower rate, or is the delay in other units than seconds?",
+            hint=f"at most {MOST_LATE} periods: sample slower, and check that the delay is in seconds",
         )
 
 

@@ -25,7 +25,7 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
     """
     if system.D.shape != (1, 1):
         raise ConfigError(
-            f"a matched law of {system.D.shape} outputs and inputs", hint="one of each, or Tustin's rule"
+            f"pole-zero matching of {system.D.shape} outputs and inputs", hint="one of each, or Tustin's rule"
         )
     found, zeros = poles(system), transmission_zeros(system)
     chain = _in_series(_group(found, period_s), _group(zeros, period_s), period_s)
@@ -35,7 +35,7 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
     at = [_beside(roots, w, 1.0 / period_s) for w in (0.0, omega)]
     wanted, have = (statespace_response(s, np.array(at))[:, 0, 0] for s in (system, chain))
     if not np.all(wanted):
-        raise ConfigError("a law that is zero has no gain to match", hint="leave it out")
+        raise ConfigError("the compensator is zero: there is no gain to match", hint="leave it out")
     ratio = wanted / have
     gain = float(np.copysign(abs(ratio[1]), ratio[0].real))
     return SampledStateSpace(chain.A, chain.B, gain * chain.C, gain * chain.D, period_s=period_s)

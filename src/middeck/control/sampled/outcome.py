@@ -87,17 +87,16 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """
-    measured, driven = ([p.name for p in side] for side in (held.outputs, held.inputs))
-    law = arrange_ports(compensator, measured, driven).sampled
+    law = arrange_ports(compensator, held.outputs, held.inputs).sampled
     if not same_period(law.period_s, held.system.period_s):
         raise ConfigError(
-            f"a law of {law.period_s} s on a plant held over {held.system.period_s} s",
+            f"the compensator's period is {law.period_s} s, the plant is held over {held.system.period_s} s",
             hint="emulate(law, period_s), or hold the plant over the law's period",
         )
     if np.any(held.system.D) and np.any(law.D):
         raise ConfigError(
-            "the plant answers within the sample in which it is commanded, and so does the law",
-            hint="the plant's true delay, or a law without a direct term (the predictor form)",
+            "algebraic loop: plant and compensator both respond within the sample",
+            hint="give the plant its true delay, or use the predictor form, which has no direct term",
         )
     return law
 

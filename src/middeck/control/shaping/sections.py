@@ -35,7 +35,7 @@ def second_order_section(
     """
     if not (zero_hz > 0.0 and pole_hz > 0.0 and pole_damping > 0.0):
         raise ConfigError(
-            f"a section with zeros at {zero_hz:g} Hz and poles at {pole_hz:g} Hz damped by {pole_damping:g}",
+            f"zeros at {zero_hz:g} Hz and poles at {pole_hz:g} Hz of damping ratio {pole_damping:g}",
             hint="positive frequencies, and poles that decay",
         )
     wz, wp = 2.0 * np.pi * zero_hz, 2.0 * np.pi * pole_hz
@@ -58,7 +58,7 @@ def notch(frequency_hz: float, depth: float, width: float) -> StateSpace:
     array([0.71, 0.71])
     """
     if not 0.0 <= depth <= 1.0:
-        raise ConfigError(f"a notch to {depth:g} of the gain", hint="a depth of 0 (all gone) to 1 (nothing)")
+        raise ConfigError(f"notch depth {depth:g}", hint="0 (zero gain) to 1 (no notch)")
     return second_order_section(frequency_hz, depth * width / 2.0, frequency_hz, width / 2.0)
 
 
@@ -83,7 +83,9 @@ def roll_off(frequency_hz: float, order: int = 2) -> StateSpace:
     0.5
     """
     if not frequency_hz > 0.0 or order < 1:
-        raise ConfigError(f"a roll-off of order {order} at {frequency_hz:g} Hz", hint="both positive")
+        raise ConfigError(
+            f"roll-off of order {order} at {frequency_hz:g} Hz", hint="order and frequency positive"
+        )
     w = 2.0 * np.pi * frequency_hz
     law = gain_system(np.eye(1))
     for k in range(order // 2):
@@ -130,7 +132,7 @@ def shape_compensator(compensator: Compensator, section: StateSpace) -> Compensa
     Raises `ConfigError` for a section with more than one input or output.
     """
     if section.D.shape != (1, 1):
-        raise ConfigError(f"a section of {section.D.shape} outputs and inputs", hint="one of each")
+        raise ConfigError(f"the section has {section.D.shape} outputs and inputs", hint="one of each")
     one = np.eye(len(compensator.outputs))
     each = StateSpace(*(np.kron(one, m) for m in (section.A, section.B, section.C, section.D)))
     return Compensator(series(compensator.system, each), compensator.inputs, compensator.outputs)

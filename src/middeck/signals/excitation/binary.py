@@ -42,7 +42,7 @@ def design_mls(
     """
     if not 2 <= order <= LARGEST_ORDER or hold < 1:
         raise ConfigError(
-            f"a sequence of order {order}, {hold} samples a bit",
+            f"no maximum-length sequence of order {order} with {hold} samples a bit",
             hint=f"an order of 2 to {LARGEST_ORDER} and one sample or more",
         )
     _refuse_slew(limits)
@@ -117,4 +117,7 @@ def _sign(u: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"]:
 def _refuse_slew(limits: Limits | Sequence[Limits]) -> None:
     each = [limits] if isinstance(limits, Limits) else limits
     if any(own.slew is not None for own in each):
-        raise ConfigError("a binary signal steps and keeps no limit of slew", hint="a multisine or a sweep")
+        raise ConfigError(
+            "a binary signal jumps between two values and exceeds any slew limit",
+            hint="use a multisine or a sweep",
+        )

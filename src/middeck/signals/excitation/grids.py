@@ -18,12 +18,12 @@ def whole_samples(period_s: float, sample_hz: float) -> int:
     25
     """
     if not (np.isfinite(period_s) and np.isfinite(sample_hz) and period_s > 0.0 and sample_hz > 0.0):
-        raise ConfigError(f"a period of {period_s} s at {sample_hz} Hz", hint="both positive")
+        raise ConfigError(f"period {period_s} s, sample rate {sample_hz} Hz", hint="both positive and finite")
     samples = round(period_s * sample_hz)
     # 1e-9 of a sample: decimals are not exact in binary.
     if samples < 1 or abs(samples - period_s * sample_hz) > 1e-9 * samples:
         raise ConfigError(
-            f"a period of {period_s} s at {sample_hz} Hz is {period_s * sample_hz} samples",
+            f"a period of {period_s} s at {sample_hz} Hz has {period_s * sample_hz} samples, no whole number",
             hint="choose a period that is a whole number of samples",
         )
     return samples
@@ -36,11 +36,11 @@ def band_lines(band_hz: tuple[float, float], period_s: float, sample_hz: float) 
     """
     samples = whole_samples(period_s, sample_hz)
     if not np.isfinite(band_hz).all():
-        raise ConfigError(f"a band of {band_hz} Hz", hint="two finite frequencies")
+        raise ConfigError(f"band_hz = {band_hz} is not finite", hint="two finite frequencies")
     first = max(1, int(np.ceil(band_hz[0] * period_s - 1e-9)))
     last = int(np.floor(band_hz[1] * period_s + 1e-9))
     if last < first:
-        raise ConfigError(f"no line of 1/{period_s} Hz lies in {band_hz} Hz", hint="use a longer period")
+        raise ConfigError(f"no multiple of 1/{period_s} Hz lies in {band_hz} Hz", hint="use a longer period")
     if 2 * last >= samples:
         raise ConfigError(
             f"{last / period_s} Hz is not below half of {sample_hz} Hz",
@@ -72,5 +72,7 @@ def choose_lines(first: int, last: int, grid: str, rng: np.random.Generator) -> 
         case _:
             raise ConfigError(f"no grid named {grid!r}", hint=f"one of {', '.join(GRIDS)}")
     if not len(lines):
-        raise ConfigError(f"no line of the {grid} grid lies in the band", hint="use a longer period")
+        raise ConfigError(
+            f"no frequency line of the {grid} grid lies in the band", hint="use a longer period"
+        )
     return lines

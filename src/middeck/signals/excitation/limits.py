@@ -30,7 +30,7 @@ class Limits:
         given = [x for x in (self.rms, self.peak, self.slew) if x is not None]
         if not given or not all(np.isfinite(x) and x > 0.0 for x in given):
             raise ConfigError(
-                f"limits of rms {self.rms}, peak {self.peak} and slew {self.slew}",
+                f"limits rms = {self.rms}, peak = {self.peak}, slew = {self.slew}",
                 hint="at least one of them, each a positive number",
             )
 

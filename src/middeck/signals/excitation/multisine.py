@@ -97,7 +97,7 @@ def _amplitudes(
     size = np.broadcast_to(np.asarray(amplitude(frequency_hz), dtype=float), frequency_hz.shape)
     if not np.isfinite(size).all() or (size < 0.0).any() or not size.any():
         raise ConfigError(
-            "the amplitudes are not finite, negative or all zero",
+            "an amplitude is negative or not finite, or all are zero",
             where=f"{frequency_hz[0]:.6g} to {frequency_hz[-1]:.6g} Hz",
             hint="a positive amplitude for every frequency of the band",
         )

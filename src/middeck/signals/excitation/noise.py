@@ -64,7 +64,7 @@ def design_burst(
     `random_multisine`.
     """
     if not 0.0 < share < 1.0:
-        raise ConfigError(f"a burst of {share} of its period", hint="a share between 0 and 1, often 0.5")
+        raise ConfigError(f"the burst fills {share} of the period", hint="share between 0 and 1, often 0.5")
     samples = whole_samples(period_s, sample_hz)
     on = max(8, round(share * samples))
     u = np.zeros((experiments, samples, inputs))

@@ -36,7 +36,7 @@ def design_sweep(
     """
     low, high = band_hz
     if not 0.0 < low < high:
-        raise ConfigError(f"a sweep from {low} to {high} Hz", hint="two rising positive frequencies")
+        raise ConfigError(f"sweep from {low} to {high} Hz: not positive and ascending", hint="0 < low < high")
     samples = whole_samples(period_s, sample_hz)
     first, last = band_lines(band_hz, period_s, sample_hz)
     t = np.arange(samples) / samples
@@ -49,7 +49,7 @@ def design_sweep(
             cycles = period_s * low * np.expm1(ratio * t) / ratio
             whole = period_s * (high - low) / ratio
         case _:
-            raise ConfigError(f"no law named {law!r}", hint="linear or logarithmic")
+            raise ConfigError(f"no sweep law named {law!r}", hint="linear or logarithmic")
     cycles *= max(1, round(whole)) / whole
     u = spread_signs(np.sin(2.0 * np.pi * cycles), inputs)
     u = scale_to_limits(u, limits, sample_hz, periodic=True)
@@ -82,7 +82,7 @@ def design_stepped_sine(
     cycles = np.round(np.asarray(frequency_hz, dtype=float) * dwell_s).astype(int)
     if cycles.ndim != 1 or not len(cycles) or cycles.min() < 1 or 2 * cycles.max() >= samples:
         raise ConfigError(
-            f"steps of {dwell_s} s hold no whole cycle of every frequency below {0.5 * sample_hz} Hz",
+            f"steps of {dwell_s} s do not hold a whole cycle of every frequency below {0.5 * sample_hz} Hz",
             hint="longer steps, or frequencies between 1/dwell_s and half the sampling rate",
         )
     phase = 2.0 * np.pi * np.outer(cycles, np.arange(samples) / samples)
