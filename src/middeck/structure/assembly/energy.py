@@ -662,7 +662,7 @@ def _translations(hessian: np.ndarray) -> np.ndarray:
 
 def _block_matrix(matrices: np.ndarray) -> sp.csr_array:
     """The matrices as blocks on the diagonal."""
-    index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(len(matrices), -1)
+    index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(matrices.shape[:2])
     at = np.flatnonzero(matrices)
     element, row, column = np.unravel_index(at, matrices.shape)
     entries = (matrices.ravel()[at], (index[element, row], index[element, column]))
