@@ -126,9 +126,8 @@ def settle(model: Model, loads: Loads) -> Settled:
     that fail, by steps of the load.
 
     The tangent is re-formed at every iteration. Damping (Levenberg 1944: a multiple of the mass) keeps each
-    step of a descent one of the potential where the tangent is not positive definite; it is reduced after every
-    success and the last step is a pure Newton step. Convergence is on the true residual alone; on the way
-    there a rough one will do.
+    step downhill where the tangent is not positive definite; it is reduced after every success and the last
+    step is a pure Newton step. Convergence is on the true residual alone; on the way a rough one will do.
     """
     mass = carried_mass(model, model.rest)
     moved = model.held is not None and bool(np.any(model.held.moved))
@@ -428,7 +427,7 @@ def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinat
 
 
 def imbalance_weight(model: Model, loads: Loads) -> float:
-    """The article's weight or the largest load [N], whichever is larger; on the ground where there is none."""
+    """The weight or the largest load [N], whichever is larger; the weight on the ground where there is none."""
     mass, applied = model.structure.mass, np.linalg.norm(loads.push.reshape(-1, 2, 3), axis=2)
     force, moment = applied.max(axis=0, initial=0.0)
     weight = mass * float(np.linalg.norm(loads.gravity))
