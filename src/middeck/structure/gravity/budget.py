@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.energy import Inner, inner_forces, mass_matrix, split_tangent
+from middeck.structure.assembly.energy import inner_forces, mass_matrix, split_tangent
 from middeck.structure.gravity.pairs import pair_modes
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
 from middeck.structure.modes.solve import Modes
@@ -157,7 +157,8 @@ def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[s
         forces, gravity = inside, lab.loads.gravity
     else:  # an article may be pretensioned in orbit
         own = inner_forces(model, orbit.config, orbit.loads)
-        forces, gravity = Inner(own.beam, own.spring, np.zeros_like(inside.device)), orbit.loads.gravity
+        forces = own._replace(device=np.zeros_like(inside.device), ground=np.zeros_like(inside.ground))
+        gravity = orbit.loads.gravity
     parts = split_tangent(model, at, dataclasses.replace(lab.loads, gravity=gravity), forces)
     held = split_tangent(model, at, lab.loads, inside).device
     K = sp.csr_array(parts.material + parts.geometric + suspension * held)

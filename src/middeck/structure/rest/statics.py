@@ -427,7 +427,7 @@ def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinat
 
 
 def imbalance_weight(model: Model, loads: Loads) -> float:
-    """The weight or the largest load [N], whichever is larger; the weight on the ground where there is none."""
+    """The weight or the largest load [N], whichever is more; the weight on the ground if there is none."""
     mass, applied = model.structure.mass, np.linalg.norm(loads.push.reshape(-1, 2, 3), axis=2)
     force, moment = applied.max(axis=0, initial=0.0)
     weight = mass * float(np.linalg.norm(loads.gravity))
