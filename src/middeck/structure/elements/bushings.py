@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Inexact, Int
+from jaxtyping import Float, Inexact, Int
 
 from middeck.structure.elements.rotations import skew, symmetric_double_cross
 
@@ -33,7 +33,7 @@ class BushingState(NamedTuple):
     """Energy [J], gradient and Hessian in the twelve coordinates of two poses, the first frame's first.
 
     The Hessian is ``material``, slope' ``stiffness`` slope, plus ``geometric``, which is linear in the
-    ``force`` on the ``strain``.
+    ``force`` on the ``strain``. ``angle`` [rad] is that of the relative turn, which `MOST` does not bound.
     """
 
     energy: Inexact[np.ndarray, " bushing"]
@@ -44,6 +44,7 @@ class BushingState(NamedTuple):
     geometric: Inexact[np.ndarray, "bushing 12 12"]
     slope: Inexact[np.ndarray, "bushing 6 12"]
     stiffness: Inexact[np.ndarray, "bushing 6 6"]
+    angle: Float[np.ndarray, " bushing"]
 
     def squares(self, motion: Inexact[np.ndarray, "bushing 12 mode"]) -> Inexact[np.ndarray, "mode mode"]:
         """``material`` applied to motions of the poses, as squared strains: rounding is that of a strain."""
@@ -112,21 +113,25 @@ def bushing_state(
         geometric=_second_order(force, span, Q, G, toward, phi),
         slope=slope,
         stiffness=K,
+        angle=phi.angle,
     )
 
 
 class _Turn(NamedTuple):
-    """A relative rotation: vector, axial vector, and the factor between them with two derivatives in y."""
+    """A relative rotation: vector, axial vector, and factor with two derivatives in y, and angle."""
 
     vector: Array
     axial: Array
     factor: tuple[Array, Array, Array]
+    angle: Array
 
 
 def _relative_turn(less_one: Array) -> _Turn:
     axial = _axial(less_one)
-    factor = _factor(-0.5 * np.trace(less_one, axis1=1, axis2=2))
-    return _Turn(factor[0][:, None] * axial, axial, factor)
+    y = -0.5 * np.trace(less_one, axis1=1, axis2=2)
+    factor = _factor(y)
+    angle = np.arccos(np.clip(1.0 - np.real(y), -1.0, 1.0))
+    return _Turn(factor[0][:, None] * axial, axial, factor, angle)
 
 
 def _factor(y: Array) -> tuple[Array, Array, Array]:

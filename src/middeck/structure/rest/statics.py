@@ -78,7 +78,7 @@ LONGEST_STEP = 0.5
 class Settled(NamedTuple):
     """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
 
-    The residual counts as rest below ``enough``.
+    The residual counts as rest below ``enough``. ``followed`` says that it is the branch of the drawn state.
     """
 
     config: Configuration
@@ -87,6 +87,7 @@ class Settled(NamedTuple):
     enough: float
     history: tuple[tuple[float, float, float], ...]
     stable: bool
+    followed: bool = False
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
@@ -209,7 +210,7 @@ def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     if at is None or done < 1.0:
         return None
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
-    return Settled(config, at, history[-1][1], enough, tuple(history), _is_stable(model, at, mass))
+    return Settled(config, at, history[-1][1], enough, tuple(history), _is_stable(model, at, mass), True)
 
 
 def _newton(
