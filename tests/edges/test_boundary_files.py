@@ -88,18 +88,29 @@ def test_modes_apply_a_load_case(
     assert "suspension" not in found["kind"]
 
 
-@pytest.mark.parametrize("verb", ["compare", "sensitivity", "check"])
+@pytest.mark.parametrize("verb", ["compare", "sensitivity", "check", "path"])
 def test_other_verbs_take_one_too(
     verb: str, files: tuple[Path, Path], capfd: pytest.CaptureFixture[str]
 ) -> None:
     where = [files[1]] if verb == "check" else ["--environment", files[1]]
     more = {"sensitivity": ["--parameter", "mass.*.mass", "--count", "1"], "compare": ["--count", "8"]}
+    more["path"] = ["--through", "earth,mars", "--count", "2"]
     ended = middeck(capfd, verb, files[0], *where, "--load-case", "pull", *more.get(verb, []))
     assert ended.code == 0, ended.err
     ended = middeck(capfd, verb, files[0], *where, "--load-case", "push", *more.get(verb, []))
     assert ended.code != 0
     assert "no load case 'push'" in ended.err
     assert "load cases are pull, settle" in ended.err
+
+
+@pytest.mark.parametrize("verb", ["level", "budget"])
+def test_verbs_that_cannot_use_a_case_say_so(
+    verb: str, files: tuple[Path, Path], capfd: pytest.CaptureFixture[str]
+) -> None:
+    more = {"level": ["--free", "end.z", "--about", "x"]}.get(verb, [])
+    ended = middeck(capfd, verb, files[0], "--environment", files[1], "--load-case", "pull", *more)
+    assert ended.code != 0
+    assert {"level": "nothing hangs", "budget": "applied loads make one as well"}[verb] in ended.err
 
 
 WRONG = {

@@ -179,6 +179,12 @@ def _check(orbit: Modes, lab: Modes) -> None:
             where=f"{free.model.structure.title!r} and {hung.model.structure.title!r}",
             hint="solve both from the same load_structure(...)",
         )
+    if np.any(hung.loads.push):
+        raise ConfigError(
+            "a budget shares a shift out over gravity and suspension; here applied loads make one as well",
+            where=f"structure {hung.model.structure.title!r}",
+            hint="leave the loads out; added masses may stay",
+        )
     if np.any(free.loads.gravity) or len(free.loads.attach_point):
         raise ConfigError(
             "the first modes of a budget must be those in orbit",
