@@ -120,6 +120,14 @@ WRONG = {
     "5.0, 6.0]": ("5.0]", "bushing.0.stiffness", "not six numbers"),
     'to = "end", stiff': ('to = "tip", stiff', "bushing.0.to", "no attach point of this name"),
     'along = "y"': ('along = "yx"', "prescribed.0.along", "x, y, z, in this order"),
+    'along = "y", about': ('along = "", about', "28: load_case.1.prescribed.0", "holds nothing"),
+    "[0.0, 0.001, 0.0]": ("[0.1, 0.001, 0.0]", "28: load_case.1.prescribed.0", "shifts along 'x'"),
+    "5.0, 6.0": ("5.0, -6.0", "6: bushing.0.stiffness", "indefinite"),
+    "mass_kg = 1.5": (
+        "mass_kg = 1.5, inertia_kg_m2 = [1.0, 1.0, 9.0]",
+        "25: load_case.0.mass.0.inertia_kg_m2",
+        "triangle inequality",
+    ),
 }
 
 
@@ -141,5 +149,11 @@ def test_an_environment_names_nodes_of_the_article(files: tuple[Path, Path]) -> 
     assert "no node 'rot'" in str(error.value)
     assert "no attach point 'and'" in str(error.value)
     files[1].write_text(WALL.replace("[0.0, 1.0, 1.0]", "[0.0, 3.0, 0.0]"))
-    with pytest.raises(ConfigError, match="make no plane"):
+    with pytest.raises(ConfigError, match=r"toml:3: clamp.0: .*make no plane"):
+        load_setup(*files)
+    files[1].write_text(WALL.replace("clamp = [", 'clamp = [{node = "root"}, '))
+    with pytest.raises(ConfigError, match=r"toml:3: clamp.1: a degree of freedom is fixed"):
+        load_setup(*files)
+    files[1].write_text(WALL.replace('"end", stiff', '"end", name = "root", stiff'))
+    with pytest.raises(ConfigError, match=r"toml:4: bushing.0.name = \"root\": names a second support"):
         load_setup(*files)

@@ -6,9 +6,11 @@ from typing import Any, cast
 
 import numpy as np
 
+from middeck.files.boundary_checks import bushing_findings, clamp_findings
+from middeck.files.boundary_form import ClampForm, GroundBushingForm, build_ground
 from middeck.files.environment_form import TUNED, default_name
 from middeck.files.faults import Finding, finding
-from middeck.files.tables import Table, array_of, is_number, table_of
+from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 
 
@@ -18,6 +20,8 @@ def environment_findings(data: Table) -> list[Finding]:
     weightless = gravity == 0.0
     devices = [(("device", i), d) for i, d in enumerate(_all(data, "device"))]
     found = [*_gravity_findings(data, gravity), *_suspension_findings(data, gravity), *_name_findings(data)]
+    found += clamp_findings(("clamp",), tables(data, "clamp"), ClampForm)
+    found += bushing_findings(("bushing",), tables(data, "bushing"), GroundBushingForm, build_ground)
     for path, device in devices:
         found += _device_findings(path, device, weightless)
         found += _friction_findings(path, device)
