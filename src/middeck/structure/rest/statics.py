@@ -183,7 +183,7 @@ def _holding(K: sp.csr_array, M: sp.csr_array) -> sp.csr_array:
     """
     k, m = np.abs(K.diagonal()), M.diagonal()
     fastest = float((k[m > 0.0] / m[m > 0.0]).max(initial=0.0))
-    return sp.csr_array(K + min(LEAST_DAMPING, NEUTRAL * fastest) * M)
+    return sp.csr_array(K + min(LEAST_DAMPING, NEUTRAL * fastest or LEAST_DAMPING) * M)
 
 
 def _is_stable(model: Model, at: Assembly, mass: sp.csr_array) -> bool:
