@@ -573,7 +573,8 @@ def _own_bushings(
     start, end = model.bushing_ends.T
     (begin, begun), (finish, finished) = (_since(model, at, pose) for pose in (start, end))
     span, change = at.world[end] - at.world[start], finish - begin
-    turn, R = np.stack([begun, finished], axis=1), None
+    turn = np.stack([begun, finished], axis=1)
+    axes = np.tile(np.eye(3), (len(own), 1, 1))
     if inside is not None and len(inside.bushings.rows) and at.since is not None:
         rows, outer, _ = inside.bushings
         ends = model.bushing_ends[rows]
@@ -583,8 +584,7 @@ def _own_bushings(
         change[rows] = shift[:, 1] - shift[:, 0]
         drawn = at.since.drawn[frame] + offset
         span[rows] = drawn[:, 1] - drawn[:, 0] + change[rows]
-        R = np.tile(np.eye(3), (len(own), 1, 1))
-        R[rows] = at.poses.R[outer]
+        axes[rows] = at.poses.R[outer]
     state = bushing_state(
         np.array([b.stiffness for b in own]).reshape(-1, 6, 6),
         np.array([b.axes for b in own]).reshape(-1, 3, 3),
@@ -593,7 +593,7 @@ def _own_bushings(
         turn,
         None if inner is None else inner.bushing.copy(),  # cleared by `_gather`
     )
-    return state if R is None else state.turned(R)
+    return state if inside is None else state.turned(axes)
 
 
 def _grounded(model: Model, at: _At, loads: Loads, inner: Inner | None = None) -> BushingState:
