@@ -53,7 +53,7 @@ class Equilibrium:
     Attributes:
         config: Positions, rotations and angles at rest.
         residual: Largest unbalanced force over the weight, or moment over the weight times half the article's
-            size (a metre at most); over the weight on the ground where there is none. See `imbalance_scale`.
+            size (a metre at most); see `imbalance_scale`.
         history: (load factor, residual, damping) of every iteration.
         holding_torque: Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds,
             positive on the carried body.
