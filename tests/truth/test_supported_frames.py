@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from frame_reference import solve_frame
-from middeck.errors import ConfigError, EquilibriumError
+from middeck.errors import ConfigError, EquilibriumError, NumericalError
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import (
     AddedMass,
@@ -24,6 +24,8 @@ from middeck.structure.model.environment import Environment, GroundBushing
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
+from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.parameters import find_parameters
 from repeats import repeats
 from structure_builders import TUBE, body, member, node, straight_beam, structure
 
@@ -237,3 +239,11 @@ def test_names_that_clash_and_modes_of_what_cannot_move_are_refused() -> None:
         bench(Clamp(node="a"), bushings=(mount,))
     with pytest.raises(ConfigError, match="there are no modes"):
         solve_modes(solve_equilibrium(beam, Environment.clamped("a", "b")))
+
+
+def test_derivatives_beside_a_bushing_too_stiff_for_them_are_refused() -> None:
+    modes = solve_modes(on_mounts(1e18))
+    at = modes.equilibrium
+    parameters = find_parameters(at.model.structure, at.environment, ["member.a-b.EI_y"])
+    with pytest.raises(NumericalError, match=r"would be rounding: bushing '(j|mount)'"):
+        differentiate_frequencies(modes, parameters, 3)
