@@ -88,18 +88,29 @@ def test_modes_apply_a_load_case(
     assert "suspension" not in found["kind"]
 
 
-@pytest.mark.parametrize("verb", ["compare", "sensitivity", "check"])
+@pytest.mark.parametrize("verb", ["compare", "sensitivity", "check", "path"])
 def test_other_verbs_take_one_too(
     verb: str, files: tuple[Path, Path], capfd: pytest.CaptureFixture[str]
 ) -> None:
     where = [files[1]] if verb == "check" else ["--environment", files[1]]
     more = {"sensitivity": ["--parameter", "mass.*.mass", "--count", "1"], "compare": ["--count", "8"]}
+    more["path"] = ["--through", "earth,mars", "--count", "2"]
     ended = middeck(capfd, verb, files[0], *where, "--load-case", "pull", *more.get(verb, []))
     assert ended.code == 0, ended.err
     ended = middeck(capfd, verb, files[0], *where, "--load-case", "push", *more.get(verb, []))
     assert ended.code != 0
     assert "no load case 'push'" in ended.err
     assert "load cases are pull, settle" in ended.err
+
+
+@pytest.mark.parametrize("verb", ["level", "budget"])
+def test_verbs_that_cannot_use_a_case_say_so(
+    verb: str, files: tuple[Path, Path], capfd: pytest.CaptureFixture[str]
+) -> None:
+    more = {"level": ["--free", "end.z", "--about", "x"]}.get(verb, [])
+    ended = middeck(capfd, verb, files[0], "--environment", files[1], "--load-case", "pull", *more)
+    assert ended.code != 0
+    assert {"level": "nothing hangs", "budget": "applied loads make one as well"}[verb] in ended.err
 
 
 WRONG = {
@@ -109,6 +120,14 @@ WRONG = {
     "5.0, 6.0]": ("5.0]", "bushing.0.stiffness", "not six numbers"),
     'to = "end", stiff': ('to = "tip", stiff', "bushing.0.to", "no attach point of this name"),
     'along = "y"': ('along = "yx"', "prescribed.0.along", "x, y, z, in this order"),
+    'along = "y", about': ('along = "", about', "28: load_case.1.prescribed.0", "holds nothing"),
+    "[0.0, 0.001, 0.0]": ("[0.1, 0.001, 0.0]", "28: load_case.1.prescribed.0", "shifts along 'x'"),
+    "5.0, 6.0": ("5.0, -6.0", "6: bushing.0.stiffness", "indefinite"),
+    "mass_kg = 1.5": (
+        "mass_kg = 1.5, inertia_kg_m2 = [1.0, 1.0, 9.0]",
+        "25: load_case.0.mass.0.inertia_kg_m2",
+        "triangle inequality",
+    ),
 }
 
 
@@ -130,5 +149,11 @@ def test_an_environment_names_nodes_of_the_article(files: tuple[Path, Path]) -> 
     assert "no node 'rot'" in str(error.value)
     assert "no attach point 'and'" in str(error.value)
     files[1].write_text(WALL.replace("[0.0, 1.0, 1.0]", "[0.0, 3.0, 0.0]"))
-    with pytest.raises(ConfigError, match="make no plane"):
+    with pytest.raises(ConfigError, match=r"toml:3: clamp.0: .*make no plane"):
+        load_setup(*files)
+    files[1].write_text(WALL.replace("clamp = [", 'clamp = [{node = "root"}, '))
+    with pytest.raises(ConfigError, match=r"toml:3: clamp.1: a degree of freedom is fixed"):
+        load_setup(*files)
+    files[1].write_text(WALL.replace('"end", stiff', '"end", name = "root", stiff'))
+    with pytest.raises(ConfigError, match=r"toml:4: bushing.0.name = \"root\": names a second support"):
         load_setup(*files)

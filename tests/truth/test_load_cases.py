@@ -11,9 +11,13 @@ import scipy.special as ss
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.gravity.budget import build_budget
+from middeck.structure.gravity.path import follow_gravity
+from middeck.structure.gravity.places import Place, find_place
 from middeck.structure.model.article import AddedMass, LoadCase, PointLoad, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from structure_builders import GRAVITY, TUBE, body, member, node, straight_beam, structure
@@ -195,3 +199,30 @@ def test_gravity_and_a_load_may_balance() -> None:
         LoadCase(name="c", loads=(PointLoad(name="up", frame="a", force=-GRAVITY),)),
     )
     assert rest.converged
+
+
+def test_a_path_of_gravities_and_a_budget_stand_under_a_load_case() -> None:
+    """Stations of the path against articles that are solved there anew."""
+    beam = straight_beam(TUBE, L, 4)
+    wall = Environment.clamped("a")
+    lump = AddedMass("lump", "b", body(0.2, inertia=(0.01, 0.01, 0.01)))
+    aside = PointLoad(name="aside", frame="b", force=np.array([-5.0, 1.0, 8.0]))
+    case = LoadCase(name="both", loads=(aside,), masses=(lump,))
+    mars = find_place("mars", wall.gravity)
+    places = (Place("bench", wall.gravity), mars, Place("orbit", np.zeros(3)))
+    path = follow_gravity(*apply_load_case(beam, wall, case), places, count=6)
+    assert path.complete
+    for station, place in zip(path.reached, places, strict=True):
+        there = dataclasses.replace(wall, gravity=place.gravity)
+        omega = solve_modes(solve_equilibrium(beam, there, case)).omega[:6]
+        np.testing.assert_allclose(np.sort(path.frequency_hz[station]), omega / (2.0 * np.pi), rtol=1e-8)
+    twist = LoadCase(name="t", loads=(PointLoad(name="t", frame="b", moment=np.array([1.0, 0.0, 0.0])),))
+    with pytest.raises(ConfigError, match="a moment of fixed direction"):
+        follow_gravity(*apply_load_case(beam, wall, twist), places)
+    orbit = dataclasses.replace(wall, gravity=NONE)
+    sides = [solve_modes(solve_equilibrium(beam, e, case)) for e in (orbit, wall)]
+    with pytest.raises(ConfigError, match="here applied loads make one as well"):
+        build_budget(*sides)
+    heavy = LoadCase(name="heavy", masses=(lump,))
+    budget = build_budget(*(solve_modes(solve_equilibrium(beam, e, heavy)) for e in (orbit, wall)), 4)
+    np.testing.assert_allclose(budget.share_hz.sum(axis=1), budget.shift_hz, atol=1e-9)

@@ -13,6 +13,8 @@ from typing import Any, cast, get_args
 import numpy as np
 
 from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm, State
+from middeck.files.boundary_checks import bushing_findings, clamp_findings
+from middeck.files.boundary_form import BushingForm, PrescribedForm, build_bushing
 from middeck.files.damping_checks import damping_findings
 from middeck.files.faults import Finding, finding, nearest, show
 from middeck.files.form import inertia_matrix, keys_of
@@ -44,8 +46,20 @@ def article_findings(data: Table) -> list[Finding]:
         *_ports(data),
         *_attach(data),
         *_cycles(data),
+        *_boundaries(data),
         *damping_findings(data, _damped_names(data)),
     ]
+
+
+def _boundaries(data: Table) -> Iterator[Finding]:
+    yield from bushing_findings(("bushing",), tables(data, "bushing"), BushingForm, build_bushing)
+    for i, case in tables(data, "load_case"):
+        path = ("load_case", i, "prescribed")
+        yield from clamp_findings(path, tables(case, "prescribed"), PrescribedForm)
+        for k, mass in tables(case, "mass"):
+            if "inertia_kg_m2" in mass:
+                place = ("load_case", i, "mass", k, "inertia_kg_m2")
+                yield from _triangle(place, mass["inertia_kg_m2"], spins=False)
 
 
 def named_tables(data: Table, key: str) -> dict[str, Table]:

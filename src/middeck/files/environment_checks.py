@@ -6,9 +6,11 @@ from typing import Any, cast
 
 import numpy as np
 
+from middeck.files.boundary_checks import bushing_findings, clamp_findings
+from middeck.files.boundary_form import ClampForm, GroundBushingForm, build_ground
 from middeck.files.environment_form import TUNED, default_name
 from middeck.files.faults import Finding, finding
-from middeck.files.tables import Table, array_of, is_number, table_of
+from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 
 
@@ -18,6 +20,8 @@ def environment_findings(data: Table) -> list[Finding]:
     weightless = gravity == 0.0
     devices = [(("device", i), d) for i, d in enumerate(_all(data, "device"))]
     found = [*_gravity_findings(data, gravity), *_suspension_findings(data, gravity), *_name_findings(data)]
+    found += clamp_findings(("clamp",), tables(data, "clamp"), ClampForm)
+    found += bushing_findings(("bushing",), tables(data, "bushing"), GroundBushingForm, build_ground)
     for path, device in devices:
         found += _device_findings(path, device, weightless)
         found += _friction_findings(path, device)
@@ -91,7 +95,7 @@ def _friction_findings(path: Path, device: Table) -> list[Finding]:
 
 
 def _name_findings(data: Table) -> list[Finding]:
-    """Names that two devices or springs have: results are listed by them."""
+    """Names that two devices or springs have, or two supports: results are listed by them."""
     held = table_of(table_of(data, "suspension"), "held")
     names: list[tuple[Path, Any]] = [(("suspension", "held", name), name) for name in held]
     names += [(("device", i, "name"), d.get("name")) for i, d in enumerate(_all(data, "device"))]
@@ -99,11 +103,25 @@ def _name_findings(data: Table) -> list[Finding]:
         key = "name" if "name" in spring else "attach"
         names.append((("spring", i, key), spring.get("name", default_name(str(spring.get("attach"))))))
     advice = "a name of its own; a suspension's devices have those of their attach points"
-    first: dict[str, Path] = {}
+    held_nodes = dict.fromkeys(c.get("node") for c in _all(data, "clamp"))
+    supports: list[tuple[Path, Any]] = [(("clamp",), node) for node in held_nodes]
+    for i, bushing in enumerate(_all(data, "bushing")):
+        key = "name" if "name" in bushing else "attach"
+        supports.append((("bushing", i, key), bushing.get("name", f"bushing_{bushing.get('attach')}")))
+    return [
+        *_again(names, "device or spring", advice),
+        *_again(supports, "support", "a name of its own, which no clamped node has"),
+    ]
+
+
+def _again(names: list[tuple[Path, Any]], kind: str, advice: str) -> list[Finding]:
+    first: set[str] = set()
     found: list[Finding] = []
     for path, name in names:
-        if isinstance(name, str) and first.setdefault(name, path) != path:
-            found.append(finding(path, "names a second device or spring", name, hint=advice))
+        if isinstance(name, str) and name in first:
+            found.append(finding(path, f"names a second {kind}", name, hint=advice))
+        elif isinstance(name, str):
+            first.add(name)
     return found
 
 

@@ -23,12 +23,14 @@ Examples:
 @click.command("budget", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
+@options.load_case
 @options.count
 @figures.figure
 @options.common
 def verb(
     article: str,
     environment: str,
+    load_case: str | None,
     count: int,
     figure_file: str | None,
     overrides: tuple[str, ...],
@@ -38,25 +40,29 @@ def verb(
 
     Between orbit and an environment, three effects are switched on one at a time, in all six orders:
     suspension, stiffness from internal forces and weight, and static pre-deformation. Prints the mean
-    contribution of each to the frequency, and how far it depends on the order.
+    contribution of each to the frequency, and how far it depends on the order. Clamps, and the
+    masses of a load case, are there in orbit too.
     """
+    import dataclasses
+
     import numpy as np
 
-    from middeck.cli.cases import find_case, solve_in
+    from middeck.cli.cases import apply_case, find_case, solve_in
     from middeck.errors import ConfigError
     from middeck.files.documents import load_setup
     from middeck.structure.gravity.budget import build_budget
     from middeck.structure.model.environment import Environment
 
     files = find_case(article, environment)
-    structure, surroundings = load_setup(*files, overrides)
+    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
     if not np.any(surroundings.gravity) and not surroundings.hung and not surroundings.springs:
         raise ConfigError(
             "from orbit to orbit there is nothing to budget",
             where="--environment",
             hint="give a laboratory, or an environment file with gravity or springs",
         )
-    orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
+    floating = dataclasses.replace(Environment.orbit(), clamps=surroundings.clamps)
+    orbit = solve_in(structure, floating, files[0], count=count)
     found = build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
     document = describe(found)
     if figure_file is not None:

@@ -25,6 +25,7 @@ Examples:
 @click.command("level", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
+@options.load_case
 @click.option(
     "--free",
     "offsets",
@@ -46,6 +47,7 @@ Examples:
 def verb(
     article: str,
     environment: str,
+    load_case: str | None,
     offsets: tuple[str, ...],
     about: str | None,
     node: str | None,
@@ -59,12 +61,12 @@ def verb(
     takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
     """
     from middeck.cli.blame import reading
-    from middeck.cli.cases import case_doubts, find_case
+    from middeck.cli.cases import apply_case, case_doubts, find_case
     from middeck.files.documents import load_offset_keys, load_setup
     from middeck.structure.suspension.levelling import level
 
     files = find_case(article, environment)
-    structure, surroundings = load_setup(*files, overrides)
+    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
     axes = None if about is None else about.replace(",", "")
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):

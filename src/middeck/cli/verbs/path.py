@@ -26,6 +26,7 @@ RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help m
 @click.command("path", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
+@options.load_case
 @options.count
 @click.option(
     "--through",
@@ -53,6 +54,7 @@ RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help m
 def verb(
     article: str,
     environment: str,
+    load_case: str | None,
     count: int,
     through: str | None,
     tilt: tuple[float, ...] | None,
@@ -65,16 +67,17 @@ def verb(
     """Modes of ARTICLE while gravity changes.
 
     Follows the modes from place to place. Reports crossings and veerings, and a loss of stability with its
-    gravity and mode. Devices are tuned in the environment's own gravity, and released in orbit.
+    gravity and mode. Devices are tuned in the environment's own gravity, and released in orbit. A load case
+    acts all the way.
     """
     from middeck.cli.blame import reading
-    from middeck.cli.cases import case_doubts, find_case
+    from middeck.cli.cases import apply_case, case_doubts, find_case
     from middeck.files.documents import load_setup
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import DeviceRule
 
     files = find_case(article, environment)
-    structure, surroundings = load_setup(*files, overrides)
+    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
     places = _places(surroundings, through, tilt)
     with reading(*files):
         found = follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)

@@ -13,7 +13,7 @@ from collections.abc import Collection
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Float, Inexact, Int
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from middeck.structure.elements.beam import BeamProperties
@@ -32,18 +32,19 @@ def choose_carriers(
     roots: int,
     beams: BeamProperties,
     ends: Int[np.ndarray, "element 2"],
-    springs: Int[np.ndarray, "spring 2"],
-    spring_stiffness: Float[np.ndarray, " spring"],
+    ties: Int[np.ndarray, "tie 2"],
+    tie_stiffness: Float[np.ndarray, " tie"],
     mass: float,
     held: Collection[int] = (),
 ) -> Int[np.ndarray, " root"]:
-    """The root that carries each root, -1 where none does; ``ends`` and ``springs`` are roots.
+    """The root that carries each root, -1 where none does; ``ends`` of elements and those of ``ties``,
+    springs and bushings, are roots.
 
     Roots that the world has ``held`` are carried by none, and carry their pieces before others.
     """
     carrier = np.full(roots, -1)
-    stiffness = np.concatenate([member_stiffness(beams), spring_stiffness])
-    pairs = np.concatenate([ends, springs])
+    stiffness = np.concatenate([member_stiffness(beams), tie_stiffness])
+    pairs = np.concatenate([ends, ties])
     least = max(HELD_AT * mass, float(np.finfo(float).tiny))
     if not np.any(stiffness > CONTRAST * least):
         return carrier
@@ -62,6 +63,12 @@ def member_stiffness(beams: BeamProperties) -> Float[np.ndarray, " element"]:
         np.real(beams.EI_z) / (1.0 + np.real(beams.shear_y)),
     )
     return np.maximum(np.real(beams.EA) / L, 12.0 * bent / L**3)
+
+
+def bushing_stiffness(stiffness: Inexact[np.ndarray, "6 6"], length: float) -> float:
+    """The largest stiffness [N/m] of a bushing, turns counted at an arm of ``length``."""
+    k = np.abs(np.diag(np.real(stiffness)))
+    return float(max(k[:3].max(), k[3:].max() / length**2))
 
 
 def _spanning_tree(roots: int, pairs: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

@@ -96,11 +96,13 @@ class Assembly:
 
 
 class Inner(NamedTuple):
-    """Internal forces: on the six deformations of each beam, and the tension of each own spring."""
+    """Internal forces: on the six deformations of each beam and bushing, and the tension of each spring."""
 
     beam: np.ndarray
     spring: np.ndarray
     device: np.ndarray
+    bushing: np.ndarray
+    ground: np.ndarray
 
 
 class TangentParts(NamedTuple):
@@ -159,16 +161,18 @@ def assemble_carried(
         return _assembled(model, config, at, _gather(model, at, loads, inner), point_load)
     at = _poses_at(model, config)
     inside = _inside(model, since)
-    outside = _assembled(model, config, at, _gather(model, at, loads, inner, inside.rows), point_load)
+    outside = _assembled(model, config, at, _gather(model, at, loads, inner, inside), point_load)
     T, turning = transport(config, model.tree), _carried_turning(model, at, since, outside.gradient)
-    state = _inside_state(model, at, inside, None if inner is None else inner.beam[inside.rows])
-    A, bent = _inside_motion(model, at, inside, state)
+    energy, gradient = outside.energy, T.T @ outside.gradient
+    tangent = T.T @ outside.tangent @ T + turning
+    for state, A, bent in _inside_parts(model, at, inside, inner):
+        energy = energy + float(np.sum(state.energy))
+        gradient = gradient + A.T @ state.gradient.ravel()
+        tangent = tangent + _sandwich(A, state.material + state.geometric) + bent
     return Assembly(
-        energy=outside.energy + float(np.sum(state.energy)),
-        gradient=T.T @ outside.gradient + A.T @ state.gradient.ravel(),
-        tangent=_symmetric(
-            sp.csr_array(T.T @ outside.tangent @ T + turning + _sandwich(A, state.hessian) + bent)
-        ),
+        energy=energy,
+        gradient=gradient,
+        tangent=_symmetric(sp.csr_array(tangent)),
         jacobian=sp.csr_array(outside.jacobian @ T),
         tension=outside.tension,
     )
@@ -178,7 +182,7 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
     """Geometric part of the tangent in carried coordinates: from forces, without strain and devices."""
     at, since = _poses_at(model, config), config.since_drawn
     inside = _inside(model, since)
-    total = _gather(model, at, loads, None, inside.rows)
+    total = _gather(model, at, loads, None, inside)
     J = model.pose_map.jacobian(at.poses)
     forced = {**total.geometric, **_turning(model, at, total.gradient)}
     if len(loads.ground.point):
@@ -190,9 +194,10 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
         return bare
     gradient = J.T @ total.gradient.ravel() + _sprung_joints(model, config)[1]
     T, turning = transport(config, model.tree), _carried_turning(model, at, since, gradient)
-    state = _inside_state(model, at, inside)
-    A, bent = _inside_motion(model, at, inside, state)
-    return _symmetric(sp.csr_array(T.T @ bare @ T + turning + _sandwich(A, state.geometric) + bent))
+    out = T.T @ bare @ T + turning
+    for state, A, bent in _inside_parts(model, at, inside):
+        out = out + _sandwich(A, state.geometric) + bent
+    return _symmetric(sp.csr_array(out))
 
 
 def strain_energies(
@@ -203,7 +208,7 @@ def strain_energies(
     Nothing cancels but within a strain, so that it rounds by the square of the rounding of the shapes.
     """
     at = _poses_at(model, config)
-    motion, ends = _motions(model, config, at, shapes)
+    motion, ends, tied = _motions(model, config, at, shapes)
     out = np.zeros((shapes.shape[1], shapes.shape[1]))
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
@@ -213,10 +218,10 @@ def strain_energies(
         out += np.einsum("eim,ein->mn", strain, beam_stiffness(beams) @ strain)
     start, end = model.spring_ends.T
     stretched = _own_span(model, at)
-    tied = _device_span(model, at, loads)
+    hung = _device_span(model, at, loads)
     out += spring_squares(own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
-    out += spring_squares(loads.law, *tied, motion[loads.attach_point, :3])
-    out += _own_bushings(model, at).squares(motion[model.bushing_ends].reshape(-1, 12, shapes.shape[1]))
+    out += spring_squares(loads.law, *hung, motion[loads.attach_point, :3])
+    out += _own_bushings(model, at, inside=_inside(model, config.since_drawn)).squares(tied)
     out += _grounded(model, at, loads).squares(_on_ground(motion[loads.ground.point]))
     hinges = _sprung_joints(model, config)[2]
     return out + shapes.T @ (hinges[:, None] * shapes)
@@ -227,7 +232,7 @@ def predict_forces(
 ) -> Inner:
     """Forces after a step ``q`` in carried coordinates, to first order."""
     at = _poses_at(model, config)
-    motion, ends = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
+    motion, ends, tied = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
     forces = [np.zeros((0, 6))]
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
@@ -238,56 +243,86 @@ def predict_forces(
     start, end = model.spring_ends.T
     own = predicted_tension(own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *_device_span(model, at, loads), motion[loads.attach_point, :3])
-    return Inner(np.concatenate(forces), own, device)
+    between = _own_bushings(model, at, inside=_inside(model, config.since_drawn)).predicted(tied)
+    ground = _grounded(model, at, loads).predicted(_on_ground(motion[loads.ground.point]))
+    return Inner(np.concatenate(forces), own, device, between, ground)
 
 
 def _motions(
     model: Model, config: Configuration, at: _At, shapes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Motions (pose, 6, mode), and (element, 12, mode) of ends of elements as common carriers see them."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see."""
     count = shapes.shape[1]
     J = model.pose_map.jacobian(at.poses)
     motion = (J @ (transport(config, model.tree) @ shapes)).reshape(len(at.world), 6, count)
     ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)
+    tied = motion[model.bushing_ends].reshape(len(model.bushing_ends), 12, count)
     inside = _inside(model, config.since_drawn)
-    if len(inside.rows):
-        world = at.world[model.element_ends[inside.rows].ravel()]
-        A = chain_jacobian(inside.chain, at.poses.p, world, model.tree.size)
-        ends[inside.rows] = (A @ shapes).reshape(len(inside.rows), 12, count)
-    return motion, ends
+    for moved, poses, part in (
+        (ends, model.element_ends, inside.beams),
+        (tied, model.bushing_ends, inside.bushings),
+    ):
+        if len(part.rows):
+            A = chain_jacobian(part.chain, at.poses.p, at.world[poses[part.rows].ravel()], model.tree.size)
+            moved[part.rows] = (A @ shapes).reshape(len(part.rows), 12, count)
+    return motion, ends, tied
 
 
-class _Inside(NamedTuple):
-    """Elements inside carried parts, and the chains of both ends of each within their common carrier."""
+class _Within(NamedTuple):
+    """Elements inside carried parts, the common carrier of each, and the chains of its ends within that."""
 
     rows: np.ndarray
+    outer: np.ndarray
     chain: list[np.ndarray]
 
 
+class _Inside(NamedTuple):
+    """Beams and bushings inside carried parts."""
+
+    beams: _Within
+    bushings: _Within
+
+
 def _inside(model: Model, since: SinceDrawn | None) -> _Inside:
+    return _Inside(_within(model, since, model.element_ends), _within(model, since, model.bushing_ends))
+
+
+def _within(model: Model, since: SinceDrawn | None, ends: np.ndarray) -> _Within:
     if since is None or not since.carries:
-        return _Inside(np.zeros(0, dtype=int), [])
-    outer = common_carrier(since, model.points.frame[model.element_ends])
+        return _Within(np.zeros(0, dtype=int), np.zeros(0, dtype=int), [])
+    frames = model.points.frame[ends]
+    on_roots = np.all(frames < model.tree.roots, axis=1)
+    outer = np.full(len(ends), -1)
+    outer[on_roots] = common_carrier(since, frames[on_roots])
     rows = np.flatnonzero(outer >= 0)
-    ends = model.element_ends[rows].ravel()
-    return _Inside(rows, chain_within(since, model.points.frame[ends], np.repeat(outer[rows], 2)))
+    outer = outer[rows]
+    return _Within(rows, outer, chain_within(since, frames[rows].ravel(), np.repeat(outer, 2)))
 
 
-def _inside_state(model: Model, at: _At, inside: _Inside, force: np.ndarray | None = None) -> BeamState:
-    """State of the elements inside carried parts, without their weight."""
-    x, T, known = _element_ends(model, at, inside.rows)
-    return beam_state(select_beams(model.beams, inside.rows), x, T, force, known)
+def _inside_parts(
+    model: Model, at: _At, inside: _Inside, inner: Inner | None = None
+) -> Iterable[tuple[BeamState | BushingState, sp.csr_array, sp.csr_array]]:
+    """State of the beams inside carried parts, without their weight, and that of the bushings.
 
-
-def _inside_motion(
-    model: Model, at: _At, inside: _Inside, state: BeamState
-) -> tuple[sp.csr_array, sp.csr_array]:
-    """How ends move as their common carrier sees them, and what forces make of its second order."""
-    world, size = at.world[model.element_ends[inside.rows].ravel()], model.tree.size
-    return (
-        chain_jacobian(inside.chain, at.poses.p, world, size),
-        chain_stiffness(inside.chain, at.poses.p, world, state.gradient.reshape(-1, 6), size),
-    )
+    With how their ends move as the common carriers see them, and what forces make of its second order.
+    """
+    rows = inside.beams.rows
+    x, T, known = _element_ends(model, at, rows)
+    force = None if inner is None else inner.beam[rows]
+    beams = beam_state(select_beams(model.beams, rows), x, T, force, known)
+    bushings = _own_bushings(model, at, inner, inside).of(inside.bushings.rows)
+    for state, ends, part in (
+        (beams, model.element_ends, inside.beams),
+        (bushings, model.bushing_ends, inside.bushings),
+    ):
+        if len(part.rows):
+            world, size = at.world[ends[part.rows].ravel()], model.tree.size
+            load = state.gradient.reshape(-1, 6)
+            yield (
+                state,
+                chain_jacobian(part.chain, at.poses.p, world, size),
+                chain_stiffness(part.chain, at.poses.p, world, load, size),
+            )
 
 
 def _carried_turning(model: Model, at: _At, since: SinceDrawn, gradient: np.ndarray) -> sp.csr_array:
@@ -425,12 +460,13 @@ def _poses_at(model: Model, config: Configuration) -> _At:
 
 
 def _gather(
-    model: Model, at: _At, loads: Loads, inner: Inner | None, unstrained: np.ndarray | None = None
+    model: Model, at: _At, loads: Loads, inner: Inner | None, inside: _Inside | None = None
 ) -> _Total:
     """All elements at their poses; ``inner`` takes the place of the forces inside them.
 
-    Of the elements ``unstrained`` only the weight counts.
+    Of those ``inside`` carried parts only the weight counts.
     """
+    unstrained = None if inside is None else inside.beams.rows
     dtype = np.result_type(
         *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.EA, loads.law.stiffness),
         *(loads.push, loads.ground.stiffness, *(b.stiffness for b in model.structure.bushings)),
@@ -464,18 +500,20 @@ def _gather(
     device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
     np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
     held = _at_attach_points(model, loads, device.material + device.geometric)
-    between, ground = _own_bushings(model, at), _grounded(model, at, loads)
+    between, ground = _own_bushings(model, at, inner), _grounded(model, at, loads, inner)
+    if inside is not None:
+        for part in between:
+            part[inside.bushings.rows] = 0.0
     np.add.at(gradient, model.bushing_ends, between.gradient.reshape(-1, 2, 6))
     if len(loads.ground.point):
         np.add.at(gradient, loads.ground.point, ground.gradient[:, 6:])
         held = held + _at_poses(model, loads.ground.point, (ground.material + ground.geometric)[:, 6:, 6:])
     energy += np.sum(own.energy) + np.sum(device.energy)
     energy += np.sum(between.energy) + np.sum(ground.energy) + _push(model, at, loads, gradient)
-    inside = Inner(np.concatenate(forces), own.tension, device.tension)
     return _Total(
         energy,
         gradient,
-        inside,
+        Inner(np.concatenate(forces), own.tension, device.tension, between.force, ground.force),
         device.tension,
         {
             "element": np.concatenate(material),
@@ -527,26 +565,44 @@ def bushing_states(model: Model, config: Configuration, loads: Loads) -> tuple[B
     return _own_bushings(model, at), _grounded(model, at, loads)
 
 
-def _own_bushings(model: Model, at: _At) -> BushingState:
-    """Bushings of the structure."""
+def _own_bushings(
+    model: Model, at: _At, inner: Inner | None = None, inside: _Inside | None = None
+) -> BushingState:
+    """Bushings of the structure; those ``inside`` carried parts with the digits that their carriers see."""
     own = model.structure.bushings
     start, end = model.bushing_ends.T
     (begin, begun), (finish, finished) = (_since(model, at, pose) for pose in (start, end))
-    return bushing_state(
+    span, change = at.world[end] - at.world[start], finish - begin
+    turn = np.stack([begun, finished], axis=1)
+    axes = np.tile(np.eye(3), (len(own), 1, 1))
+    if inside is not None and len(inside.bushings.rows) and at.since is not None:
+        rows, outer, _ = inside.bushings
+        ends = model.bushing_ends[rows]
+        frame, offset = model.points.frame[ends], model.points.offset[ends]
+        seen = seen_from(at.since, frame.ravel(), offset.reshape(-1, 3), np.repeat(outer, 2))
+        shift, turn[rows] = seen[0].reshape(-1, 2, 3), seen[1].reshape(-1, 2, 3, 3)
+        change[rows] = shift[:, 1] - shift[:, 0]
+        drawn = at.since.drawn[frame] + offset
+        span[rows] = drawn[:, 1] - drawn[:, 0] + change[rows]
+        axes[rows] = at.poses.R[outer]
+    state = bushing_state(
         np.array([b.stiffness for b in own]).reshape(-1, 6, 6),
         np.array([b.axes for b in own]).reshape(-1, 3, 3),
-        at.world[end] - at.world[start],
-        finish - begin,
-        np.stack([begun, finished], axis=1),
+        span,
+        change,
+        turn,
+        None if inner is None else inner.bushing.copy(),  # cleared by `_gather`
     )
+    return state if inside is None else state.turned(axes)
 
 
-def _grounded(model: Model, at: _At, loads: Loads) -> BushingState:
+def _grounded(model: Model, at: _At, loads: Loads, inner: Inner | None = None) -> BushingState:
     """Bushings to the ground, which is the first of their frames and does not move."""
     point = loads.ground.point
     change, turn = _since(model, at, point)
     still = np.stack([np.zeros_like(turn), turn], axis=1)
-    return bushing_state(loads.ground.stiffness, loads.ground.axes, change, change, still)
+    force = None if inner is None else inner.ground
+    return bushing_state(loads.ground.stiffness, loads.ground.axes, change, change, still, force)
 
 
 def _on_ground(motion: np.ndarray) -> np.ndarray:
@@ -662,7 +718,7 @@ def _translations(hessian: np.ndarray) -> np.ndarray:
 
 def _block_matrix(matrices: np.ndarray) -> sp.csr_array:
     """The matrices as blocks on the diagonal."""
-    index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(len(matrices), -1)
+    index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(matrices.shape[:2])
     at = np.flatnonzero(matrices)
     element, row, column = np.unravel_index(at, matrices.shape)
     entries = (matrices.ravel()[at], (index[element, row], index[element, column]))

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from jaxtyping import Inexact, Int
 
-from middeck.structure.assembly.carriers import choose_carriers
+from middeck.structure.assembly.carriers import bushing_stiffness, choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
@@ -97,14 +97,17 @@ def mesh_structure(structure: Structure, clamps: Sequence[Clamp] = ()) -> Model:
 
 
 def _carriers(model: Model, held: Collection[int]) -> Int[np.ndarray, " root"]:
-    roots = model.tree.roots
-    at = [joint_chain(model.tree, int(frame))[0] for frame in model.points.frame[model.spring_ends].ravel()]
+    roots, ends = model.tree.roots, np.concatenate([model.spring_ends, model.bushing_ends])
+    at = [joint_chain(model.tree, int(frame))[0] for frame in model.points.frame[ends].ravel()]
+    stiffness = [spring.stiffness for spring in model.structure.springs]
+    size = float(np.linalg.norm(np.ptp(model.rest.x, axis=0))) or 1.0
+    stiffness += [bushing_stiffness(b.stiffness, size) for b in model.structure.bushings]
     return choose_carriers(
         roots,
         model.beams,
         model.points.frame[model.element_ends],
         np.array(at, dtype=int).reshape(-1, 2),
-        np.array([spring.stiffness for spring in model.structure.springs]) + 0.0,
+        np.array(stiffness) + 0.0,
         model.structure.mass,
         held,
     )

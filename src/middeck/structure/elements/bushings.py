@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Inexact
+from jaxtyping import Float, Inexact, Int
 
 from middeck.structure.elements.rotations import skew, symmetric_double_cross
 
@@ -32,20 +32,45 @@ SHIFT_A, TURN_A, SHIFT_B, TURN_B = slice(0, 3), slice(3, 6), slice(6, 9), slice(
 class BushingState(NamedTuple):
     """Energy [J], gradient and Hessian in the twelve coordinates of two poses, the first frame's first.
 
-    The Hessian is ``material``, slope' ``stiffness`` slope, plus ``geometric``, which is linear in the force.
+    The Hessian is ``material``, slope' ``stiffness`` slope, plus ``geometric``, which is linear in the
+    ``force`` on the ``strain``. ``angle`` [rad] is that of the relative turn, which `MOST` does not bound.
     """
 
     energy: Inexact[np.ndarray, " bushing"]
+    strain: Inexact[np.ndarray, "bushing 6"]
+    force: Inexact[np.ndarray, "bushing 6"]
     gradient: Inexact[np.ndarray, "bushing 12"]
     material: Inexact[np.ndarray, "bushing 12 12"]
     geometric: Inexact[np.ndarray, "bushing 12 12"]
     slope: Inexact[np.ndarray, "bushing 6 12"]
     stiffness: Inexact[np.ndarray, "bushing 6 6"]
+    angle: Float[np.ndarray, " bushing"]
 
     def squares(self, motion: Inexact[np.ndarray, "bushing 12 mode"]) -> Inexact[np.ndarray, "mode mode"]:
         """``material`` applied to motions of the poses, as squared strains: rounding is that of a strain."""
         strain = self.slope @ motion
         return np.einsum("bim,bin->mn", strain, self.stiffness @ strain)
+
+    def predicted(self, motion: Inexact[np.ndarray, "bushing 12"]) -> Inexact[np.ndarray, "bushing 6"]:
+        """Forces after a ``motion`` of the poses, to first order."""
+        return _apply(self.stiffness, self.strain + _apply(self.slope, motion))
+
+    def of(self, rows: Int[np.ndarray, " some"]) -> BushingState:
+        """The state of some of the bushings."""
+        return BushingState(*(part[rows] for part in self))
+
+    def turned(self, R: Inexact[np.ndarray, "bushing 3 3"]) -> BushingState:
+        """In other axes of the poses, to which ``R`` turns."""
+        out = np.zeros((len(R), 12, 12), R.dtype)
+        for start in range(0, 12, 3):
+            out[:, start : start + 3, start : start + 3] = R
+        back = np.swapaxes(out, 1, 2)
+        return self._replace(
+            gradient=_apply(out, self.gradient),
+            material=out @ self.material @ back,
+            geometric=out @ self.geometric @ back,
+            slope=self.slope @ back,
+        )
 
 
 def bushing_state(
@@ -54,11 +79,12 @@ def bushing_state(
     span: Inexact[np.ndarray, "bushing 3"],
     change: Inexact[np.ndarray, "bushing 3"],
     turn: Inexact[np.ndarray, "bushing 2 3 3"],
+    force: Inexact[np.ndarray, "bushing 6"] | None = None,
 ) -> BushingState:
     """State of bushings whose points are ``span`` apart, by ``change`` more than as drawn.
 
     ``turn`` are the rotations since drawn less the identity, which keeps the digits of small ones; ``axes``
-    have the bushing's own axes as columns.
+    have the bushing's own axes as columns. ``force`` takes the place of their own.
     """
     E = np.swapaxes(turn[:, 0], 1, 2)
     Q = np.eye(3) + turn[:, 0]
@@ -75,30 +101,37 @@ def bushing_state(
     own[:, :3, :3] = own[:, 3:, 3:] = axes
     K = own @ stiffness @ np.swapaxes(own, 1, 2)
     d = np.concatenate([_apply(E, span) + change, phi.vector], axis=1)
-    force = _apply(K, d)
+    own_force = _apply(K, d)
+    force = own_force if force is None else force
     down = np.swapaxes(slope, 1, 2)
     return BushingState(
-        energy=0.5 * np.einsum("bi,bi->b", d, force),
+        energy=0.5 * np.einsum("bi,bi->b", d, own_force),
+        strain=d,
+        force=force,
         gradient=_apply(down, force),
         material=down @ K @ slope,
         geometric=_second_order(force, span, Q, G, toward, phi),
         slope=slope,
         stiffness=K,
+        angle=phi.angle,
     )
 
 
 class _Turn(NamedTuple):
-    """A relative rotation: vector, axial vector, and the factor between them with two derivatives in y."""
+    """A relative rotation: vector, axial vector, and factor with two derivatives in y, and angle."""
 
     vector: Array
     axial: Array
     factor: tuple[Array, Array, Array]
+    angle: Array
 
 
 def _relative_turn(less_one: Array) -> _Turn:
     axial = _axial(less_one)
-    factor = _factor(-0.5 * np.trace(less_one, axis1=1, axis2=2))
-    return _Turn(factor[0][:, None] * axial, axial, factor)
+    y = -0.5 * np.trace(less_one, axis1=1, axis2=2)
+    factor = _factor(y)
+    angle = np.arccos(np.clip(1.0 - np.real(y), -1.0, 1.0))
+    return _Turn(factor[0][:, None] * axial, axial, factor, angle)
 
 
 def _factor(y: Array) -> tuple[Array, Array, Array]:

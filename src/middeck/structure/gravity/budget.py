@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.energy import Inner, inner_forces, mass_matrix, split_tangent
+from middeck.structure.assembly.energy import inner_forces, mass_matrix, split_tangent
 from middeck.structure.gravity.pairs import pair_modes
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
 from middeck.structure.modes.solve import Modes
@@ -157,7 +157,8 @@ def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[s
         forces, gravity = inside, lab.loads.gravity
     else:  # an article may be pretensioned in orbit
         own = inner_forces(model, orbit.config, orbit.loads)
-        forces, gravity = Inner(own.beam, own.spring, np.zeros_like(inside.device)), orbit.loads.gravity
+        forces = own._replace(device=np.zeros_like(inside.device), ground=np.zeros_like(inside.ground))
+        gravity = orbit.loads.gravity
     parts = split_tangent(model, at, dataclasses.replace(lab.loads, gravity=gravity), forces)
     held = split_tangent(model, at, lab.loads, inside).device
     K = sp.csr_array(parts.material + parts.geometric + suspension * held)
@@ -177,6 +178,12 @@ def _check(orbit: Modes, lab: Modes) -> None:
             "a budget needs one structure in two environments",
             where=f"{free.model.structure.title!r} and {hung.model.structure.title!r}",
             hint="solve both from the same load_structure(...)",
+        )
+    if np.any(hung.loads.push):
+        raise ConfigError(
+            "a budget shares a shift out over gravity and suspension; here applied loads make one as well",
+            where=f"structure {hung.model.structure.title!r}",
+            hint="leave the loads out; added masses may stay",
         )
     if np.any(free.loads.gravity) or len(free.loads.attach_point):
         raise ConfigError(

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
 from middeck.structure.gravity.pairs import pair_modes, shares_of
+from middeck.structure.gravity.tracking import align_repeated, spectrum_of
 from middeck.structure.modes.kind_warnings import CURE
 from middeck.structure.modes.kinds import HELD
 from middeck.structure.modes.solve import Modes
@@ -27,7 +28,7 @@ class ModeComparison:
 
     Attributes:
         cross_orthogonality: |Phi_0' M_0 Phi_1|, rows orbit, columns lab; each side mass-normalised with its
-            own mass.
+            own mass, flexible modes of one frequency in the basis nearest to the other side's.
         mac: Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
         pairs: (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
             cross-orthogonality over all modes: as in `build_budget`. One whose partner is not among the
@@ -58,7 +59,8 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     """
     _check_mesh(orbit, lab)
     count = min(count, len(orbit.omega), len(lab.omega))
-    phi_0, phi_1 = orbit.shapes[:, :count], lab.shapes[:, :count]
+    phi_0 = _nearest_basis(orbit, lab.shapes)
+    phi_0, phi_1 = phi_0[:, :count], _nearest_basis(lab, phi_0)[:, :count]
     cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
     paired = pair_modes(orbit, lab, count)
     found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
@@ -85,6 +87,15 @@ def _check_mesh(orbit: Modes, lab: Modes) -> None:
             where=titles,
             hint="correlate_modes(modes, measure_modes(others), ...) compares them at common nodes",
         )
+
+
+def _nearest_basis(modes: Modes, others: np.ndarray) -> np.ndarray:
+    """Shapes of ``modes``, those of one frequency in the basis nearest to ``others``: any is as good.
+
+    The basis of rigid modes has names, and stays.
+    """
+    nearest = align_repeated(spectrum_of(modes), others).shapes
+    return np.where(modes.omega > 0.0, nearest, modes.shapes)
 
 
 def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -> Iterator[str]:

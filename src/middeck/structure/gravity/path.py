@@ -147,7 +147,8 @@ def follow_gravity(
 
     The devices of ``environment`` are tuned in its own gravity; elsewhere they obey ``devices``. On the way
     to a place without gravity they are released at a thousandth of that; on the way from one they take hold
-    there, and the article first settles under them. Clamps hold all the way, in orbit too.
+    there, and the article first settles under them. Clamps hold all the way, in orbit too, and the forces of
+    a load case act all the way.
 
     An unstable rest state ends the path as a value: the last of ``events`` says where, and which mode. Raises
     `ConfigError` for places that do not differ and `EquilibriumError` where ``environment`` cannot hold the
@@ -155,14 +156,16 @@ def follow_gravity(
     """
     places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
     _check(environment, places)
-    if structure.loads:
+    if any(np.any(load.moment) for load in structure.loads):
         raise ConfigError(
-            "a path through gravity is that of an article without applied loads",
+            "a moment of fixed direction has no potential, whose modes a path could follow",
             where=f"structure {structure.title!r}",
-            hint="leave the loads out; added masses may stay",
+            hint="apply it by two forces with offsets; forces and added masses may stay",
         )
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
-    full, free = (solve_equilibrium(structure, e) for e in (environment, orbit))
+    full = solve_equilibrium(structure, environment)
+    # Where nobody goes there need be no rest state: loads may want something to hang from.
+    free = full if all(place.size for place in places) else solve_equilibrium(structure, orbit)
     loads_at = loads_in(full, devices)
     at_first = places[0].gravity
     try:

@@ -117,7 +117,7 @@ def loads_in(full: Equilibrium, rule: DeviceRule) -> Callable[[np.ndarray], Load
     def kept(gravity: np.ndarray) -> Loads:
         tuned_for = float(np.linalg.norm(full.loads.gravity)) or 1.0
         scaled = scale_loads(full.loads, float(np.linalg.norm(gravity)) / tuned_for)
-        return dataclasses.replace(scaled, gravity=gravity)
+        return dataclasses.replace(scaled, gravity=gravity, push=full.loads.push)
 
     def retuned(gravity: np.ndarray) -> Loads:
         there = dataclasses.replace(full.environment, gravity=gravity)

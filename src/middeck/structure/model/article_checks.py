@@ -49,6 +49,7 @@ def _twice(structure: Structure) -> Iterator[str]:
         "bushing": structure.bushings,
         "mass": structure.masses,
         "load": structure.loads,
+        "load case": structure.load_cases,
     }
     for kind, parts in groups.items():
         count = Counter(part.name for part in parts)

@@ -170,7 +170,7 @@ class Environment:
 
     ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
     ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes
-    outright. Raises `ConfigError` where two devices have one name.
+    outright. Raises `ConfigError` where two devices have one name, or two supports.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -192,6 +192,14 @@ class Environment:
                     f"two devices are called {name!r}",
                     where=f"environment {self.title!r}",
                     hint="a suspension's devices have the names of their attach points",
+                )
+        supports = [*dict.fromkeys(c.node for c in self.clamps), *(b.name for b in self.bushings)]
+        for name in dict.fromkeys(supports):
+            if supports.count(name) > 1:
+                raise ConfigError(
+                    f"two supports are called {name!r}: reactions could not be told apart",
+                    where=f"environment {self.title!r}",
+                    hint="each bushing needs a name of its own, which no clamped node has",
                 )
 
     @property

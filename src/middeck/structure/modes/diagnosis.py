@@ -12,7 +12,7 @@ from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jaco
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.strain import member_energy
-from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.equilibrium import HALF_ROUND, Equilibrium, bushing_turns
 from middeck.structure.rest.statics import ROUGH, imbalance_scale, static_freedom
 
 HALF = 0.5
@@ -55,6 +55,13 @@ def beyond_travel(equilibrium: Equilibrium) -> tuple[str, ...]:
         for joint, at in zip(joints, equilibrium.config.angle, strict=True)
         if not joint.travel[0] <= at <= joint.travel[1]
     )
+
+
+def far_bushings(equilibrium: Equilibrium) -> tuple[str, ...]:
+    """Bushings whose frames turn against each other by more than a right angle."""
+    at = equilibrium
+    turns = bushing_turns(at.model, at.environment, at.config, at.loads)
+    return tuple(name for name, turn in turns if turn > HALF_ROUND)
 
 
 def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordinate"]) -> str | None:

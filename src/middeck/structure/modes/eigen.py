@@ -181,7 +181,7 @@ def _merge(a: Eigenpairs, b: Eigenpairs) -> Eigenpairs:
 
 
 def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, sigma: float) -> Eigenpairs:
-    phi = phi / np.sqrt(np.einsum("im,im->m", phi, M @ phi))
+    phi = phi / np.sqrt(np.abs(np.einsum("im,im->m", phi, M @ phi)))  # of rounding, it may be negative
     size = np.einsum("im,im->m", np.abs(phi), abs(K) @ np.abs(phi))
     # The inverse rounds to eps lam^2 / sigma, the Rayleigh quotient to eps size: take the finer.
     high = lam**2 > sigma * size

@@ -15,6 +15,7 @@ from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.modes.diagnosis import (
     beyond_travel,
     buckling_member,
+    far_bushings,
     loose_motions,
     moment_warnings,
     where_lost,
@@ -125,7 +126,11 @@ def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
         where=f"frame {frame!r}",
         hint="look at the residual history; check the supports, and the stiffness of what joins that frame"
         + ("; on the way the tangent lost its stability: something buckled or toppled" if fell else "")
-        + "".join(f"; joint {name!r} went beyond its travel" for name in beyond_travel(equilibrium)),
+        + "".join(f"; joint {name!r} went beyond its travel" for name in beyond_travel(equilibrium))
+        + "".join(
+            f"; bushing {name!r} has turned far, and bears no more than 180 deg"
+            for name in far_bushings(equilibrium)
+        ),
         history=equilibrium.history,
         load_factor=factor,
         frame=frame,
@@ -139,6 +144,12 @@ def _solve(
     """Tangent, mass, omega^2, shapes, and how many of them, which come first, are rigid."""
     model, free = equilibrium.model, dynamic_freedom(equilibrium.model)
     config, loads = equilibrium.config, equilibrium.loads
+    if not np.any(free.active):
+        raise ConfigError(
+            "clamps hold all that could move: there are no modes",
+            where=f"environment {equilibrium.environment.title!r}",
+            hint="leave something free, or mesh the members with more elements",
+        )
     at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
     pairs = _eigenpairs(model, free.matrix(at.tangent), free.matrix(mass), count, soft)

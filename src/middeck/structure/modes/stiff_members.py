@@ -10,34 +10,38 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.carriers import member_stiffness
-from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.carriers import bushing_stiffness, member_stiffness
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.statics import article_size
 
 LIMIT = 1e10
 
 
 def check_beside_modes(modes: Modes, what: str) -> None:
-    """Refuse ``what`` beside a member or spring beyond `LIMIT` times the stiffness of the softest mode.
+    """Refuse ``what`` beside a member, spring or bushing beyond `LIMIT` times as stiff as the softest mode.
 
     Raises `NumericalError` that names it.
     """
     swings = modes.omega[modes.omega > 0.0]
     if len(swings):
-        model = modes.equilibrium.model
-        _check(model, float(swings.min() ** 2) * model.structure.mass, what)
+        rest = modes.equilibrium
+        _check(rest, float(swings.min() ** 2) * rest.model.structure.mass, what)
 
 
 def check_beside_devices(equilibrium: Equilibrium, what: str) -> None:
     """The same, of the stiffness of all devices; nothing moves where there are none."""
     held = float(np.sum(equilibrium.loads.law.stiffness))
     if held > 0.0:
-        _check(equilibrium.model, held, what)
+        _check(equilibrium, held, what)
 
 
-def _check(model: Model, held: float, what: str) -> None:
+def _check(rest: Equilibrium, held: float, what: str) -> None:
+    model, environment = rest.model, rest.environment
     own = [(spring.stiffness, f"spring {spring.name!r}") for spring in model.structure.springs]
+    size = 2.0 * article_size(model)
+    tied = [(b.name, b.stiffness) for b in (*model.structure.bushings, *environment.bushings)]
+    own += [(bushing_stiffness(K, size), f"bushing {name!r}") for name, K in tied]
     stiffness = member_stiffness(model.beams)
     if len(stiffness):
         stiffest = int(np.argmax(stiffness))

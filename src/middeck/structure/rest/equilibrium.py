@@ -33,6 +33,8 @@ from middeck.values import record
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
 # Turn [rad] of a node of which one turn alone is held: its square is what the order of the two others makes.
 ONE_HELD = 1e-3
+# Of the frames of a bushing: at pi its law ends; beyond a right angle a fall may have passed that.
+MOST_TURN, HALF_ROUND = np.radians(179.5), 0.5 * np.pi
 LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
 
 
@@ -51,7 +53,7 @@ class Equilibrium:
     Attributes:
         config: Positions, rotations and angles at rest.
         residual: Largest unbalanced force over the weight, or moment over the weight times half the article's
-            size (a metre at most); over the weight on the ground where there is none. See `imbalance_scale`.
+            size (a metre at most); see `imbalance_scale`.
         history: (load factor, residual, damping) of every iteration.
         holding_torque: Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds,
             positive on the carried body.
@@ -62,6 +64,7 @@ class Equilibrium:
         stable: Whether nothing grows there with the free joints held: false of a column that stands upright
             beyond its critical load, which the least push would bend, and of any state that did not converge.
             See `rest_warnings`.
+        followed: Whether it was followed from the drawn state as all that acts grew; else the article fell.
     """
 
     model: Model
@@ -76,6 +79,7 @@ class Equilibrium:
     reactions: tuple[Reaction, ...] = ()
     enough: float = TOLERANCE
     stable: bool = True
+    followed: bool = True
 
     @property
     def devices(self) -> tuple[str, ...]:
@@ -109,6 +113,7 @@ def solve_equilibrium(
     _check_driven(model, environment, loads)
     settled = settle(model, loads)
     _check_pull(tuned, settled.assembly.tension)
+    _check_turns(model, environment, settled.config, loads)
     if settled.residual < settled.enough:
         check_travel(structure, settled.config.angle)
     # At rest dE/d(angle) is the moment that the motor has to balance.
@@ -129,6 +134,7 @@ def solve_equilibrium(
         ),
         enough=settled.enough,
         stable=settled.stable,
+        followed=settled.followed,
     )
 
 
@@ -147,6 +153,26 @@ def _bushing_reactions(
     """What bushings to the ground do to the article, at their attach points."""
     load = -bushing_states(model, config, loads)[1].gradient[:, 6:]
     return tuple(Reaction(b.name, f[:3], f[3:]) for b, f in zip(environment.bushings, load, strict=True))
+
+
+def bushing_turns(
+    model: Model, environment: Environment, config: Configuration, loads: Loads
+) -> tuple[tuple[str, float], ...]:
+    """Relative turn [rad] of the frames of each bushing, those of the environment last."""
+    angle = np.concatenate([state.angle for state in bushing_states(model, config, loads)])
+    names = [b.name for b in (*model.structure.bushings, *environment.bushings)]
+    return tuple(zip(names, map(float, angle), strict=True))
+
+
+def _check_turns(model: Model, environment: Environment, config: Configuration, loads: Loads) -> None:
+    for name, turn in bushing_turns(model, environment, config, loads):
+        if turn > MOST_TURN:
+            raise EquilibriumError(
+                f"its frames turn by {np.degrees(turn):.1f} deg against each other: at 180 deg the rotation "
+                "vector has two directions, and its torque no sense",
+                where=f"bushing {name!r}",
+                hint="lower the load or stiffen the bushing; for whole turns take a [[revolute]] axis",
+            )
 
 
 def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
@@ -263,6 +289,13 @@ def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
         "turns comes first; hold two, or none"
         for clamp in equilibrium.environment.clamps
         if len(clamp.about) == 1 and np.linalg.norm(rotations[clamp.node]) > ONE_HELD
+    ]
+    turns = bushing_turns(equilibrium.model, equilibrium.environment, equilibrium.config, equilibrium.loads)
+    found += [
+        f"bushing {name!r} turned by {np.degrees(turn):.0f} deg as the article fell: had it passed 180 deg, "
+        "its torque would be another one; look at the way that it took"
+        for name, turn in turns
+        if turn > HALF_ROUND and equilibrium.converged and not equilibrium.followed
     ]
     turned = {name: float(np.linalg.norm(v)) for name, v in rotations.items()}
     name = max(turned, key=lambda n: turned[n])

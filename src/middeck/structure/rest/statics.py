@@ -49,13 +49,18 @@ MAX_HALVINGS = 30
 MIXED_ITERATIONS = 100
 # Iterations after which a descent creeps.
 SOON = 30
-# Part of the loads in the first step of following them, and in the least; iterations in one.
-FIRST_PART, LEAST_PART, MAX_NEWTON = 0.25, 1e-3, 20
+# Least part of the loads in one step of following them; iterations in one.
+LEAST_PART, MAX_NEWTON = 1e-3, 20
+# Of the step before, the longest that Newton's method takes on the branch that it follows (Deuflhard 2004,
+# section 2.1); and of the longest, what shows that the next, its square, is rounding.
+CONTRACTION, SQUARED = 0.5, 1e-7
 # Halvings of a step after which, twice, it does.
 SHORT = 3
 STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
+# And of the largest omega^2, whose rounding is 1e-16 of it.
+NEUTRAL = 1e-12
 DAMPING_STEP = 4.0
 # Of the least damping that holds what grows: taken, and to what it is found.
 AHEAD, NEAR = 1.5, 1.3
@@ -63,7 +68,7 @@ AHEAD, NEAR = 1.5, 1.3
 IN_LINE = 1e-9
 # Beyond any omega^2 of a structure: what is still indefinite has no mass.
 MOST_DAMPING = 1e20
-# Turn [rad] of a node in one step of prescribed displacements, and shift over the article's size.
+# Turn [rad] of a node in the first step of prescribed displacements, and shift over the article's size.
 PRESCRIBED_TURN = 0.1
 # Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
 # the second-order chart follows well. A translation of the whole may be of any length.
@@ -73,7 +78,7 @@ LONGEST_STEP = 0.5
 class Settled(NamedTuple):
     """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
 
-    The residual counts as rest below ``enough``.
+    The residual counts as rest below ``enough``. ``followed`` says that it is the branch of the drawn state.
     """
 
     config: Configuration
@@ -82,6 +87,7 @@ class Settled(NamedTuple):
     enough: float
     history: tuple[tuple[float, float, float], ...]
     stable: bool
+    followed: bool = False
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
@@ -114,24 +120,29 @@ def dynamic_freedom(model: Model) -> Freedom:
 
 
 def settle(model: Model, loads: Loads) -> Settled:
-    """Equilibrium under gravity and preload at once or, should that fail, by steps of the load.
+    """Equilibrium under gravity and preload: followed from the drawn state, or descended to.
+
+    An article that the world holds, and any under applied loads, is followed from its drawn state as all that
+    acts on it grows. One that hangs, and one whose branch ends or is not stable, descends at once or, should
+    that fail, by steps of the load.
 
     The tangent is re-formed at every iteration. Damping (Levenberg 1944: a multiple of the mass) keeps each
-    step a descent of the potential where the tangent is not positive definite; it is reduced after every
-    success and the last step is a pure Newton step. Convergence is on the true residual alone; on the way
-    there a rough one will do. Applied loads are followed from none, and descended only where that ends.
+    step downhill where the tangent is not positive definite; it is reduced after every success and the last
+    step is a pure Newton step. Convergence is on the true residual alone; on the way a rough one will do.
     """
     mass = carried_mass(model, model.rest)
-    if model.held is not None and np.any(model.held.moved):
+    moved = model.held is not None and bool(np.any(model.held.moved))
+    pushed = bool(np.any(loads.push))
+    held = model.held is not None or pushed or len(loads.ground.point) or not np.any(loads.gravity)
+    followed = _follow(model, loads, mass) if held else None
+    # A moment has no potential to descend, nor a node that is being displaced.
+    if followed is not None and (followed.stable or moved or np.any(loads.push[:, 3:])):
+        return followed
+    if moved:
         steps = _prescribed_steps(model)
         return _by_steps(model, loads, mass, tuple((np.arange(1, steps) / steps).tolist()))
-    followed = _follow(model, loads, mass) if np.any(loads.push) else None
-    if followed is None:
-        return _descend_by_turns(model, loads, mass)
-    if followed.stable or np.any(loads.push[:, 3:]):  # a moment has no potential to descend
-        return followed
     fallen = _descend_by_turns(model, loads, mass)
-    return fallen if fallen.residual < fallen.enough else followed
+    return fallen if followed is None or fallen.residual < fallen.enough else followed
 
 
 def _descend_by_turns(model: Model, loads: Loads, mass: sp.csr_array) -> Settled:
@@ -153,10 +164,10 @@ def _by_steps(
     history: list[tuple[float, float, float]] = []
     for factor in factors:
         load = scale_loads(loads, factor)
-        config, before = displace(model, config, load, factor - before), factor
+        (config, _), before = displace(model, config, load, factor - before), factor
         config, _, steps, _ = _descend(model, config, load, mass, scale, ROUGH)
         history += [(factor, residual, damping) for residual, damping in steps]
-    config = displace(model, config, loads, 1.0 - before)
+    config, _ = displace(model, config, loads, 1.0 - before)
     config, at, steps, enough = _descend(model, config, loads, mass, scale, TOLERANCE, most)
     history += [(1.0, residual, damping) for residual, damping in steps]
     residual = history[-1][1]
@@ -165,22 +176,31 @@ def _by_steps(
     return Settled(config, at, residual, enough, tuple(history), stable)
 
 
+def _holding(K: sp.csr_array, M: sp.csr_array) -> sp.csr_array:
+    """K with so much more stiffness that rounding drives no motion that nothing holds.
+
+    It is `LEAST_DAMPING` of the mass, or less in an article so large and soft that this would hold it.
+    """
+    k, m = np.abs(K.diagonal()), M.diagonal()
+    fastest = float((k[m > 0.0] / m[m > 0.0]).max(initial=0.0))
+    return sp.csr_array(K + min(LEAST_DAMPING, NEUTRAL * fastest or LEAST_DAMPING) * M)
+
+
 def _is_stable(model: Model, at: Assembly, mass: sp.csr_array) -> bool:
     free = static_freedom(model)
-    held = free.matrix(at.tangent) + LEAST_DAMPING * free.matrix(mass)
-    return positive_factor(sp.csr_array(held)) is not None
+    return positive_factor(_holding(free.matrix(at.tangent), free.matrix(mass))) is not None
 
 
 def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
-    """Along the branch of the drawn state by Newton's method, stable or not, as all loads grow together.
+    """Along the branch of the drawn state by Newton's method, stable or not, as all that acts grows together.
 
     None where the branch ends. A step is halved until Newton's method converges, and doubled after.
     """
-    config, at, done, step = model.rest, None, 0.0, FIRST_PART
+    config, at, done, step = model.rest, None, 0.0, 1.0 / _prescribed_steps(model)
     history: list[tuple[float, float, float]] = []
     while done < 1.0 and step > LEAST_PART:
         part = min(1.0, done + step)
-        found = _newton(model, config, scale_loads(loads, part), mass)
+        found = _newton(model, config, scale_loads(loads, part), part - done, mass, part < 1.0)
         if found is None:
             step *= 0.5
             continue
@@ -190,37 +210,54 @@ def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     if at is None or done < 1.0:
         return None
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
-    return Settled(config, at, history[-1][1], enough, tuple(history), _is_stable(model, at, mass))
+    return Settled(config, at, history[-1][1], enough, tuple(history), _is_stable(model, at, mass), True)
 
 
 def _newton(
-    model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
+    model: Model, config: Configuration, loads: Loads, part: float, mass: sp.csr_array, rough: bool
 ) -> tuple[Configuration, Assembly, list[float]] | None:
-    """Newton's method from nearby, forces inside as unknowns (`_with_forces`); None where it leaves.
+    """Newton's method from nearby, after a further ``part`` of what is prescribed; None where it leaves.
 
-    With the residuals on the way.
+    Forces inside are unknowns (see `_with_forces`). It ends where the next step would be rounding, whatever
+    the loads are beside the weight; a ``rough`` state will do on the way. With the residuals.
     """
-    free, scale, inner = static_freedom(model), imbalance_scale(model, loads), None
-    least, size = LEAST_DAMPING * free.matrix(mass), article_size(model)
-    left: list[float] = []
+    free, scale = static_freedom(model), imbalance_scale(model, loads)
+    inertia = free.matrix(mass)
+    config, inner = displace(model, config, loads, part)
+    left, longest, before = [], 0.0, LONGEST_STEP
     for _ in range(MAX_NEWTON):
         at = assemble_carried(model, config, loads)
         left.append(imbalance(at, free, scale))
-        if left[-1] < TOLERANCE:
+        if left[-1] < (ROUGH if rough else TOLERANCE) and _is_settled(left, before, longest):
             return config, at, left
         inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
         bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
-        q = _solve_spun(
-            free.matrix(bent.tangent) + least, _spin(model, at, loads, free), free.part(at.gradient)
-        )
-        if q is None or not np.abs(q).max(initial=0.0) < LONGEST_STEP:
+        held = _holding(free.matrix(bent.tangent), inertia)
+        q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
+        if q is None:
             return None
-        if left[-1] < ROUNDED and np.abs(q).max(initial=0.0) < UNMOVED * size:
-            return config, at, left
         q = free.spread(q)
+        step = stride(model, q)
+        if left[-1] < ROUNDED and step < UNMOVED:
+            return config, at, left
+        if not step < (CONTRACTION * before if longest > 0.0 else LONGEST_STEP):
+            return None
+        longest, before = max(longest, step), step
         inner = predict_forces(model, config, loads, q)
         config = move_carried(model.tree, config, q)
     return None
+
+
+def _is_settled(left: list[float], step: float, longest: float) -> bool:
+    """Whether Newton's next step is rounding: none is left, the last was short, or it did no good."""
+    fell = len(left) < 2 or left[-1] < 0.5 * left[-2]
+    return left[-1] == 0.0 or step < SQUARED * longest or not fell
+
+
+def stride(model: Model, q: Float[np.ndarray, " coordinate"]) -> float:
+    """The largest change that carried coordinates make: a turn [rad], or a shift over the article's size."""
+    turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
+    return float(np.abs(np.where(turns, q, q / article_size(model))).max(initial=0.0))
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
@@ -239,7 +276,7 @@ def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_arr
 def _solve_spun(K: sp.csr_array, spin: sp.csr_array | None, gradient: np.ndarray) -> np.ndarray | None:
     """Newton's step; None where there is none."""
     if spin is None:
-        factor = factorise(sp.csr_array(K))
+        factor = factorise(K)
         return None if factor is None else -factor.solve(gradient)
     try:
         q = -spla.splu(sp.csc_array(K + spin)).solve(gradient)
@@ -256,11 +293,16 @@ def _prescribed_steps(model: Model) -> int:
     return 1 + int(max(turn, shift))
 
 
-def displace(model: Model, config: Configuration, loads: Loads, part: float) -> Configuration:
-    """``config`` after a further ``part`` of what is prescribed; the rest follows by the tangent."""
+def displace(
+    model: Model, config: Configuration, loads: Loads, part: float
+) -> tuple[Configuration, Inner | None]:
+    """``config`` after a further ``part`` of what is prescribed; the rest follows by the tangent.
+
+    With the forces inside to first order, None where nothing followed.
+    """
     since = config.since_drawn
     if model.held is None or since is None or not np.any(model.held.moved):
-        return config
+        return config, None
     moved = part * model.held.moved
     free, pushed = static_freedom(model), np.zeros(model.tree.size)
     pushed[: moved.size] = moved.ravel()
@@ -270,10 +312,11 @@ def displace(model: Model, config: Configuration, loads: Loads, part: float) -> 
     there = SinceDrawn(
         since.drawn, since.carrier, since.shift + moved[:, :3], since.turn + turn + turn @ since.turn
     )
-    config = placed(there, config.angle)
+    displaced = placed(there, config.angle)
     if factor is None:
-        return config
-    return move_carried(model.tree, config, free.spread(-factor.solve(free.part(K @ pushed))))
+        return displaced, None
+    q = free.spread(-factor.solve(free.part(K @ pushed)))
+    return move_carried(model.tree, displaced, q), predict_forces(model, config, loads, pushed + q)
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
@@ -301,12 +344,13 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
         if step is None:
             return None
         q, damping, upright = step
-        size = float(np.abs(q).max(initial=0.0))
-        enough = ROUNDED if size < UNMOVED * size_of and (upright or damping == 0.0) else TOLERANCE
+        q = free.spread(q)
+        size = stride(model, q)
+        enough = ROUNDED if size < UNMOVED and (upright or damping == 0.0) else TOLERANCE
         if residual < enough and (upright or damping == 0.0):
             stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None
             return Settled(config, at, residual, enough, tuple(history), stable)
-        q = free.spread(q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP)))
+        q = q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP))
         inner = predict_forces(model, config, loads, q)
         config = move_carried(model.tree, config, q)
     return None
@@ -384,11 +428,12 @@ def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinat
 
 
 def imbalance_weight(model: Model, loads: Loads) -> float:
-    """The article's weight [N], on the ground where there is none; a load that is larger."""
-    gravity = float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY
-    applied = np.linalg.norm(loads.push.reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0)
-    forces = [model.structure.mass * gravity, applied[0], applied[1] / min(article_size(model), 1.0)]
-    return max(*map(float, forces), float(np.finfo(float).tiny))
+    """The weight or the largest load [N], whichever is more; the weight on the ground if there is none."""
+    mass, applied = model.structure.mass, np.linalg.norm(loads.push.reshape(-1, 2, 3), axis=2)
+    force, moment = applied.max(axis=0, initial=0.0)
+    weight = mass * float(np.linalg.norm(loads.gravity))
+    most = max(weight, float(force), float(moment) / min(article_size(model), 1.0))
+    return most or mass * STANDARD_GRAVITY or float(np.finfo(float).tiny)
 
 
 def article_size(model: Model) -> float:

@@ -162,6 +162,12 @@ def _task(
         raise ConfigError(
             "level is undefined without gravity", where="level", hint="take another environment"
         )
+    if not (environment.hung or environment.springs):
+        raise ConfigError(
+            "nothing hangs there: attach points are moved below the devices that hold them",
+            where=f"environment {environment.title!r}",
+            hint="take an environment with a [suspension], devices or springs",
+        )
     points, nodes = [a.name for a in structure.attach_points], [n.name for n in structure.nodes]
     for name, axis in free:
         if name not in points or len(axis) != 1 or axis not in AXES:
