@@ -271,6 +271,14 @@ def deck(names: Names) -> None:
     np.testing.assert_allclose(names["modes"].frequency_hz[6:], printed, rtol=2.5e-4)
 
 
+def free_decay(names: Names) -> None:
+    """Three releases, and one exponential leaves far more than the noise."""
+    found = names["found"]
+    assert len(found.decays) == 3
+    assert found.one_exponential_rms > 10.0 * found.residual_rms.max()
+    assert np.all(np.diff(found.frequency_hz[4:]) > 0.0)
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -279,6 +287,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/from-a-record-to-a-plant.md": from_a_record_to_a_plant,
     "docs/how-to/impact-test.md": impact_test,
+    "docs/how-to/free-decay.md": free_decay,
     "docs/how-to/override-a-value.md": override_a_value,
     "docs/how-to/level-an-article.md": level_an_article,
     "docs/how-to/clamp-it-load-it.md": clamp_it_load_it,
