@@ -15,13 +15,23 @@ ALL = "123456"
 
 
 class RandomDeck(NamedTuple):
-    """A deck's text; places of its grids; bars, riders and bodies as they were drawn."""
+    """A deck's text; places of its grids; bars, riders and bodies as they were drawn.
+
+    ``systems`` are kind, origin and axes; ``moves_in`` are those of displacements by grid.
+    """
 
     text: str
     places: dict[int, np.ndarray]
     bars: list[dict[str, Any]]
     riders: dict[int, int]
     bodies: list[dict[str, Any]]
+    systems: dict[int, tuple[str, np.ndarray, np.ndarray]]
+    moves_in: dict[int, int]
+
+    @property
+    def free(self) -> list[int]:
+        """Grids that ride on no other."""
+        return [n for n in self.places if n not in self.riders]
 
 
 def field(value: Any, width: int) -> str:
@@ -203,7 +213,7 @@ def random_deck(seed: int, rods: bool = False, grids: int = 9) -> RandomDeck:
         )
         bodies.append({"grid": grid, "mass": mass, "arm": arm, "inertia": inertia})
     head = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", "PARAM   COUPMASS1"]
-    return RandomDeck("\n".join([*head, *lines, "ENDDATA", ""]), places, bars, riders, bodies)
+    return RandomDeck("\n".join([*head, *lines, "ENDDATA", ""]), places, bars, riders, bodies, systems, cd)
 
 
 def skew(v: np.ndarray) -> np.ndarray:
@@ -283,22 +293,21 @@ def local_matrices(bar: dict[str, Any], L: float, formulation: str) -> tuple[np.
     return K, M
 
 
+def motion(deck: RandomDeck, grid: int, arm: np.ndarray) -> np.ndarray:
+    """Shift and turn of the point ``arm`` from ``grid`` in the freedoms of the free grids."""
+    end = grid
+    while end in deck.riders:
+        end = deck.riders[end]
+    arm = arm + deck.places[grid] - deck.places[end]
+    out, at = np.zeros((6, 6 * len(deck.free))), 6 * deck.free.index(end)
+    out[:, at : at + 6] = np.eye(6)
+    out[:3, at + 3 : at + 6] = -skew(arm)
+    return out
+
+
 def textbook(deck: RandomDeck, formulation: str) -> tuple[np.ndarray, np.ndarray]:
     """K and M of the deck in the freedoms of its free grids."""
-    free = [n for n in deck.places if n not in deck.riders]
-    index = {n: 6 * i for i, n in enumerate(free)}
-    K, M = (np.zeros((6 * len(free),) * 2) for _ in range(2))
-
-    def rows(grid: int, arm: np.ndarray) -> np.ndarray:
-        end = grid
-        while end in deck.riders:
-            end = deck.riders[end]
-        arm = arm + deck.places[grid] - deck.places[end]
-        out = np.zeros((6, len(K)))
-        out[:, index[end] : index[end] + 6] = np.eye(6)
-        out[:3, index[end] + 3 : index[end] + 6] = -skew(arm)
-        return out
-
+    K, M = (np.zeros((6 * len(deck.free),) * 2) for _ in range(2))
     for bar in deck.bars:
         a, b = (deck.places[n] + arm for n, arm in zip(bar["ends"], bar["arms"], strict=True))
         L = float(np.linalg.norm(b - a))
@@ -307,13 +316,13 @@ def textbook(deck: RandomDeck, formulation: str) -> tuple[np.ndarray, np.ndarray
         zz /= np.linalg.norm(zz)
         R = np.stack([x, np.cross(zz, x), zz])
         T = np.kron(np.eye(4), R) @ np.vstack(
-            [rows(n, arm) for n, arm in zip(bar["ends"], bar["arms"], strict=True)]
+            [motion(deck, n, arm) for n, arm in zip(bar["ends"], bar["arms"], strict=True)]
         )
         k, m = local_matrices(bar, L, formulation)
         K += T.T @ k @ T
         M += T.T @ m @ T
     for body in deck.bodies:
-        T = rows(body["grid"], body["arm"])
+        T = motion(deck, body["grid"], body["arm"])
         own = np.zeros((6, 6))
         own[:3, :3], own[3:, 3:] = body["mass"] * np.eye(3), body["inertia"]
         M += T.T @ own @ T

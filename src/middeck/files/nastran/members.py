@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.files.article_build import default_up
 from middeck.files.faults import Fault
-from middeck.files.nastran.coordinates import Places, default_system
+from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.formats import PLACES
 from middeck.files.nastran.sections_of_bars import BarSection, Sections, principal_axes
@@ -62,8 +62,6 @@ class _Reader:
 
     def __init__(self, entries: Entries, places: Places, faults: list[Fault]) -> None:
         self.places, self.faults = places, faults
-        self.grids = entries.numbered("GRID")
-        self.cd = default_system(entries, "cd")
         self.default = {name: next(iter(entries.of(card)), None) for name, card in DEFAULTS.items()}
 
     def completed(self, entry: Entry) -> Entry:
@@ -131,11 +129,9 @@ class _Reader:
 
     def _vector(self, grid: int, components: np.ndarray, frame: str) -> np.ndarray:
         """Components in the displacement coordinates of ``grid`` ("G"), or basic ones ("B")."""
-        cd = self.grids[grid]["cd"]
-        cd = self.cd if cd is None else cd
-        if frame == "B" or cd <= 0 or not np.any(components):
+        if frame == "B" or not np.any(components):
             return components
-        return self.places.systems[cd].axes_at(self.places.grids[grid]) @ components
+        return self.places.displacement_axes(grid) @ components
 
     def _representable(self, entry: Entry) -> None:
         for key in ("pa", "pb"):
