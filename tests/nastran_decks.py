@@ -167,14 +167,26 @@ def random_deck(seed: int, rods: bool = False, grids: int = 9) -> RandomDeck:
         pid = int(rng.integers(1, 3))
         w = [0.1 * rng.standard_normal(3) if rng.random() < 0.4 else np.zeros(3) for _ in "ab"]
         up = rng.standard_normal(3)
+        offt = "".join(rng.choice(list(s)) for s in ("GB", "GO", "GO"))
         g0 = int(rng.choice([n for n in names if n not in (a, b)])) if rng.random() < 0.3 else None
-        written = [g0, None, None] if g0 else list(components(*systems[cd[a]], places[a], up))
+        v = up if g0 is None else places[g0] - places[a]
+        written = list(up if offt[0] == "B" else components(*systems[cd[a]], places[a], up))
+        e1 = (places[b] - places[a]) / np.linalg.norm(places[b] - places[a])
+        e2 = (v - (v @ e1) * e1) / np.linalg.norm(v - (v @ e1) * e1)
+        own = np.array([e1, e2, np.cross(e1, e2)])
         shown = [
             x
-            for n, v in zip((a, b), w, strict=True)
-            for x in (components(*systems[cd[n]], places[n], v) if v.any() else [None] * 3)
+            for n, arm, axes in zip((a, b), w, offt[1:], strict=True)
+            for x in (
+                [None] * 3
+                if not arm.any()
+                else own @ arm
+                if axes == "O"
+                else components(*systems[cd[n]], places[n], arm)
+            )
         ]
-        lines += card(rng, "CBAR", 100 + k, pid, a, b, *written, None, None, None, *shown)
+        written = [g0, None, None] if g0 else written
+        lines += card(rng, "CBAR", 100 + k, pid, a, b, *written, offt, None, None, *shown)
         bars.append(
             {"ends": (a, b), "arms": w, "up": up if g0 is None else places[g0] - places[a], **properties[pid]}
         )

@@ -56,7 +56,9 @@ def test_the_deck_is_sound(tmp_path):
         ("CBAR,21,1,1,4", "no orientation"),
         ("CBAR,21,1,1,1,0.,1.,0.", "a member of no length"),
         ("CBAR,21,1,1,4,0.,1.,0.\n,5", "released degrees of freedom (pins)"),
-        ("CBAR,21,1,1,4,0.,1.,0.,GOO\n,,,.1", "offsets in other axes"),
+        ("CBAR,21,1,1,4,0.,1.,0.,GEE\n,,,.1", "then G or O for each offset"),
+        ("CBAR,21,1,1,4,1.,0.,0.,GOO\n,,,.0,.1", "which grids and orientation do not give"),
+        ("BAROR,,1,,,1.,0.,0.\nCBAR,21,1,1,4,,1.", "an orientation of which BAROR gives a part"),
         ("PBAR,2,9,1.\nCBAR,21,2,1,4,0.,1.,0.", "there is no MAT1 9"),
         ("MAT1,2,7.+10,.33,2.7+3\nPBAR,2,2,1.\nCBAR,21,2,1,4,0.,1.,0.", "MAT1 2 has Poisson's ratio 2700.0"),
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
@@ -180,6 +182,10 @@ def test_a_deck_that_is_cut_off(tmp_path, cut):
 def test_includes_that_are_missing_or_close(tmp_path):
     with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE = gone.blk: there is no such file"):
         read_deck(write(tmp_path, "INCLUDE 'gone.blk'"))
+    (tmp_path / "c.blk").write_text("GRID,7\nENDDATA\n")
+    assert read_deck(write(tmp_path, "INCLUDE 'c.blk'", "$ end")).entries.numbered("GRID")[7]
+    with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE: this file has an ENDDATA, and cards follow"):
+        read_deck(write(tmp_path, "INCLUDE 'c.blk'", "GRID,8"))
     with pytest.raises(ConfigError, match="includes itself"):
         read_deck(write(tmp_path, "INCLUDE 'a.dat'"))
     with pytest.raises(ConfigError, match="cannot be read"):

@@ -14,6 +14,7 @@ import numpy as np
 from middeck.files.faults import Fault
 from middeck.files.nastran.coordinates import BASIC, Places
 from middeck.files.nastran.entries import Entries, Entry
+from middeck.files.nastran.members import own_axes
 from middeck.files.nastran.numbers import real
 
 ROW = 8
@@ -129,11 +130,9 @@ def _axes(entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, pla
         raise ValueError("neither a CID nor an orientation: only K1 and K4 could be given then")
     else:
         up = np.eye(3)[np.argmin(np.abs(x))]
-    across = np.cross(x, up)
-    if not np.linalg.norm(across) > ALONG * np.linalg.norm(up):
+    if not np.linalg.norm(np.cross(x, up)) > ALONG * np.linalg.norm(up):
         raise ValueError("its orientation vector is zero or along it")
-    z = across / np.linalg.norm(across)
-    return np.column_stack([x, np.cross(z, x), z])
+    return own_axes(x, up)
 
 
 def _stiffness(entry: Entry) -> np.ndarray:
