@@ -155,6 +155,9 @@ def test_a_held_deck_needs_an_environment(capfd, tmp_path):
     assert "--environment" in ended.err
     ended = middeck(capfd, "convert", path, "--units", "m-kg-s", "-o", article, "--environment", held)
     assert (ended.code, article.exists(), held.exists()) == (0, True, True)
+    before = article.read_text()
+    ended = middeck(capfd, "convert", path, "--units", "m-kg-s", "-o", article, "--environment", article)
+    assert (ended.code, article.read_text()) == (2, before)
 
 
 def test_matrices_are_refused_where_selected(tmp_path):

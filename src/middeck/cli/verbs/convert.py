@@ -42,7 +42,7 @@ Examples:
 )
 @options.written(
     "--environment",
-    "held_in",
+    "held_target",
     endings=options.ARTICLES,
     metavar="ENVIRONMENT",
     help="Write what holds the deck: its SPC as clamps, its springs to the ground.",
@@ -53,7 +53,7 @@ def verb(
     units: str | None,
     mass_formulation: str | None,
     target: str | None,
-    held_in: str | None,
+    held_target: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -80,15 +80,15 @@ def verb(
     name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
     name = name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
     made = convert_deck(source, known, chosen.mass_formulation, name)
-    if target and (made.holds) and not held_in:
+    if target and (made.holds) and not held_target:
         raise _not_held(source.path)
-    structure = _written(made, source, known, chosen.mass_formulation, target, held_in)
+    structure = _written(made, source, known, chosen.mass_formulation, target, held_target)
     numbers = summary_numbers(summary := summarise(structure))
     document = {
         "schema": "middeck.convert/1",
         "deck": deck,
         "written": target,
-        "environment": held_in,
+        "environment": held_target,
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": chosen.mass_formulation,
         "cards": source.cards,
@@ -132,7 +132,12 @@ def _no_units(source: Deck) -> Exception:
 
 
 def _written(
-    made: Conversion, source: Deck, units: Units, formulation: str, target: str | None, held_in: str | None
+    made: Conversion,
+    source: Deck,
+    units: Units,
+    formulation: str,
+    target: str | None,
+    held_target: str | None,
 ) -> Any:
     """The structure as it is read back from the article; nothing is written where that fails."""
     from tempfile import TemporaryDirectory
@@ -156,7 +161,7 @@ def _written(
         held.write_text(around, encoding="utf-8")
         with reading(source.path):
             structure, _ = load_setup(trial, held)
-    for path, content in ((target, text), (held_in, around)):
+    for path, content in ((target, text), (held_target, around)):
         if path is not None:
             with replacing(path) as file:
                 file.write_text(content, encoding="utf-8")
