@@ -71,6 +71,8 @@ def verb(
     from middeck.files.nastran.units import parse_units
     from middeck.structure.summary.summary import summarise
 
+    if target and held_target and Path(target).resolve() == Path(held_target).resolve():
+        raise click.UsageError("--output and --environment name one file")
     given = {"units": units, "mass_formulation": mass_formulation}
     chosen = settle(ConvertSettings, given, overrides)
     source = read_deck(deck)
@@ -80,7 +82,7 @@ def verb(
     name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
     name = name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
     made = convert_deck(source, known, chosen.mass_formulation, name)
-    if target and (made.holds) and not held_target:
+    if target and made.holds and not held_target:
         raise _not_held(source.path)
     structure = _written(made, source, known, chosen.mass_formulation, target, held_target)
     numbers = summary_numbers(summary := summarise(structure))
