@@ -15,13 +15,23 @@ ALL = "123456"
 
 
 class RandomDeck(NamedTuple):
-    """A deck's text; places of its grids; bars, riders and bodies as they were drawn."""
+    """A deck's text; places of its grids; bars, riders and bodies as they were drawn.
+
+    ``systems`` are kind, origin and axes; ``moves_in`` are those of displacements by grid.
+    """
 
     text: str
     places: dict[int, np.ndarray]
     bars: list[dict[str, Any]]
     riders: dict[int, int]
     bodies: list[dict[str, Any]]
+    systems: dict[int, tuple[str, np.ndarray, np.ndarray]]
+    moves_in: dict[int, int]
+
+    @property
+    def free(self) -> list[int]:
+        """Grids that ride on no other."""
+        return [n for n in self.places if n not in self.riders]
 
 
 def field(value: Any, width: int) -> str:
@@ -157,14 +167,26 @@ def random_deck(seed: int, rods: bool = False, grids: int = 9) -> RandomDeck:
         pid = int(rng.integers(1, 3))
         w = [0.1 * rng.standard_normal(3) if rng.random() < 0.4 else np.zeros(3) for _ in "ab"]
         up = rng.standard_normal(3)
+        offt = "".join(rng.choice(list(s)) for s in ("GB", "GO", "GO"))
         g0 = int(rng.choice([n for n in names if n not in (a, b)])) if rng.random() < 0.3 else None
-        written = [g0, None, None] if g0 else list(components(*systems[cd[a]], places[a], up))
+        v = up if g0 is None else places[g0] - places[a]
+        written = list(up if offt[0] == "B" else components(*systems[cd[a]], places[a], up))
+        e1 = (places[b] - places[a]) / np.linalg.norm(places[b] - places[a])
+        e2 = (v - (v @ e1) * e1) / np.linalg.norm(v - (v @ e1) * e1)
+        own = np.array([e1, e2, np.cross(e1, e2)])
         shown = [
             x
-            for n, v in zip((a, b), w, strict=True)
-            for x in (components(*systems[cd[n]], places[n], v) if v.any() else [None] * 3)
+            for n, arm, axes in zip((a, b), w, offt[1:], strict=True)
+            for x in (
+                [None] * 3
+                if not arm.any()
+                else own @ arm
+                if axes == "O"
+                else components(*systems[cd[n]], places[n], arm)
+            )
         ]
-        lines += card(rng, "CBAR", 100 + k, pid, a, b, *written, None, None, None, *shown)
+        written = [g0, None, None] if g0 else written
+        lines += card(rng, "CBAR", 100 + k, pid, a, b, *written, offt, None, None, *shown)
         bars.append(
             {"ends": (a, b), "arms": w, "up": up if g0 is None else places[g0] - places[a], **properties[pid]}
         )
@@ -203,7 +225,7 @@ def random_deck(seed: int, rods: bool = False, grids: int = 9) -> RandomDeck:
         )
         bodies.append({"grid": grid, "mass": mass, "arm": arm, "inertia": inertia})
     head = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", "PARAM   COUPMASS1"]
-    return RandomDeck("\n".join([*head, *lines, "ENDDATA", ""]), places, bars, riders, bodies)
+    return RandomDeck("\n".join([*head, *lines, "ENDDATA", ""]), places, bars, riders, bodies, systems, cd)
 
 
 def skew(v: np.ndarray) -> np.ndarray:
@@ -283,22 +305,21 @@ def local_matrices(bar: dict[str, Any], L: float, formulation: str) -> tuple[np.
     return K, M
 
 
+def motion(deck: RandomDeck, grid: int, arm: np.ndarray) -> np.ndarray:
+    """Shift and turn of the point ``arm`` from ``grid`` in the freedoms of the free grids."""
+    end = grid
+    while end in deck.riders:
+        end = deck.riders[end]
+    arm = arm + deck.places[grid] - deck.places[end]
+    out, at = np.zeros((6, 6 * len(deck.free))), 6 * deck.free.index(end)
+    out[:, at : at + 6] = np.eye(6)
+    out[:3, at + 3 : at + 6] = -skew(arm)
+    return out
+
+
 def textbook(deck: RandomDeck, formulation: str) -> tuple[np.ndarray, np.ndarray]:
     """K and M of the deck in the freedoms of its free grids."""
-    free = [n for n in deck.places if n not in deck.riders]
-    index = {n: 6 * i for i, n in enumerate(free)}
-    K, M = (np.zeros((6 * len(free),) * 2) for _ in range(2))
-
-    def rows(grid: int, arm: np.ndarray) -> np.ndarray:
-        end = grid
-        while end in deck.riders:
-            end = deck.riders[end]
-        arm = arm + deck.places[grid] - deck.places[end]
-        out = np.zeros((6, len(K)))
-        out[:, index[end] : index[end] + 6] = np.eye(6)
-        out[:3, index[end] + 3 : index[end] + 6] = -skew(arm)
-        return out
-
+    K, M = (np.zeros((6 * len(deck.free),) * 2) for _ in range(2))
     for bar in deck.bars:
         a, b = (deck.places[n] + arm for n, arm in zip(bar["ends"], bar["arms"], strict=True))
         L = float(np.linalg.norm(b - a))
@@ -307,13 +328,13 @@ def textbook(deck: RandomDeck, formulation: str) -> tuple[np.ndarray, np.ndarray
         zz /= np.linalg.norm(zz)
         R = np.stack([x, np.cross(zz, x), zz])
         T = np.kron(np.eye(4), R) @ np.vstack(
-            [rows(n, arm) for n, arm in zip(bar["ends"], bar["arms"], strict=True)]
+            [motion(deck, n, arm) for n, arm in zip(bar["ends"], bar["arms"], strict=True)]
         )
         k, m = local_matrices(bar, L, formulation)
         K += T.T @ k @ T
         M += T.T @ m @ T
     for body in deck.bodies:
-        T = rows(body["grid"], body["arm"])
+        T = motion(deck, body["grid"], body["arm"])
         own = np.zeros((6, 6))
         own[:3, :3], own[3:, 3:] = body["mass"] * np.eye(3), body["inertia"]
         M += T.T @ own @ T

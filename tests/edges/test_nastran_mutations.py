@@ -32,11 +32,22 @@ RBE2,13,3,123456,4
 CONM2,14,4,,2.5,,,,,+
 +,.1,,.1,,,.1
 SPC1,8,123,1
+SPC1,7,1235,1
+PBUSH,5,K,1.+5,2.+5,3.+5,4.+2
+CBUSH,21,5,2,4,0.,0.,1.
+CELAS2,22,250.,3,5
+FORCE,6,4,5,2.,.5,-1.
 ENDDATA
 """
 REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?$", re.ASCII)
-COMPARED = {"GRID": (2, 3, 4), "MAT1": (1, 4), "PBAR": (2, 3, 4, 5), "CONM2": (3,)}
-KEYS = {"GRID": ("x1", "x2", "x3"), "MAT1": ("e", "rho"), "PBAR": ("a", "i1", "i2", "j"), "CONM2": ("m",)}
+COMPARED = {
+    "GRID": (2, 3, 4), "MAT1": (1, 4), "PBAR": (2, 3, 4, 5), "CONM2": (3,), "CELAS2": (1,),
+    "FORCE": (3, 4, 5, 6),
+}  # fmt: skip
+KEYS = {
+    "GRID": ("x1", "x2", "x3"), "MAT1": ("e", "rho"), "PBAR": ("a", "i1", "i2", "j"), "CONM2": ("m",),
+    "CELAS2": ("k",), "FORCE": ("f", "n1", "n2", "n3"),
+}  # fmt: skip
 MARKS = " 0123456789.+-*,$EDeAGCB'\t\n/="
 
 

@@ -56,7 +56,9 @@ def test_the_deck_is_sound(tmp_path):
         ("CBAR,21,1,1,4", "no orientation"),
         ("CBAR,21,1,1,1,0.,1.,0.", "a member of no length"),
         ("CBAR,21,1,1,4,0.,1.,0.\n,5", "released degrees of freedom (pins)"),
-        ("CBAR,21,1,1,4,0.,1.,0.,GOO\n,,,.1", "offsets in other axes"),
+        ("CBAR,21,1,1,4,0.,1.,0.,GEE\n,,,.1", "then G or O for each offset"),
+        ("CBAR,21,1,1,4,1.,0.,0.,GOO\n,,,.0,.1", "which grids and orientation do not give"),
+        ("BAROR,,1,,,1.,0.,0.\nCBAR,21,1,1,4,,1.", "an orientation of which BAROR gives a part"),
         ("PBAR,2,9,1.\nCBAR,21,2,1,4,0.,1.,0.", "there is no MAT1 9"),
         ("MAT1,2,7.+10,.33,2.7+3\nPBAR,2,2,1.\nCBAR,21,2,1,4,0.,1.,0.", "MAT1 2 has Poisson's ratio 2700.0"),
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
@@ -64,8 +66,24 @@ def test_the_deck_is_sound(tmp_path):
         ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),
         ("PBARL,2,1,,BOX\n,1.,1.,.1\nCBAR,21,2,1,4,0.,1.,0.", "BOX needs 4 real dimensions"),
         ("PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
-        ("CELAS2,20,1.+5,1,1", "springs and bushings"),
-        ("CBUSH,20,2,1,4", "springs and bushings"),
+        ("CELAS2,20,1.+5,1,1,4,2", "components of different directions"),
+        ("CELAS2,20,1.+5,1,2,4,2", "across the line between its grids"),
+        ("CELAS2,20,-1.,1,1", "a negative stiffness"),
+        ("CELAS2,20,1.,1,0", "scalar points"),
+        ("CELAS1,20,3,1,1", "there is no PELAS 3"),
+        ("CBUSH,20,2,1,4", "there is no PBUSH 2"),
+        ("PBUSH,2,K,RIGID\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has K"),
+        ("PBUSH,2,K,1.\n,,M,2.\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has M"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "only K1 and K4"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "by OCID"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2", "to the ground needs a CID"),
+        ("PBEAM,2,1,1.,1.,1.,,1.\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
+        ("GRID,8,,5.\nRBE2,20,8,123456,1\nRBE2,21,2,123,8", "only links of all six components"),
+        ("RBE2,20,1,123456,5,6,7,8,9,10", "a number, 10, where the mark of a continuation stands"),
+        ("GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2", "an RBE3 carries is not converted yet"),
+        ("FORCE,5,9,,1.,1.", "nothing stands on grid 9"),
+        ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
+        ("LOAD,5,1.,1.,8", "no factor and set of loads"),
         ("CQUAD4,20,1,1,2,3,4", "reduce the part"),
         ("CMASS2,20,1.,1,1", "not converted yet, and without it the modes would be others"),
         ("CONM2,20,9,,1.", "there is no grid 9"),
@@ -77,7 +95,7 @@ def test_the_deck_is_sound(tmp_path):
             "GRID,8,,5.,,,9\nCBAR,20,1,8,1,0.,1.,0.",
             "GRID 8 field 7 (CD) = 9: there is no coordinate system 9",
         ),
-        ("GRID,8,,5.,,,,5\nCBAR,20,1,8,1,0.,1.,0.", "permanent constraints"),
+        ("GRID,8,,5.,,,,5\nRBE2,20,1,123456,8", "its components 5 are held and depend on grid 1 too"),
         ("CONM1,20,1,,1.,,2.", "no rigid body"),
     ],
 )
@@ -88,16 +106,58 @@ def test_what_cannot_be_converted(tmp_path, card, words):
     assert "a.dat:" in str(error.value)
 
 
-@pytest.mark.parametrize("command", ["SPC", "MPC"])
-def test_only_selected_constraints_are_refused(tmp_path, command):
-    cards = {"SPC": "SPC1,5,123456,1", "MPC": "MPC,5,4,1,1.,1,1,-1."}[command]
-    made = convert(write(tmp_path, cards, case=[f"{command} = 6"]))
-    assert ("SPC1" if command == "SPC" else "MPC", 1, "not selected by case control") in made.left_out
-    assert any(f"selects {command} 6, which is not there" in note for note in made.notes)
-    with pytest.raises(ConfigError, match="case control selects set 5"):
-        convert(write(tmp_path, cards, case=[f"{command} = 5"]))
-    with pytest.raises(ConfigError, match="case control selects set 5"):
-        convert(write(tmp_path, cards, f"{command}ADD,6,5", case=["SUBCASE 1", f"  {command} = 6"]))
+def test_only_selected_constraints_of_many_points_are_refused(tmp_path):
+    cards = "MPC,5,4,1,1.,1,1,-1."
+    made = convert(write(tmp_path, cards, case=["MPC = 6"]))
+    assert ("MPC", 1, "not selected by case control") in made.left_out
+    assert any("selects MPC 6, which is not there" in note for note in made.notes)
+    for case, more in ((["MPC = 5"], []), (["SUBCASE 1", "  MPC 6"], ["MPCADD,6,5"])):
+        with pytest.raises(ConfigError, match="case control selects set 5"):
+            convert(write(tmp_path, cards, *more, case=case))
+
+
+def test_only_selected_clamps_are_converted(tmp_path):
+    """PS holds in any case; SPC where case control selects it, once, at grids of its own."""
+    cards = ["SPC1,5,4,1", "SPC1,6,13,1,THRU,4", "GRID,8,,0.,9.,,,2"]
+    free = convert(write(tmp_path, *cards))
+    assert not free.holds
+    assert ("SPC1", 2, "not selected by case control") in free.left_out
+    held = convert(write(tmp_path, "SPC1,5,4,1", "SPC,5,2,123456", case=["SPC = 5"]))
+    found = {c["node"]: (c["along"], c["about"]) for c in held.environment["clamp"]}
+    assert found == {"g1": ("", "x"), "g2": ("xyz", "xyz")}
+    for case, words in (
+        (["SPC = 6"], "GRID 3: its components 13 are held and depend on grid 2 too"),
+        (["SUBCASE 1", "SPC = 5", "SUBCASE 2", "SPC = 6"], r"sets \[5, 6\] are selected"),
+        (["SPC = ONE"], "'ONE' is not the number of a set"),
+        (["STATSUB = 1"], "without it the modes would be others"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            convert(write(tmp_path, *cards, case=case))
+    with pytest.raises(ConfigError, match="there is no grid 99"):
+        convert(write(tmp_path, "SPC1,5,4,99", case=["SPC = 5"]))
+    with pytest.raises(ConfigError, match="displacement that is not zero"):
+        convert(write(tmp_path, "SPC,5,1,1,.1", case=["SPC = 5"]))
+
+
+def test_load_sets_are_converted_whole_or_listed(tmp_path):
+    cards = ["FORCE,5,1,,1.,1.", "FORCE,6,1,,1.,1.", "PLOAD4,6,1,2.", "GRAV,7,,9.81,0.,0.,-1."]
+    made = convert(write(tmp_path, *cards))
+    assert [case["name"] for case in made.document["load_case"]] == ["load5"]
+    assert [row[0] for row in made.left_out if row[0].startswith("load")] == ["load set 6", "load set 7"]
+    assert "load_case" not in convert(write(tmp_path, *cards, case=["LOAD = 6"])).document
+
+
+def test_a_held_deck_needs_an_environment(capfd, tmp_path):
+    path = write(tmp_path, "SPC1,5,123456,1", case=["SPC = 5"])
+    article, held = tmp_path / "a.toml", tmp_path / "held.toml"
+    ended = middeck(capfd, "convert", path, "--units", "m-kg-s", "-o", article)
+    assert (ended.code, article.exists()) == (2, False)
+    assert "--environment" in ended.err
+    ended = middeck(capfd, "convert", path, "--units", "m-kg-s", "-o", article, "--environment", held)
+    assert (ended.code, article.exists(), held.exists()) == (0, True, True)
+    before = article.read_text()
+    ended = middeck(capfd, "convert", path, "--units", "m-kg-s", "-o", article, "--environment", article)
+    assert (ended.code, article.read_text()) == (2, before)
 
 
 def test_matrices_are_refused_where_selected(tmp_path):
@@ -125,6 +185,10 @@ def test_a_deck_that_is_cut_off(tmp_path, cut):
 def test_includes_that_are_missing_or_close(tmp_path):
     with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE = gone.blk: there is no such file"):
         read_deck(write(tmp_path, "INCLUDE 'gone.blk'"))
+    (tmp_path / "c.blk").write_text("GRID,7\nENDDATA\n")
+    assert read_deck(write(tmp_path, "INCLUDE 'c.blk'", "$ end")).entries.numbered("GRID")[7]
+    with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE: this file has an ENDDATA, and cards follow"):
+        read_deck(write(tmp_path, "INCLUDE 'c.blk'", "GRID,8"))
     with pytest.raises(ConfigError, match="includes itself"):
         read_deck(write(tmp_path, "INCLUDE 'a.dat'"))
     with pytest.raises(ConfigError, match="cannot be read"):
@@ -137,7 +201,7 @@ def test_includes_that_are_missing_or_close(tmp_path):
 def test_nothing_half_written(capfd, tmp_path):
     target = tmp_path / "a.toml"
     target.write_text("old")
-    ended = middeck(capfd, "convert", write(tmp_path, "CBUSH,20,2,1,4"), "--units", "m-kg-s", "-o", target)
+    ended = middeck(capfd, "convert", write(tmp_path, "CMASS2,20,1.,1,1"), "--units", "m-kg-s", "-o", target)
     assert (ended.code, target.read_text()) == (2, "old")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.dat", "a.toml"]
 

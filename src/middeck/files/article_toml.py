@@ -30,6 +30,9 @@ def document_text(document: Mapping[str, Any], head: str) -> str:
         elif isinstance(table, list):
             for row in table:
                 lines += ["", f"[[{name}]]", *_keys(row)]
+                for key, parts in row.items():
+                    for part in parts if isinstance(parts, list) else ():
+                        lines += ["", f"[[{name}.{key}]]", *_keys(part)]
     return "\n".join(lines) + "\n"
 
 

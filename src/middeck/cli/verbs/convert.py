@@ -40,18 +40,27 @@ Examples:
 @options.written(
     "-o", "--output", "target", endings=options.ARTICLES, metavar="ARTICLE", help="Write the article."
 )
+@options.written(
+    "--environment",
+    "held_target",
+    endings=options.ARTICLES,
+    metavar="ENVIRONMENT",
+    help="Write what holds the deck: its SPC as clamps, its springs to the ground.",
+)
 @options.common
 def verb(
     deck: str,
     units: str | None,
     mass_formulation: str | None,
     target: str | None,
+    held_target: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Convert a Nastran DECK to an article, in SI units.
 
-    Bars, beams, rods, masses and rigid links of all six components are converted; what has no part in the
+    Bars, beams, rods, masses, springs, bushings, point loads and rigid links of all six components are
+    converted; what holds the deck goes to the environment of --environment; what has no part in the
     modes is left out, listed and counted; what has, and cannot be converted, is an error with file, line,
     card and field. Without --units their likeliest set is named, and nothing is written. --set takes units
     and mass_formulation.
@@ -62,6 +71,8 @@ def verb(
     from middeck.files.nastran.units import parse_units
     from middeck.structure.summary.summary import summarise
 
+    if target and held_target and Path(target).resolve() == Path(held_target).resolve():
+        raise click.UsageError("--output and --environment name one file")
     given = {"units": units, "mass_formulation": mass_formulation}
     chosen = settle(ConvertSettings, given, overrides)
     source = read_deck(deck)
@@ -71,12 +82,15 @@ def verb(
     name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
     name = name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
     made = convert_deck(source, known, chosen.mass_formulation, name)
-    structure = _written(made, source, known, chosen.mass_formulation, target)
+    if target and made.holds and not held_target:
+        raise _not_held(source.path)
+    structure = _written(made, source, known, chosen.mass_formulation, target, held_target)
     numbers = summary_numbers(summary := summarise(structure))
     document = {
         "schema": "middeck.convert/1",
         "deck": deck,
         "written": target,
+        "environment": held_target,
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": chosen.mass_formulation,
         "cards": source.cards,
@@ -88,6 +102,16 @@ def verb(
         **numbers,
     }
     show(as_json, document, *_blocks(document), *summary_lines(numbers), *measure_lines(numbers))
+
+
+def _not_held(path: str) -> Exception:
+    from middeck.errors import ConfigError
+
+    return ConfigError(
+        "the ground holds this deck, and an article holds nothing: its modes alone would be others",
+        where=path,
+        hint="--environment FILE.toml for the clamps; without SPC in case control the deck is free",
+    )
 
 
 def _no_units(source: Deck) -> Exception:
@@ -109,14 +133,21 @@ def _no_units(source: Deck) -> Exception:
     )
 
 
-def _written(made: Conversion, source: Deck, units: Units, formulation: str, target: str | None) -> Any:
+def _written(
+    made: Conversion,
+    source: Deck,
+    units: Units,
+    formulation: str,
+    target: str | None,
+    held_target: str | None,
+) -> Any:
     """The structure as it is read back from the article; nothing is written where that fails."""
     from tempfile import TemporaryDirectory
 
     from middeck.cli.blame import reading
     from middeck.files.article_toml import document_text
     from middeck.files.atomic import replacing
-    from middeck.files.documents import load_structure
+    from middeck.files.documents import load_setup
 
     head = (
         f"From {source.path} by middeck convert, units {units.name}.\n"
@@ -124,14 +155,18 @@ def _written(made: Conversion, source: Deck, units: Units, formulation: str, tar
         + (" (halves at their ends, as bodies of the nodes)." if formulation == "lumped" else ".")
     )
     text = document_text(made.document, head)
+    around = document_text(made.environment, head.splitlines()[0])
     with TemporaryDirectory() as folder:
         trial = Path(folder) / "article.toml"
         trial.write_text(text, encoding="utf-8")
+        held = Path(folder) / "environment.toml"
+        held.write_text(around, encoding="utf-8")
         with reading(source.path):
-            structure = load_structure(trial)
-    if target is not None:
-        with replacing(target) as file:
-            file.write_text(text, encoding="utf-8")
+            structure, _ = load_setup(trial, held)
+    for path, content in ((target, text), (held_target, around)):
+        if path is not None:
+            with replacing(path) as file:
+                file.write_text(content, encoding="utf-8")
     return structure
 
 
@@ -146,5 +181,6 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     rows = [[row["card"], str(row["count"]), row["why"]] for row in document["left_out"]]
     blocks += [Table("left out", ["card", "number", "why"], rows)] if rows else []
     blocks += [f"\nnote: {note}" for note in document["notes"]]
-    blocks += [f"\nwrote {document['written']}" if document["written"] else "\nnothing written: no -o"]
+    written = [file for file in (document["written"], document["environment"]) if file]
+    blocks += [f"\nwrote {' and '.join(written)}" if written else "\nnothing written: no -o"]
     return [*blocks, ""]

@@ -11,10 +11,12 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from middeck.files.faults import Fault, raise_faults
+from middeck.files.nastran.numbers import integer, real
 from middeck.files.nastran.sections import Line
 
 ROW = 8  # fields in a row of either format
 MARKS = "+*"
+BREAK = "break it with a continuation"
 
 
 class Card(NamedTuple):
@@ -154,7 +156,9 @@ def _cut_free(text: str, line: Line) -> _Row | Fault:
     large = "*" in head
     room = ROW // 2 if large else ROW
     if any(fields[room + 1 :]):
-        return _fault(line, f"more than {room} fields in one line", "break it with a continuation")
+        return _fault(line, f"more than {room} fields in one line", BREAK)
     tail = fields[room] if len(fields) > room else ""
+    if tail and (real(tail) is not None or integer(tail) is not None):
+        return _fault(line, f"a number, {tail}, where the mark of a continuation stands", BREAK)
     fields = fields[:room]
     return _large(head) if large else head or "+", fields, tail, large, line

@@ -6,11 +6,16 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from middeck.files.faults import Fault, raise_faults
+from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.sections import Line
 
-_COMMAND = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*=\s*(.*?)\s*$")
+# Blanks may stand for the equals sign.
+_COMMAND = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?(?:\s*=\s*|\s+)(.*?)\s*$")
 _SETS = frozenset(("SPC", "MPC", "LOAD", "METHOD", "METH", "SUPORT1", "NSM"))
 _MATRICES = frozenset(("K2GG", "M2GG", "K2PP", "M2PP", "B2PP", "B2GG", "A2GG", "K42GG"))
+# Commands after which modes are those of another structure: a preload, a transfer function.
+_OTHERS = frozenset(("STATSUB", "TFL"))
 
 
 class Selection(NamedTuple):
@@ -27,11 +32,15 @@ class Selection(NamedTuple):
 
 
 def read_selection(lines: Iterable[Line]) -> Selection:
-    """The commands of case control that modes depend on; all others are passed over."""
+    """The commands of case control that modes depend on; all others are passed over.
+
+    Raises `ConfigError` for a set that is no number, a preload (STATSUB) and a transfer function (TFL).
+    """
     sets: dict[str, frozenset[int]] = {}
     matrices: dict[str, str] = {}
     where: dict[str, Line] = {}
     params: list[Line] = []
+    faults: list[Fault] = []
     for line in lines:
         text = line[0].upper()
         if re.match(r"\s*PARAM\s*[, ]", text):
@@ -41,10 +50,23 @@ def read_selection(lines: Iterable[Line]) -> Selection:
         if found is None:
             continue
         command, value = found.groups()
-        if command in _SETS and value.isdecimal():
-            sets[command] = sets.get(command, frozenset()) | {int(value)}
-            where.setdefault(command, line)
+        if command in _SETS:
+            number = integer(value)
+            if number is None or number < 0:
+                faults.append(_fault(line, command, f"{value!r} is not the number of a set"))
+            else:
+                sets[command] = sets.get(command, frozenset()) | {number}
+                where.setdefault(command, line)
+        elif command in _OTHERS:
+            faults.append(
+                _fault(line, command, "not converted yet, and without it the modes would be others")
+            )
         elif command in _MATRICES:
             matrices[command] = value
             where.setdefault(command, line)
+    raise_faults(faults)
     return Selection(sets, matrices, where, tuple(params))
+
+
+def _fault(line: Line, command: str, message: str) -> Fault:
+    return Fault(file=line[1], line=line[2], key=command, message=message)

@@ -12,10 +12,13 @@ from middeck.files.nastran.bodies import Mass, merged, read_masses
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.entries import Entry, raise_some
+from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.members import Bar, read_bars
 from middeck.files.nastran.numbers import integer
-from middeck.files.nastran.rigid_links import expand, find_carriers
+from middeck.files.nastran.restraints import clamp, read_restraints
+from middeck.files.nastran.rigid_links import find_carriers
 from middeck.files.nastran.sections_of_bars import principal_axes, read_material, shear_stiffness
+from middeck.files.nastran.ties import Tie, read_ties
 from middeck.files.nastran.units import Units, guess_units
 from middeck.structure.model.connectivity import separate_parts, some_names
 
@@ -25,7 +28,6 @@ Formulation = Literal["consistent", "coupled", "lumped"]
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
 NO_PART = {
-    "loads are no part of an article": ("GRAV", "FORCE", "MOMENT", "LOAD"),
     "sets of a reduction: the article is not reduced": (*REDUCTION, "SPOINT"),
     "an article that is free needs none": ("SUPORT", "SUPORT1"),
     "how to solve": ("EIGR", "EIGRL"),
@@ -38,6 +40,7 @@ ROUNDING = 1e-12
 class Conversion(NamedTuple):
     """An article's document, and what became of the cards.
 
+    ``environment`` is the document of an environment without gravity: what holds the deck, if anything does.
     ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
     ``notes`` are sentences for the report.
     """
@@ -47,6 +50,12 @@ class Conversion(NamedTuple):
     converted: dict[str, int]
     left_out: tuple[tuple[str, int, str], ...]
     notes: tuple[str, ...]
+    environment: dict[str, Any]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the ground holds the deck anywhere."""
+        return "clamp" in self.environment or "bushing" in self.environment
 
 
 def likely_units(deck: Deck) -> list[Units]:
@@ -90,35 +99,71 @@ class _Converter:
         self._check_systems(faults)
         bars = read_bars(entries, self.places, faults)
         masses = read_masses(entries, self.places, faults)
+        ties = read_ties(entries, self.places, faults)
+        held = read_restraints(self.deck, self.places, faults)
         raise_some(faults)
-        used = {grid for bar in bars for grid in bar.grids} | {mass.grid for mass in masses}
-        carriers = find_carriers(entries, self.places.grids, used)
-        self._check_unconverted(used, carriers, faults)
-        self._check_rods(bars, carriers, faults)
+        used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
+        carriers = find_carriers(entries, self.places.grids, used | set(held))
+        self._check_unconverted(used | set(held), carriers, faults)
+        self._check_held(held, carriers, faults)
+        self._check_rods(bars, carriers, held, faults)
         raise_some(faults)
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in _halves(bar)]
         bodies = merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses)
         kept = {carriers.get(grid, grid) for grid in used}
-        self._check_whole(kept, bars, carriers)
-        self._account(used, carriers)
+        self._check_whole(kept, bars, ties, carriers)
+        loads = LoadSets(self.deck, self.places, carriers, kept)
+        cases = loads.cases(self.units, faults)
+        raise_some(faults)
+        self.left_out += loads.refused
+        self._account(used | set(held), carriers)
         sections, struts = self._members(bars, carriers)
-        document = {
-            "schema": 1,
-            "name": name,
-            "title": f"{name} (from {self.deck.path.rsplit('/', 1)[-1]})",
-            "mesh": {"elements_per_strut": 1},
-            "section": sections,
-            "node": [self._node(grid, bodies.get(grid)) for grid in self.places.grids if grid in kept],
-            "strut": struts,
-            "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept],
-        }
+        points, bushings, grounds = self._ties(ties, carriers)
+        clamps = [
+            clamp(grid, held[grid], self.places)
+            for grid in self.places.grids
+            if grid in held and grid in kept
+        ]
+        self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
+        document = _filled(
+            {
+                "schema": 1,
+                "name": name,
+                "title": f"{name} (from {self.deck.path.rsplit('/', 1)[-1]})",
+                "mesh": {"elements_per_strut": 1},
+                "section": sections,
+                "node": [self._node(grid, bodies.get(grid)) for grid in self.places.grids if grid in kept],
+                "strut": struts,
+                "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept]
+                + points,
+                "bushing": bushings,
+                "load_case": cases,
+            }
+        )
         converted = Counter(bar.entry.name for bar in bars)
         converted.update(entry.name for entry in entries.of("CONM1", "CONM2"))
+        converted.update(tie.entry.name for tie in ties)
+        converted["clamped grids"] = len(clamps)
+        converted["load cases"] = len(cases)
         converted["grids that are nodes"] = len(kept)
         converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
         read = {name: len(found) for name, found in entries.by_name.items()}
-        return Conversion(document, read, dict(converted), tuple(self.left_out), tuple(self.notes))
+        environment = {"schema": 1, "name": name, "clamp": clamps, "bushing": grounds}
+        return Conversion(
+            document, read, dict(converted), tuple(self.left_out), tuple(self.notes), _filled(environment)
+        )
+
+    def _check_held(self, held: dict[int, str], carriers: dict[int, int], faults: list[Fault]) -> None:
+        grid = self.deck.entries.numbered("GRID")
+        faults += [
+            grid[rider].fault(
+                f"its components {components} are held and depend on grid {carriers[rider]} too",
+                hint=f"hold grid {carriers[rider]}",
+            )
+            for rider, components in held.items()
+            if rider in carriers
+        ]
 
     def _check_systems(self, faults: list[Fault]) -> None:
         for entry in self.deck.entries.of("GRDSET", "GRID"):
@@ -127,9 +172,13 @@ class _Converter:
                 faults.append(entry.fault(f"there is no coordinate system {cd}", "cd"))
         raise_some(faults)
 
-    def _check_rods(self, bars: list[Bar], carriers: dict[int, int], faults: list[Fault]) -> None:
+    def _check_rods(
+        self, bars: list[Bar], carriers: dict[int, int], clamped: dict[int, str], faults: list[Fault]
+    ) -> None:
         """A grid that only rods join turns against nothing; the coupled mass of rods is not a bar's."""
         held = {carriers.get(grid, grid) for bar in bars if bar.section.shape.i1 > 0.0 for grid in bar.grids}
+        if self.formulation == "lumped":  # others give a rod the mass of a beam that turns with its ends
+            held |= {grid for grid, components in clamped.items() if "456" in components}
         for bar in bars:
             if bar.entry.name not in ("CROD", "CONROD"):
                 continue
@@ -150,8 +199,6 @@ class _Converter:
         """Refuse what is not converted yet and would change the modes; list what would not."""
         entries, selection = self.deck.entries, self.deck.selection
         used = used | set(carriers) | set(carriers.values())
-        for entry in entries.of("CELAS1", "CELAS2", "CBUSH"):
-            faults.append(entry.fault("springs and bushings are not converted yet", hint="leave it out"))
         for entry in entries.of("RBE3"):
             if entry["refgrid"] in used:
                 faults.append(
@@ -162,30 +209,23 @@ class _Converter:
         for entry in entries.of("RBE2", "RBAR"):
             if not any(grid in carriers for grid in _grids_named(entry)):
                 self._leave(entry.name, 1, "links at grids that nothing stands on")
-        for command, word in (("SPC", "fixed degrees of freedom are"), ("MPC", "multipoint constraints are")):
+        for command in ("SPC", "MPC"):
             chosen = self.deck.selected(command)
-            for entry in chosen:
-                touched = _constrained(entry, faults)
-                if any(grid in used for grid in touched):
-                    faults.append(
-                        entry.fault(
-                            f"{word} not converted yet, and case control selects set {entry.id}",
-                            hint=f"the free article: take {command} out of case control",
-                        )
+            if command == "MPC":
+                faults += [
+                    entry.fault(
+                        "multipoint constraints are not converted yet, and case control selects set "
+                        f"{entry.id}",
+                        hint="without them: take MPC out of case control",
                     )
+                    for entry in chosen
+                ]
             names = ("SPC", "SPC1", "SPCADD") if command == "SPC" else ("MPC", "MPCADD")
             for name in names:
                 count = len(entries.of(name)) - sum(entry.name == name for entry in chosen)
                 self._leave(name, count, "not selected by case control")
             absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
             self.notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
-        fixed = [entry for entry in entries.of("GRID") if entry["ps"] and entry.id in used]
-        faults += [entry.fault("permanent constraints are not converted yet", "ps") for entry in fixed]
-        if any(entry["ps"] for entry in entries.of("GRDSET")):
-            faults += [
-                entry.fault("permanent constraints are not converted yet", "ps")
-                for entry in entries.of("GRDSET")
-            ]
         for command, matrix in selection.matrices.items():
             line = selection.lines[command]
             faults.append(
@@ -203,10 +243,14 @@ class _Converter:
                 Fault(file=line[1], line=line[2], key="NSM", message="NSM sets are not converted yet")
             )
 
-    def _check_whole(self, kept: set[int], bars: list[Bar], carriers: dict[int, int]) -> None:
+    def _check_whole(
+        self, kept: set[int], bars: list[Bar], ties: list[Tie], carriers: dict[int, int]
+    ) -> None:
         """A part of its own would float beside the rest."""
         grid = self.deck.entries.numbered("GRID")
-        pairs = [tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in bars]
+        pairs = [
+            tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in (*bars, *ties) if len(bar.grids) > 1
+        ]
         parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
         if not bars:
             fault = Fault(
@@ -233,8 +277,8 @@ class _Converter:
         self._leave("DMIG", len(entries.of("DMIG")), "not selected by case control")
         bare = set(self.places.grids) - used - set(carriers) - set(carriers.values())
         self._leave("GRID", len(bare), "nothing stands on them: points of orientation, for instance")
-        damped = [e for e in entries.of("MAT1", "PELAS") if e["ge"]]
-        self._leave("MAT1 GE", len(damped), "damping of materials: give it in the article's [damping]")
+        damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
+        self._leave("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]")
         self.notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
         stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} & {"BOX", "I", "I1"}
         if stiff:
@@ -280,6 +324,32 @@ class _Converter:
                     strut[key] = offset * self.units.length
             struts.append(strut)
         return sections, struts
+
+    def _ties(
+        self, ties: list[Tie], carriers: dict[int, int]
+    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+        """Attach points, bushings between them, and bushings to the ground."""
+        points: list[dict[str, Any]] = []
+        between: list[dict[str, Any]] = []
+        grounds: list[dict[str, Any]] = []
+        length, force = self.units.length, self.units.force
+        for tie in ties:
+            name = f"{'bush' if tie.entry.name == 'CBUSH' else 'spring'}{tie.entry.id}"
+            ends = [name + end for end in "ab"[: len(tie.grids)]]
+            for end, grid, point in zip(ends, tie.grids, tie.points, strict=True):
+                carrier = carriers.get(grid, grid)
+                offset = (point - self.places.grids[carrier]) * length
+                points.append({"name": end, "frame": f"g{carrier}", "offset_m": offset})
+            law = {
+                "stiffness": tie.stiffness * force * np.repeat([1.0 / length, length], 3),
+                "x_axis": tie.axes[:, 0],
+                "y_axis": tie.axes[:, 1],
+            }
+            if len(ends) == 2:
+                between.append({"name": name, "from": ends[0], "to": ends[1], **law})
+            else:
+                grounds.append({"name": name, "attach": ends[0], **law})
+        return points, between, grounds
 
     def _section(self, bar: Bar) -> dict[str, Any]:
         section, (shape, _) = bar.section, principal_axes(bar.section)
@@ -332,6 +402,10 @@ class _Converter:
         return {"name": f"g{grid}", "frame": f"g{carrier}", "offset_m": offset}
 
 
+def _filled(document: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in document.items() if value != []}
+
+
 def _halves(bar: Bar) -> list[Mass]:
     half, none = 0.5 * bar.section.per_length * bar.length, np.zeros((3, 3))
     return [Mass(grid, half, end, none) for grid, end in zip(bar.grids, bar.ends, strict=True) if half]
@@ -341,20 +415,3 @@ def _grids_named(entry: Entry) -> list[int]:
     if entry.name == "RBAR":
         return [entry["ga"], entry["gb"]]
     return [entry["gn"], *(n for n in map(integer, filter(None, entry["gm"])) if n)]
-
-
-def _constrained(entry: Entry, faults: list[Fault]) -> list[int]:
-    """The grids of an SPC, an SPC1 or an MPC."""
-    if entry.name == "SPC":
-        return [grid for grid in (entry["g1"], entry["g2"]) if grid]
-    if entry.name == "SPC1":
-        return expand(entry, [t for t in entry["grids"] if t], "grids", faults)
-    # (grid, component, factor) twice in a line of eight, the second line beginning in its second field.
-    terms = ["", *entry["terms"]]
-    return [
-        n
-        for i in range(0, len(terms), 8)
-        for j in (1, 4)
-        for t in terms[i + j : i + j + 1]
-        if (n := integer(t or ""))
-    ]

@@ -52,10 +52,15 @@ BASIC = System("R", np.zeros(3), np.eye(3))
 
 
 class Places(NamedTuple):
-    """All coordinate systems by number, and every grid in basic coordinates."""
+    """All coordinate systems by number; every grid in basic coordinates, and the system it moves in."""
 
     systems: dict[int, System]
     grids: dict[int, Float[np.ndarray, "3"]]
+    moves_in: dict[int, int]
+
+    def displacement_axes(self, grid: int) -> Float[np.ndarray, "3 3"]:
+        """Directions (columns, basic) of the displacement components of ``grid``."""
+        return self.systems[max(self.moves_in[grid], 0)].axes_at(self.grids[grid])
 
 
 def place_grids(entries: Entries) -> Places:
@@ -72,6 +77,11 @@ def default_system(entries: Entries, field: str) -> int:
     return next((entry[field] for entry in entries.of("GRDSET")), 0)
 
 
+def default_components(entries: Entries) -> str:
+    """The components that GRDSET, if any, holds of grids whose PS is blank."""
+    return next((entry["ps"] or "" for entry in entries.of("GRDSET")), "")
+
+
 class _Resolver:
     """Coordinate systems and grids found so far; 0 is the basic one."""
 
@@ -82,6 +92,8 @@ class _Resolver:
         self.cp = default_system(entries, "cp")
         self.systems: dict[int, System] = {0: BASIC}
         self.grids: dict[int, np.ndarray] = {}
+        cd = default_system(entries, "cd")
+        self.moves_in = {n: cd if e["cd"] is None else e["cd"] for n, e in self.grid.items()}
         self.faults: dict[str, Fault] = {}
 
     def places(self) -> Places:
@@ -96,7 +108,7 @@ class _Resolver:
             else:
                 self._resolve(("grid", number), entry)
         raise_some(list(self.faults.values()))
-        return Places(self.systems, self.grids)
+        return Places(self.systems, self.grids, self.moves_in)
 
     def _done(self, what: tuple[str, int]) -> bool:
         return what[1] in (self.systems if what[0] == "system" else self.grids)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from middeck.files.article_build import default_up
 from middeck.files.faults import Fault
-from middeck.files.nastran.coordinates import Places, default_system
+from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.formats import PLACES
 from middeck.files.nastran.sections_of_bars import BarSection, Sections, principal_axes
 
 NAMES = ("CBAR", "CBEAM", "CROD", "CONROD")
+OFFT = re.compile("[GB][GO][GO]")
 DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 # The sine of the angle between a member and its orientation vector.
 LEAST_SINE = 1e-6
@@ -49,12 +51,18 @@ def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar
         ends, up = placed
         angle = principal_axes(section)[1]
         if angle:
-            x = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-            y = up - (up @ x) * x
-            y = y / np.linalg.norm(y)
-            up = np.cos(angle) * y + np.sin(angle) * np.cross(x, y)
+            _, y, z = own_axes(ends[1] - ends[0], up).T
+            up = np.cos(angle) * y + np.sin(angle) * z
         bars.append(Bar(entry, (entry["ga"], entry["gb"]), ends, up, section))
     return bars
+
+
+def own_axes(along: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Unit vectors as columns: x ``along``, y towards ``up``; not finite if both are one line."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x, z = along / np.linalg.norm(along), np.cross(along, up)
+        z = z / np.linalg.norm(z)
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 class _Reader:
@@ -62,8 +70,6 @@ class _Reader:
 
     def __init__(self, entries: Entries, places: Places, faults: list[Fault]) -> None:
         self.places, self.faults = places, faults
-        self.grids = entries.numbered("GRID")
-        self.cd = default_system(entries, "cd")
         self.default = {name: next(iter(entries.of(card)), None) for name, card in DEFAULTS.items()}
 
     def completed(self, entry: Entry) -> Entry:
@@ -73,6 +79,8 @@ class _Reader:
         if other is not None:
             vector = ("x1", "x2", "x3")
             bare = all(entry[key] is None for key in vector)
+            if not bare and any(entry[key] is None and other[key] is not None for key in vector):
+                self._say(entry, f"an orientation of which {other.name} gives a part is not converted", "x1")
             keys = ("pid", "offt", *(vector if bare else ()))
             given = {key: other[key] for key in keys if entry[key] is None}
         if entry.name != "CONROD" and entry["pid"] is None and given.get("pid") is None:
@@ -97,21 +105,25 @@ class _Reader:
             return (a, b), default_up(b - a)
         self._representable(entry)
         offt = entry["offt"] or "GGG"
-        a_offset, b_offset = (np.array([entry[f"w{i}{end}"] for i in "123"]) for end in "ab")
-        ends = (
-            a + self._vector(entry["ga"], a_offset, "G"),
-            b + self._vector(entry["gb"], b_offset, "G"),
-        )
         up = self._orientation(entry, a, offt[:1])
+        if up is None:
+            return None
+        w_a, w_b = (np.array([entry[f"w{i}{end}"] for i in "123"]) for end in "ab")
+        own = own_axes(b - a, up) if "O" in offt[1:] and (w_a.any() or w_b.any()) else None
+        if own is not None and not np.all(np.isfinite(own)):
+            self._say(entry, "offsets in its own axes, which grids and orientation do not give", "offt")
+            return None
+        ends = (
+            a + self._vector(entry["ga"], w_a, offt[1:2], own),
+            b + self._vector(entry["gb"], w_b, offt[2:3], own),
+        )
         along = ends[1] - ends[0]
         length = np.linalg.norm(along)
         if not length > 0.0:
             self._say(entry, "a member of no length", "gb")
-        elif up is not None and not np.linalg.norm(
-            np.cross(up, along)
-        ) > LEAST_SINE * length * np.linalg.norm(up):
+        elif not np.linalg.norm(np.cross(up, along)) > LEAST_SINE * length * np.linalg.norm(up):
             self._say(entry, "its orientation vector is zero or along the member", "x1")
-        return None if up is None else (ends, up)
+        return ends, up
 
     def _orientation(self, entry: Entry, a: np.ndarray, frame: str) -> np.ndarray | None:
         first = entry["x1"]
@@ -129,13 +141,15 @@ class _Reader:
         vector = np.array([entry[key] or 0.0 for key in ("x1", "x2", "x3")])
         return self._vector(entry["ga"], vector, frame)
 
-    def _vector(self, grid: int, components: np.ndarray, frame: str) -> np.ndarray:
-        """Components in the displacement coordinates of ``grid`` ("G"), or basic ones ("B")."""
-        cd = self.grids[grid]["cd"]
-        cd = self.cd if cd is None else cd
-        if frame == "B" or cd <= 0 or not np.any(components):
+    def _vector(
+        self, grid: int, components: np.ndarray, frame: str, own: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Components in the displacement coordinates of ``grid`` ("G"), basic ("B") or ``own`` ones ("O")."""
+        if frame == "B" or not np.any(components):
             return components
-        return self.places.systems[cd].axes_at(self.places.grids[grid]) @ components
+        if frame == "O" and own is not None:
+            return own @ components
+        return self.places.displacement_axes(grid) @ components
 
     def _representable(self, entry: Entry) -> None:
         for key in ("pa", "pb"):
@@ -144,9 +158,8 @@ class _Reader:
         if entry.name == "CBEAM" and (entry["sa"] or entry["sb"]):
             self._say(entry, "warping is not converted yet", "sa")
         offt = entry["offt"]
-        offset = any(entry[f"w{i}{end}"] for i in "123" for end in "ab")
-        if offt is not None and (len(offt) != 3 or offt[0] not in "GB" or (offt[1:] != "GG" and offset)):
-            self._say(entry, "offsets in other axes than the grid's are not converted yet", "offt")
+        if offt is not None and not OFFT.fullmatch(offt):
+            self._say(entry, "must be G or B for the orientation, then G or O for each offset", "offt")
 
     def _say(self, entry: Entry, message: str, key: str) -> None:
         self.faults.append(entry.fault(message, key))

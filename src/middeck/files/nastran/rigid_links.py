@@ -29,7 +29,8 @@ def find_carriers(entries: Entries, grids: Container[int], used: Container[int])
     """
     faults: list[Fault] = []
     by: dict[int, Link] = {}
-    for link in (*_rbe2(entries, used, faults), *_rbar(entries, used, faults)):
+    partial: list[tuple[list[int], Fault]] = []
+    for link in (*_rbe2(entries, partial, faults), *_rbar(entries, partial)):
         first = by.get(link.rider)
         if link.rider not in grids or link.carrier not in grids:
             absent = link.carrier if link.rider in grids else link.rider
@@ -57,6 +58,13 @@ def find_carriers(entries: Entries, grids: Container[int], used: Container[int])
             at = by[at].carrier
         end = carriers.get(at, at)
         carriers.update(dict.fromkeys(chain, end))
+    # What carries a grid in use is in use.
+    bearing: set[int] = set()
+    for at in by:
+        while at in by and (at in used or at in bearing) and by[at].carrier not in bearing:
+            at = by[at].carrier
+            bearing.add(at)
+    raise_some([f for grids, f in partial if any(g in used or g in bearing for g in grids)])
     return carriers
 
 
@@ -95,18 +103,18 @@ def _partial(entry: Entry, key: str) -> Fault:
     )
 
 
-def _rbe2(entries: Entries, used: Container[int], faults: list[Fault]) -> list[Link]:
+def _rbe2(entries: Entries, partial: list[tuple[list[int], Fault]], faults: list[Fault]) -> list[Link]:
     links: list[Link] = []
     for entry in entries.of("RBE2"):
         riders = grids_of(entry, faults)
         if entry["cm"] == ALL:
             links += [Link(rider, entry["gn"], entry, "gm") for rider in riders]
-        elif any(rider in used for rider in riders):
-            faults.append(_partial(entry, "cm"))
+        else:
+            partial.append((riders, _partial(entry, "cm")))
     return links
 
 
-def _rbar(entries: Entries, used: Container[int], faults: list[Fault]) -> list[Link]:
+def _rbar(entries: Entries, partial: list[tuple[list[int], Fault]]) -> list[Link]:
     links: list[Link] = []
     for entry in entries.of("RBAR"):
         ends = (entry["cna"] or "", entry["cnb"] or "", entry["cma"] or "", entry["cmb"] or "")
@@ -115,8 +123,6 @@ def _rbar(entries: Entries, used: Container[int], faults: list[Fault]) -> list[L
                 links.append(Link(entry["gb"], entry["ga"], entry, "gb"))
             case ("", "123456", "" | "123456", ""):
                 links.append(Link(entry["ga"], entry["gb"], entry, "ga"))
-            case _ if entry["ga"] in used or entry["gb"] in used:
-                faults.append(_partial(entry, "cna"))
             case _:
-                pass
+                partial.append(([entry["ga"], entry["gb"]], _partial(entry, "cna")))
     return links

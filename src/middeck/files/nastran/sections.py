@@ -66,6 +66,17 @@ def _cut_off(last: Line, end: str) -> None:
     )
 
 
+def _counts(text: str) -> bool:
+    return bool(text.split("$")[0].strip()) and not _ENDDATA.match(text)
+
+
+def _no_end(line: Line) -> None:
+    message = "this file has an ENDDATA, and cards follow here, which would not count"
+    raise_fault(
+        Fault(file=line[1], line=line[2], key="INCLUDE", message=message, hint="take that ENDDATA out")
+    )
+
+
 class _Reader:
     """Files read so far: the lines before and after BEGIN BULK."""
 
@@ -92,12 +103,13 @@ class _Reader:
                 if include:
                     named, number = _quoted(include.group(1), texts, number)
                     self._include(named, (text, file, number), path, within)
+                    if self.ended and any(map(_counts, texts[number:])):
+                        _no_end((text, file, number))
                     continue
                 if _BEGIN.match(text):
                     self._begin((text, file, number))
                     continue
                 if _ENDDATA.match(text):
-                    # A bulk data file of its own may end likewise.
                     self.ended = True
                     continue
             (self.bulk if self.begun else self.head).append((text, file, number))

@@ -13,6 +13,7 @@ from middeck.files.nastran.numbers import real
 from middeck.files.nastran.shapes import SHAPES, SectionShape, section_shape
 
 ROW = 8
+STATIONS = ("YES", "YESA", "NO")  # the first field of a station of a PBEAM
 
 
 class Material(NamedTuple):
@@ -147,10 +148,12 @@ def _shape(entry: Entry) -> tuple[SectionShape, float]:
 def _constant_beam(entry: Entry) -> tuple[float, float]:
     """Shear factors of a PBEAM; raises `ValueError` for one that tapers, warps, or whose axes are apart."""
     fields = [text or "" for text in entry["rest"]]  # from C1(A), on the second line of eight
-    rows = [fields[i : i + ROW] for i in range(0, len(fields), ROW)][1:]
+    rows = [fields[i : i + ROW] for i in range(0, len(fields), ROW)]
     rows = [row + [""] * (ROW - len(row)) for row in rows]
+    if rows and rows[0][0] not in STATIONS:  # stress recovery at end A may be left out
+        rows = rows[1:]
     own = [entry[key] for key in ("a", "i1", "i2", "i12", "j", "nsm")]
-    while rows and rows[0][0] in ("YES", "YESA", "NO"):
+    while rows and rows[0][0] in STATIONS:
         here = [real(text) if text else value for text, value in zip(rows[0][2:], own, strict=True)]
         if here != own:
             raise ValueError("a beam that tapers is not converted yet")

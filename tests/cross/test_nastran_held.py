@@ -1,0 +1,141 @@
+"""Random decks with springs, bushings, constraints and loads against the textbook's matrices."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import middeck as md
+from middeck.files.article_toml import document_text
+from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.deck import read_deck
+from middeck.files.nastran.units import parse_units
+from nastran_decks import RandomDeck, card, components, motion, random_deck, textbook
+
+DIGITS = 1e-6
+EYE = np.eye(3)
+SHIFT = 1e-6
+
+
+class Held(NamedTuple):
+    """A deck's text; stiffness of its ties, the rows that are held, and forces by load set."""
+
+    text: str
+    stiffness: np.ndarray
+    held: np.ndarray
+    forces: dict[int, np.ndarray]
+
+
+def directions(deck, grid, cid):
+    """Rows: unit vectors of the system ``cid`` at ``grid``."""
+    return np.array([components(*deck.systems[cid], deck.places[grid], e) for e in EYE]).T
+
+
+def held_deck(deck: RandomDeck, seed: int) -> Held:
+    """More cards for ``deck``, and what they mean."""
+    rng = np.random.default_rng([7, seed])
+    size = 6 * len(deck.free)
+    lines: list[str] = []
+    K, zero = np.zeros((size, size)), np.zeros(3)
+
+    def both(axes: np.ndarray) -> np.ndarray:
+        return np.kron(np.eye(2), axes)
+
+    names = list(deck.places)
+    rectangular = [n for n, (kind, _, _) in deck.systems.items() if kind == "R"]
+    for k in range(3):
+        a, b = (int(n) for n in rng.choice(deck.free, 2, replace=False))
+        values = 10.0 ** rng.uniform(2, 5, 6) * (rng.random(6) < 0.7)
+        lines += card(rng, "PBUSH", 40 + k, "K", *values)
+        s = float(rng.choice([0.5, 0.2, 0.0]))
+        along = deck.places[b] - deck.places[a]
+        if k == 0:
+            up = rng.standard_normal(3)
+            shown = [*components(*deck.systems[deck.moves_in[a]], deck.places[a], up), None]
+            x = along / np.linalg.norm(along)
+            z = np.cross(x, up) / np.linalg.norm(np.cross(x, up))
+            axes = np.array([x, np.cross(z, x), z])
+        else:
+            cid = int(rng.choice(rectangular))
+            axes, shown = deck.systems[cid][2].T, [None, None, None, cid]
+        ground = k == 2
+        lines += card(rng, "CBUSH", 700 + k, 40 + k, a, None if ground else b, *shown, None if ground else s)
+        T = motion(deck, a, zero if ground else s * along)
+        if not ground:
+            T = motion(deck, b, (s - 1.0) * along) - T
+        T = both(axes) @ T
+        K += T.T @ np.diag(values) @ T
+    for k in range(3):
+        grid, c, stiffness = int(rng.choice(names)), int(rng.integers(1, 7)), 10.0 ** rng.uniform(2, 5)
+        if k:
+            lines += card(rng, "CELAS2", 800 + k, stiffness, grid, c)
+        else:
+            lines += card(rng, "PELAS", 60, stiffness) + card(rng, "CELAS1", 800, 60, None, None, grid, c)
+        row = (both(directions(deck, grid, deck.moves_in[grid])) @ motion(deck, grid, zero))[c - 1]
+        K += stiffness * np.outer(row, row)
+    rows = []
+    for grid in rng.choice(deck.free, 3, replace=False):
+        held = "".join(sorted(rng.choice(list("123456"), int(rng.integers(1, 7)), replace=False)))
+        lines += (
+            card(rng, "SPC1", 71, held, int(grid))
+            if rng.random() < 0.5
+            else card(rng, "SPC", 70, int(grid), held)
+        )
+        own = both(directions(deck, grid, deck.moves_in[grid])) @ motion(deck, int(grid), zero)
+        rows += [own[int(digit) - 1] for digit in held]
+    lines += card(rng, "SPCADD", 72, 70, 71)
+    forces: dict[int, np.ndarray] = {sid: np.zeros(size) for sid in (5, 6)}
+    for sid, name in ((5, "FORCE"), (5, "MOMENT"), (6, "FORCE"), (6, "FORCE")):
+        grid, cid, factor = int(rng.choice(names)), int(rng.integers(0, 6)), rng.uniform(-2.0, 2.0)
+        vector = rng.standard_normal(3)
+        lines += card(rng, name, sid, grid, cid, factor, *vector)
+        T = motion(deck, grid, zero)[slice(0, 3) if name == "FORCE" else slice(3, 6)]
+        forces[sid] += T.T @ directions(deck, grid, cid).T @ vector * factor
+    lines += card(rng, "LOAD", 9, 2.0, 0.5, 5, -3.0, 6)
+    forces[9] = forces[5] - 6.0 * forces[6]
+    text = deck.text.replace("METHOD = 1", "spc 72").replace("ENDDATA", "\n".join([*lines, "ENDDATA"]))
+    return Held(text, K, np.array(rows), forces)
+
+
+def converted(tmp_path, text, formulation) -> Any:
+    (tmp_path / "a.dat").write_text(text)
+    made = convert_deck(read_deck(tmp_path / "a.dat"), parse_units("m-kg-s-N"), formulation, "a")
+    (tmp_path / "a.toml").write_text(document_text(made.document, "a"))
+    (tmp_path / "e.toml").write_text(document_text(made.environment, "a"))
+    return md.load_setup(tmp_path / "a.toml", tmp_path / "e.toml")
+
+
+def frequencies(K, M):
+    """By the inverse problem: some rotations have no mass, and their frequencies no end."""
+    shift = SHIFT * np.linalg.norm(K) / np.linalg.norm(M)
+    mu = scipy.linalg.eigh(M, K + shift * M, eigvals_only=True)[::-1]
+    return np.sqrt(np.maximum(1.0 / mu[mu > 1e-13 * mu[0]] - shift, 0.0))
+
+
+def work(deck, case):
+    """The forces of a load case in the freedoms of the free grids."""
+    found = np.zeros(6 * len(deck.free))
+    for load in case.loads:
+        T = motion(deck, int(load.frame[1:]), load.offset)
+        found += T.T @ np.concatenate([load.force, load.moment])
+    return found
+
+
+@pytest.mark.parametrize("formulation", ["consistent", "coupled", "lumped"])
+def test_held_decks_are_those_of_the_textbook(tmp_path, campaign, formulation):
+    for seed in campaign(60):
+        deck = random_deck(1000 + seed)
+        held = held_deck(deck, seed)
+        structure, environment = converted(tmp_path, held.text, formulation)
+        K, M = textbook(deck, formulation)
+        free = scipy.linalg.null_space(held.held)
+        expected = frequencies(free.T @ (K + held.stiffness) @ free, free.T @ M @ free)
+        omega = md.solve_modes(md.solve_equilibrium(structure, environment)).omega
+        count = min(len(omega), len(expected))
+        assert count == len(omega)
+        worst = np.abs(omega / expected[:count] - 1.0).max()
+        assert worst < DIGITS, (seed, worst)
+        for case in structure.load_cases:
+            np.testing.assert_allclose(work(deck, case), held.forces[int(case.name[4:])], atol=1e-7)
+        assert [case.name for case in structure.load_cases] == ["load5", "load6", "load9"]
