@@ -1,0 +1,103 @@
+"""How far a slender article moves like one beam: bending, torsion or axial motion of its cross-sections.
+
+Sections across the long axis that stay plane and keep their form move by three translations and three
+rotations, each a polynomial along that axis. The part of a mode's kinetic energy in such motion depends on no
+basis and no unit; nothing is cut into slices, so that no node falls on either side of a boundary.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numpy.polynomial import legendre
+
+from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
+from middeck.structure.modes.rigid import AXES
+from middeck.structure.rest.equilibrium import Equilibrium
+
+# Members that depart from one line by less than this part of its length are one line.
+ONE_LINE = 1e-3
+# Least length over width (root mean squares), and cosine to a world axis that gives the long axis its letter.
+SLENDER, LETTERED = 2.0, 0.9
+# Polynomials along the axis: at least for bending, and so few that not any motion fits.
+FEWEST, MOST, FRAMES_EACH = 4, 12, 6
+RCOND = 1e-9
+
+
+class BeamMotion(NamedTuple):
+    """Characters of motion; their shares in that of sections; and the part of the energy that this has."""
+
+    names: tuple[str, ...]
+    share: Float[np.ndarray, "mode character"]
+    fit: Float[np.ndarray, " mode"]
+
+
+def on_one_line(equilibrium: Equilibrium) -> bool:
+    """Whether all members lie in one straight line, or there are none."""
+    model = equilibrium.model
+    x = points_in_world(model.points, model.drawn)[model.element_ends.ravel()]
+    if not len(x):
+        return True
+    spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False)
+    return bool(spread[1] <= ONE_LINE * spread[0])
+
+
+def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]) -> BeamMotion | None:
+    """Motion of ``shapes`` as one beam; None for an article that is not slender."""
+    model = equilibrium.model
+    poses = frame_poses(model.tree, equilibrium.config)
+    place, half = points_in_world(model.points, poses), np.repeat(0.5 * model.beams.length, 2)
+    ends = model.element_ends.ravel()
+    middle = half @ place[ends] / half.sum()
+    r = place - middle
+    spread, axes = np.linalg.eigh((half[:, None] * r[ends]).T @ r[ends])
+    if not spread[2] >= SLENDER**2 * spread[1]:
+        return None
+    axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
+    letter, across = _across(axis)
+    seen = np.concatenate([ends, model.body_point])
+    mass = np.concatenate([np.repeat(0.5 * model.beams.length * model.beams.rho_A, 2), model.body_mass])
+    moved = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, -1)[seen, :3]
+    weight = np.sqrt(mass / mass.sum())[:, None]
+    terms = int(np.clip(len(np.unique(model.points.frame[seen])) // FRAMES_EACH, FEWEST, MOST))
+    families = _families(r[seen], axis, across, terms)
+    B = np.hstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1) for f in families])
+    u = (weight[:, :, None] * moved).reshape(3 * len(seen), -1)
+    scale = np.linalg.norm(B, axis=0)
+    B = B / np.where(scale > 0.0, scale, 1.0)
+    c = np.linalg.lstsq(B, u, rcond=RCOND)[0]
+    width = np.cumsum([0, *(f.shape[2] for f in families)])
+    energy = np.array([
+        np.sum((B[:, a:b] @ c[a:b]) ** 2, axis=0) for a, b in zip(width[:-1], width[1:], strict=True)
+    ]).T  # fmt: skip
+    whole = np.sum(u**2, axis=0)
+    fit = np.sum((B @ c) ** 2, axis=0) / np.where(whole > 0.0, whole, 1.0)
+    names = ("axial", "torsion", *(f"bending {'-'.join(sorted((letter, a)))}" for a in AXES if a != letter))
+    if not letter:
+        energy = np.column_stack([energy[:, :2], energy[:, 2:].sum(axis=1)])
+        names = ("axial", "torsion", "bending")
+    total = energy.sum(axis=1, keepdims=True)
+    return BeamMotion(names, energy / np.where(total > 0.0, total, 1.0), fit)
+
+
+def _across(axis: np.ndarray) -> tuple[str, np.ndarray]:
+    """The letter of the long axis, if it has one, and two unit vectors across, by those of the others."""
+    nearest = int(np.argmax(np.abs(axis)))
+    first = [i for i in range(3) if i != nearest][0]
+    e1 = np.eye(3)[first] - axis[first] * axis
+    e1 = e1 / np.linalg.norm(e1)
+    return AXES[nearest] if abs(axis[nearest]) >= LETTERED else "", np.array([e1, np.cross(axis, e1)])
+
+
+def _families(r: np.ndarray, axis: np.ndarray, across: np.ndarray, terms: int) -> list[np.ndarray]:
+    """Motions (point, 3, term): axial, torsion, and bending along each of the two directions across."""
+    s = r @ axis
+    s = 2.0 * (s - s.min()) / max(np.ptp(s), np.finfo(float).tiny) - 1.0
+    P = legendre.legvander(s, terms - 1)[:, None, :]
+    bending = [
+        np.concatenate([e[None, :, None] * P, (axis * (r @ e)[:, None])[:, :, None] * P], axis=2)
+        for e in across
+    ]
+    return [axis[None, :, None] * P, np.cross(axis, r)[:, :, None] * P, *bending]

@@ -1,0 +1,89 @@
+"""Parts of an article that a dynamicist would name, and the share of each mode's strain energy in them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.model.article import Structure
+from middeck.structure.model.member_mesh import member_geometry
+from middeck.structure.modes.strain import part_energy
+from middeck.structure.rest.equilibrium import Equilibrium
+
+# A part whose share is at least so much of the largest one is named with it: symmetric parts tie at 1.
+ALIKE = 0.8
+# Two members run on in one line where the sine of their angle is less.
+STRAIGHT = 1e-3
+NUMBERED = re.compile(r"(.*?[^\W\d])[ _./-]*\d+")
+
+
+def strained_parts(
+    equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]
+) -> tuple[tuple[str, ...], Float[np.ndarray, "mode part"]]:
+    """Names of parts and their shares of the strain energy of each mode; zero where there is none."""
+    structure = equilibrium.model.structure
+    energy = part_energy(equilibrium, shapes)
+    names = [
+        *member_parts(structure),
+        *(f"spring {s.name}" for s in structure.springs),
+        *(f"{'slide' if j.slides else 'joint'} {j.name}" for j in structure.joints),
+        *(f"bushing {b.name}" for b in structure.bushings),
+    ]
+    parts = tuple(dict.fromkeys(names))
+    share = np.zeros((len(parts), shapes.shape[1]))
+    np.add.at(share, [parts.index(name) for name in names], energy.T)
+    whole = energy.sum(axis=1)
+    return parts, (share / np.where(whole > 0.0, whole, 1.0)).T
+
+
+def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> tuple[str, float]:
+    """The part with the largest share, together with those that have nearly as much, and their share.
+
+    >>> leading_parts(("hub", "left", "right"), np.array([0.1, 0.45, 0.45]))
+    ('left and right', 0.9)
+    """
+    if not len(share) or not share.max() > 0.0:
+        return "", 0.0
+    named = np.flatnonzero(share >= ALIKE * share.max())
+    first = (
+        " and ".join(parts[i] for i in named)
+        if len(named) <= 2
+        else f"{parts[named[0]]} and {len(named) - 1} more"
+    )
+    return first, float(share[named].sum())
+
+
+def member_parts(structure: Structure) -> tuple[str, ...]:
+    """The part of each member: its name without its number where that tells members apart, else its line.
+
+    A line is of members of one section that run on straight.
+    """
+    names = [member.name for member in structure.members]
+    stems = [match[1] if (match := NUMBERED.fullmatch(name)) else name for name in names]
+    if 1 < len(set(stems)) < len(stems):
+        return tuple(stems)
+    lines = _straight_lines(structure)
+    if len(set(lines)) == 1:
+        return tuple(names)
+    ends = {line: [n for n, own in zip(names, lines, strict=True) if own == line] for line in lines}
+    return tuple(
+        ends[line][0] if len(ends[line]) == 1 else f"{ends[line][0]}..{ends[line][-1]}" for line in lines
+    )
+
+
+def _straight_lines(structure: Structure) -> list[int]:
+    """The number of the first member of the line of each."""
+    members, along = structure.members, member_geometry(structure).triad[:, :, 0]
+    line = list(range(len(members)))
+    at: dict[str, list[int]] = {}
+    for m, member in enumerate(members):
+        for node in (member.start, member.end):
+            for other in at.setdefault(node, []):
+                straight = np.linalg.norm(np.cross(along[m], along[other])) < STRAIGHT
+                if straight and members[other].section == member.section and line[m] != line[other]:
+                    old, new = max(line[m], line[other]), min(line[m], line[other])
+                    line = [new if own == old else own for own in line]
+            at[node].append(m)
+    return line
