@@ -74,7 +74,7 @@ def draw_modes_to(modes: Modes, count: int, file: str, table: Sequence[Sequence[
 
 
 def draw_comparison_to(comparison: ModeComparison, file: str, warnings: Sequence[str]) -> None:
-    """Pairs of flexible modes side by side with the sign that makes them alike; held modes before them."""
+    """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
     from middeck.report.shape_page import ShapePage
     from middeck.structure.modes.drawn import draw_modes
 
@@ -83,7 +83,7 @@ def draw_comparison_to(comparison: ModeComparison, file: str, warnings: Sequence
     place = lab.equilibrium.environment.title
     page = ShapePage(
         title=f"Modes of {orbit.equilibrium.model.structure.title} in 0-g and in {place}",
-        drawings=(draw_modes(orbit, pairs[:, 0].tolist()), draw_modes(lab, [*alone, *pairs[:, 1].tolist()])),
+        drawings=(draw_modes(orbit, pairs[:, 0].tolist()), draw_modes(lab, [*pairs[:, 1].tolist(), *alone])),
         sides=("0-g", place),
         rows=_pair_rows(comparison, len(alone)),
         warnings=tuple(warnings),
@@ -96,11 +96,9 @@ def _pair_rows(comparison: ModeComparison, alone: int) -> tuple[tuple[Shown | No
 
     orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
     alike = [float(orbit.shapes[:, i] @ (orbit.mass @ lab.shapes[:, j])) for i, j in pairs]
-    held = [(None, Shown(1, k)) for k in range(alone)]
-    paired = [
-        (Shown(0, p), Shown(1, alone + p, -1.0 if value < 0.0 else 1.0)) for p, value in enumerate(alike)
-    ]
-    return (*held, *paired)
+    held = [(None, Shown(1, len(pairs) + k)) for k in range(alone)]
+    paired = [(Shown(0, p), Shown(1, p, -1.0 if value < 0.0 else 1.0)) for p, value in enumerate(alike)]
+    return (*paired, *held)
 
 
 def _write_shapes(page: ShapePage, file: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
@@ -27,6 +29,7 @@ LEVELS = 8
 # Less the brightest yellow, which white paper swallows.
 SHADES = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, LEVELS)))
 COLUMNS, PANEL_IN = 4, 1.75
+TINY = float(np.finfo(float).tiny)
 MARKS: dict[str, dict[str, Any]] = {
     "mass": {"marker": "o", "markersize": 3.5, "color": COLOUR["ink"]},
     "clamp": {"marker": "s", "markersize": 5.0, "color": "black"},
@@ -34,12 +37,13 @@ MARKS: dict[str, dict[str, Any]] = {
     "force": {"marker": "^", "markersize": 4.5, "color": COLOUR["lab"]},
     "moment": {"marker": "$\\circlearrowleft$", "markersize": 7.0, "color": COLOUR["lab"]},
 }
-WORDS = {
-    "mass": "mass",
-    "clamp": "clamp",
-    "ground": "bushing to the ground",
-    "force": "force",
-    "moment": "moment",
+WORDS = {"ground": "bushing to the ground"}
+ARROW: dict[str, Any] = {
+    "arrowstyle": "-|>",
+    "linewidth": 0.8,
+    "shrinkA": 0.0,
+    "shrinkB": 0.0,
+    "mutation_scale": 6,
 }
 THICK = {"member": 1.5, "body": 0.7, "section": 0.5, "rigid": 0.8, "spring": 0.8, "bushing": 0.8}
 
@@ -124,9 +128,7 @@ def shapes_figure(
         motion = cell.sign * factor_of(drawing, cell.shape) * drawing.motion[cell.shape]
         size = np.linalg.norm(motion, axis=1)
         draw_state(axes, drawing, drawing.rest, view, None)
-        draw_state(
-            axes, drawing, drawing.rest + motion, view, size / max(float(size.max(initial=0.0)), 1e-300)
-        )
+        draw_state(axes, drawing, drawing.rest + motion, view, size / max(float(size.max(initial=0.0)), TINY))
         side = f"{titles[cell.drawing]}  " if titles else ""
         axes.set_title(f"{side}{label_of(drawing, cell.shape)}", fontsize=7.0, loc="left")
     _legend(figure, drawings, panels)
@@ -150,9 +152,7 @@ def _legend(figure: Figure, drawings: Sequence[Drawing], panels: Sequence[Axes])
 def _name_marks(figure: Figure, drawings: Sequence[Drawing]) -> None:
     seen = dict.fromkeys(mark.what for drawing in drawings for mark in drawing.marks)
     if seen:
-        handles = [
-            Axes.plot(figure.axes[0], [], [], linestyle="", label=WORDS[w], **MARKS[w])[0] for w in seen
-        ]
+        handles = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
         figure.legend(handles=handles, loc="outside lower right", ncols=len(handles), fontsize=7.0)
 
 
@@ -178,9 +178,12 @@ def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
         draw_state(axes, drawing, drawing.drawn, view, None)
         draw_state(axes, drawing, x, view, size / moved if moved > 0.0 else size)
         axes.set_title(title, fontsize=8.0)
-    figure.suptitle(f"{drawings[0].title}: rest in {drawings[0].environment}\ngrey: as drawn; colour: at rest, "
-                    f"displacements {'as they are' if factor == 1.0 else f'times {factor:g}'}, the largest "
-                    f"{1e3 * moved:.3g} mm", fontsize=8.5)  # fmt: skip
+    times = "as they are" if factor == 1.0 else f"times {factor:g}"
+    figure.suptitle(
+        f"{drawings[0].title}: rest in {drawings[0].environment}\ngrey: as drawn; colour: at rest, "
+        f"displacements {times}, the largest {1e3 * moved:.3g} mm",
+        fontsize=8.5,
+    )
     _name_marks(figure, drawings)
     return figure
 
@@ -239,7 +242,7 @@ def _by_level(lines: Sequence[Any], value: np.ndarray) -> dict[int, list[tuple[i
         v = value[line.first : line.last]
         level = np.minimum((0.5 * (v[1:] + v[:-1]) * LEVELS).astype(int), LEVELS - 1)
         cuts = [0, *(np.flatnonzero(np.diff(level)) + 1).tolist(), len(level)]
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+        for a, b in pairwise(cuts):
             found.setdefault(int(level[a]), []).append((line.first + a, line.first + b + 1))
     return found
 
@@ -266,9 +269,7 @@ def draw_axes(axes: Axes, drawing: Drawing, view: np.ndarray) -> None:
         tip = corner + 0.075 * span * view[:2] @ axis
         _arrow(axes, corner, tip, COLOUR["ink"])
         note(axes, name, tip + 0.2 * (tip - corner), (0, 0), fontsize=6.0, ha="center", va="center")
-    bar = np.array(
-        [[left + 0.2 * span, low + 0.025 * span], [left + 0.2 * span + length, low + 0.025 * span]]
-    )
+    bar = np.array([left + 0.2 * span, low + 0.025 * span]) + np.outer([0.0, length], [1.0, 0.0])
     axes.plot(*bar.T, color=COLOUR["ink"], linewidth=1.6, solid_capstyle="butt")
     note(axes, f"{length:g} m", bar.mean(axis=0), (0, 3), fontsize=6.0, ha="center")
     size = float(np.linalg.norm(drawing.gravity))
@@ -289,5 +290,4 @@ def _round_bar(x: float) -> float:
 
 
 def _arrow(axes: Axes, start: np.ndarray, end: np.ndarray, colour: str) -> None:
-    axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 0.8,
-                                              "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 6})  # fmt: skip
+    axes.annotate("", end, start, arrowprops=ARROW | {"color": colour})

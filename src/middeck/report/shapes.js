@@ -39,7 +39,8 @@
     const {side, canvas, context: pen} = view, cell = cellOf(view);
     const ratio = window.devicePixelRatio || 1, wide = canvas.clientWidth, high = canvas.clientHeight;
     if (!wide) return;
-    if (canvas.width !== Math.round(wide * ratio)) { canvas.width = Math.round(wide * ratio); canvas.height = Math.round(high * ratio); }
+    const fine = [wide, high].map(x => Math.round(x * ratio));
+    if (canvas.width !== fine[0] || canvas.height !== fine[1]) [canvas.width, canvas.height] = fine;
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, wide, high);
     const project = projection(), unit = 0.82 * Math.min(wide, high) * zoom, count = side.points.length / 3;
@@ -126,7 +127,7 @@
   function tell() {
     for (const view of sides) {
       const cell = cellOf(view), text = cell ? cell.text : "no partner among the modes shown";
-      view.caption.textContent = (view.side.label ? view.side.label + ": " : "") + text;
+      view.caption.textContent = (view.side.label ? view.side.label + ", " : "") + (cell ? "mode " : "") + text;
       view.canvas.setAttribute("aria-label", view.caption.textContent);
     }
     const metres = (scale.value * data.reach * data.size).toPrecision(2);

@@ -7,6 +7,7 @@ basis and no unit; nothing is cut into slices, so that no node falls on either s
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +71,7 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     c = np.linalg.lstsq(B, u, rcond=RCOND)[0]
     width = np.cumsum([0, *(f.shape[2] for f in families)])
     energy = np.array([
-        np.sum((B[:, a:b] @ c[a:b]) ** 2, axis=0) for a, b in zip(width[:-1], width[1:], strict=True)
+        np.sum((B[:, a:b] @ c[a:b]) ** 2, axis=0) for a, b in pairwise(width)
     ]).T  # fmt: skip
     whole = np.sum(u**2, axis=0)
     fit = np.sum((B @ c) ** 2, axis=0) / np.where(whole > 0.0, whole, 1.0)
@@ -85,7 +86,7 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
 def _across(axis: np.ndarray) -> tuple[str, np.ndarray]:
     """The letter of the long axis, if it has one, and two unit vectors across, by those of the others."""
     nearest = int(np.argmax(np.abs(axis)))
-    first = [i for i in range(3) if i != nearest][0]
+    first = next(i for i in range(3) if i != nearest)
     e1 = np.eye(3)[first] - axis[first] * axis
     e1 = e1 / np.linalg.norm(e1)
     return AXES[nearest] if abs(axis[nearest]) >= LETTERED else "", np.array([e1, np.cross(axis, e1)])
@@ -96,8 +97,8 @@ def _families(r: np.ndarray, axis: np.ndarray, across: np.ndarray, terms: int) -
     s = r @ axis
     s = 2.0 * (s - s.min()) / max(np.ptp(s), np.finfo(float).tiny) - 1.0
     P = legendre.legvander(s, terms - 1)[:, None, :]
-    bending = [
-        np.concatenate([e[None, :, None] * P, (axis * (r @ e)[:, None])[:, :, None] * P], axis=2)
-        for e in across
-    ]
+    bending: list[np.ndarray] = []
+    for e in across:
+        plane = axis * (r @ e)[:, None]  # a section that turns stays plane
+        bending.append(np.concatenate([e[None, :, None] * P, plane[:, :, None] * P], axis=2))
     return [axis[None, :, None] * P, np.cross(axis, r)[:, :, None] * P, *bending]

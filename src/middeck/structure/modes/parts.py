@@ -47,12 +47,9 @@ def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> 
     if not len(share) or not share.max() > 0.0:
         return "", 0.0
     named = np.flatnonzero(share >= ALIKE * share.max())
-    first = (
-        " and ".join(parts[i] for i in named)
-        if len(named) <= 2
-        else f"{parts[named[0]]} and {len(named) - 1} more"
-    )
-    return first, float(share[named].sum())
+    first, *others = (parts[i] for i in named)
+    words = first if not others else f"{first} and {others[0] if len(others) == 1 else f'{len(others)} more'}"
+    return words, float(share[named].sum())
 
 
 def member_parts(structure: Structure) -> tuple[str, ...]:
@@ -68,9 +65,8 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
     if len(set(lines)) == 1:
         return tuple(names)
     ends = {line: [n for n, own in zip(names, lines, strict=True) if own == line] for line in lines}
-    return tuple(
-        ends[line][0] if len(ends[line]) == 1 else f"{ends[line][0]}..{ends[line][-1]}" for line in lines
-    )
+    called = {line: own[0] if len(own) == 1 else f"{own[0]}..{own[-1]}" for line, own in ends.items()}
+    return tuple(called[line] for line in lines)
 
 
 def _straight_lines(structure: Structure) -> list[int]:
