@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -138,7 +139,7 @@ def shapes_figure(
 def _legend(figure: Figure, drawings: Sequence[Drawing], panels: Sequence[Axes]) -> None:
     drawing = drawings[0]
     places = " and ".join(dict.fromkeys(d.environment for d in drawings))
-    figure.suptitle(f"{drawing.title}: mode shapes in {places}\n"
+    figure.suptitle(f"{fill(drawing.title, 70)}: mode shapes in {places}\n"
                     f"grey: at rest; colour: motion, the largest drawn as {REACH * drawing.size:.2g} m "
                     f"({REACH:.0%} of the article's size)", fontsize=8.5)  # fmt: skip
     norm = BoundaryNorm(np.linspace(0.0, 1.0, LEVELS + 1), LEVELS)
@@ -180,7 +181,7 @@ def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
         axes.set_title(title, fontsize=8.0)
     times = "as they are" if factor == 1.0 else f"times {factor:g}"
     figure.suptitle(
-        f"{drawings[0].title}: rest in {drawings[0].environment}\ngrey: as drawn; colour: at rest, "
+        f"{fill(drawings[0].title, 90)}: rest in {drawings[0].environment}\ngrey: as drawn; colour: at rest, "
         f"displacements {times}, the largest {1e3 * moved:.3g} mm",
         fontsize=8.5,
     )
