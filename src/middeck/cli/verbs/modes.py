@@ -16,17 +16,11 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck modes articles/mace-simple.toml --environment orbit
+  middeck modes articles/mace-simple.toml --figure modes.html
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
-  middeck modes articles/mace-dm.toml --figure modes.html
 """
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
 HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
-
-
-MODES_NOTE = """
-rigid: part of the motion that strains nothing when the article is free;
-strain: part of the energy; most strain in: the part with the largest share of that"""
 
 
 @click.command("modes", cls=options.Verb, epilog=EPILOG)
@@ -68,8 +62,7 @@ def verb(
     later = [w for w in document["warnings"] if w not in summary.warnings]
     shown = document if as_json else {**document, "warnings": later}
     if figure_file is not None:
-        table = _modes_table(document)
-        figures.draw_modes_to(modes, count, figure_file, [table.headers, *table.rows])
+        figures.draw_modes_to(modes, count, figure_file, _page_rows(document))
     show(as_json, shown, *_tables(document))
 
 
@@ -132,7 +125,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"environment  {document['environment']}",
         f"residual     {_imbalance(document)}",
         _modes_table(document),
-        MODES_NOTE,
+        "\nrigid: part of the motion that strains nothing when the article is free;"
+        "\nstrain: part of the energy",
+        _parts_table(document),
     ]
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
@@ -162,17 +157,30 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _modes_table(document: dict[str, Any]) -> Table:
-    keys = ("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share", "most_strained")
+    keys = ("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share")
     rows = [
-        [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:.3f}", k, n, f"{r:.1%}", f"{s:.1%}", _part(p)]
-        for i, (f, z, k, n, r, s, p) in enumerate(zip(*(document[key] for key in keys), strict=True))
+        [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:.3f}", k, n, f"{r:.1%}", f"{s:.1%}"]
+        for i, (f, z, k, n, r, s) in enumerate(zip(*(document[key] for key in keys), strict=True))
     ]
-    headers = ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain", "most strain in"]
-    return Table("modes", headers, rows)
+    return Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows)
 
 
-def _part(strained: dict[str, Any] | None) -> str:
-    return "" if strained is None else f"{strained['part']} {strained['share']:.0%}"
+def _parts_table(document: dict[str, Any]) -> Table:
+    """Apart from the modes: together they are too wide for a terminal."""
+    rows = [
+        [str(i), f"{f:.5f}", most["part"], f"{most['share']:.1%}"]
+        for i, (f, most) in enumerate(zip(document["frequency_hz"], document["most_strained"], strict=True))
+        if most is not None
+    ]
+    return Table("largest share of the strain energy", ["", "frequency Hz", "part", "share"], rows)
+
+
+def _page_rows(document: dict[str, Any]) -> list[list[str]]:
+    """Headers, then one row a mode, with the part that is strained most."""
+    table, most = _modes_table(document), document["most_strained"]
+    parts = ["" if m is None else f"{m['part']} {m['share']:.0%}" for m in most]
+    return [["mode", *table.headers[1:], "most strain in"],
+            *([*row, part] for row, part in zip(table.rows, parts, strict=True))]  # fmt: skip
 
 
 def _imbalance(document: dict[str, Any]) -> str:
