@@ -135,7 +135,7 @@ def _draw(
     equilibrium: Equilibrium, shapes: np.ndarray, modes: Modes | None, numbers: tuple[int, ...]
 ) -> Drawing:
     model = equilibrium.model
-    size = _diagonal(model.drawn.p)
+    size = _diagonal(points_in_world(model.points, model.drawn))
     seats = list(_seats(equilibrium))
     marked = PosePoints(np.array([s[1] for s in seats], dtype=int), _rows([s[2] for s in seats]))
     strokes = [*_rigid(model), *_bodies(model, size), *_ties(model), *_sections(model, size)]
@@ -249,7 +249,7 @@ def _bodies(model: Model, size: float) -> Iterator[_Stroke]:
         body = part.body
         edges = np.full(3, getattr(part, "size", 0.0))
         if not np.any(edges) and body.mass > 0.0:
-            edges = np.minimum(_box_edges(body), BOX * size)
+            edges = np.minimum(_box_edges(body), BOX * size or np.inf)
         if np.any(edges):
             centre = np.zeros(3) if np.any(getattr(part, "size", 0.0)) else body.cg
             corners = (centre + CORNERS * edges)[list(STROKE)]

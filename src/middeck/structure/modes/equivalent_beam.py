@@ -15,7 +15,9 @@ from jaxtyping import Float
 from numpy.polynomial import legendre
 
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
+from middeck.structure.modes.parts import straight_lines
 from middeck.structure.modes.rigid import AXES
+from middeck.structure.modes.strain import member_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # Members that depart from one line by less than this part of its length are one line.
@@ -23,16 +25,24 @@ ONE_LINE = 1e-3
 # Least length over width (root mean squares), and cosine to a world axis that gives the long axis its letter.
 SLENDER, LETTERED = 2.0, 0.9
 # Polynomials along the axis: at least for bending, and so few that not any motion fits.
-FEWEST, MOST, FRAMES_EACH = 4, 12, 6
+FEWEST, MOST, FRAMES_EACH = 4, 12, 4
 RCOND = 1e-9
+# Of the length: what reaches less far along it is appended to the beam. And how many of these count.
+SHORT, FEW = 0.1, 4
 
 
 class BeamMotion(NamedTuple):
-    """Characters of motion; their shares in that of sections; and the part of the energy that this has."""
+    """Motion of sections, and where the strain is.
+
+    ``names`` are characters of motion, ``share`` theirs in that of the sections, ``fit`` the part of the
+    kinetic energy that this has, ``appended`` the part of the strain energy in the `FEW` short lines that
+    have most.
+    """
 
     names: tuple[str, ...]
     share: Float[np.ndarray, "mode character"]
     fit: Float[np.ndarray, " mode"]
+    appended: Float[np.ndarray, " mode"]
 
 
 def on_one_line(equilibrium: Equilibrium) -> bool:
@@ -80,7 +90,23 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
         energy = np.column_stack([energy[:, :2], energy[:, 2:].sum(axis=1)])
         names = ("axial", "torsion", "bending")
     total = energy.sum(axis=1, keepdims=True)
-    return BeamMotion(names, energy / np.where(total > 0.0, total, 1.0), fit)
+    share = energy / np.where(total > 0.0, total, 1.0)
+    return BeamMotion(names, share, fit, _appended(equilibrium, shapes, r[ends] @ axis))
+
+
+def _appended(equilibrium: Equilibrium, shapes: np.ndarray, s: np.ndarray) -> Float[np.ndarray, " mode"]:
+    """``s`` are the places of the ends of all elements along the axis."""
+    model = equilibrium.model
+    first, line = np.unique(straight_lines(model.structure), return_inverse=True)
+    of_end = np.repeat(line[model.element_member], 2)
+    low, high = np.full(len(first), np.inf), np.full(len(first), -np.inf)
+    np.minimum.at(low, of_end, s)
+    np.maximum.at(high, of_end, s)
+    energy = np.zeros((len(first), shapes.shape[1]))
+    np.add.at(energy, line, member_energy(equilibrium, shapes).T)
+    short = np.sort(energy[high - low < SHORT * np.ptp(s)], axis=0)[-FEW:].sum(axis=0)
+    whole = energy.sum(axis=0)
+    return short / np.where(whole > 0.0, whole, 1.0)
 
 
 def _across(axis: np.ndarray) -> tuple[str, np.ndarray]:

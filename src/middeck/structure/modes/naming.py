@@ -18,7 +18,8 @@ from middeck.structure.rest.equilibrium import Equilibrium
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LOCAL = "local: "
-# Of the kinetic energy, that makes a mode one of the whole article as a beam.
+# Of the kinetic energy: makes a mode one of the article as a beam. Of the strain energy, in what is appended
+# to the beam: makes it none.
 WHOLE = 0.6
 TIES = 4  # the last of `PARTS` are no members
 TINY = float(np.finfo(float).tiny)
@@ -73,7 +74,7 @@ def deformation_names(
         named, of_it = leading_parts(parts, share[m])
         deformation = leading_parts(PARTS, strain[m] / max(strain[m].sum(), TINY))[0]
         tied = strain[m, len(PARTS) - TIES :].sum() > HALF * strain[m].sum()
-        if whole is not None and not tied and (mean[m] @ whole.fit) >= WHOLE:
+        if whole is not None and not tied and mean[m] @ whole.fit >= WHOLE > mean[m] @ whole.appended:
             names.append(leading_parts(whole.names, mean[m] @ whole.share)[0])
         elif of_it >= HALF:
             names.append(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}")

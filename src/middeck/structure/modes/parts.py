@@ -41,13 +41,15 @@ def strained_parts(
 def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> tuple[str, float]:
     """The part with the largest share, together with those that have nearly as much, and their share.
 
+    Names are in the order of the alphabet: that of the shares may hang on rounding.
+
     >>> leading_parts(("hub", "left", "right"), np.array([0.1, 0.45, 0.45]))
     ('left and right', 0.9)
     """
     if not len(share) or not share.max() > 0.0:
         return "", 0.0
     named = np.flatnonzero(share >= ALIKE * share.max())
-    first, *others = (parts[i] for i in named)
+    first, *others = sorted(parts[i] for i in named)
     words = first if not others else f"{first} and {others[0] if len(others) == 1 else f'{len(others)} more'}"
     return words, float(share[named].sum())
 
@@ -61,7 +63,7 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
     stems = [match[1] if (match := NUMBERED.fullmatch(name)) else name for name in names]
     if 1 < len(set(stems)) < len(stems):
         return tuple(stems)
-    lines = _straight_lines(structure)
+    lines = straight_lines(structure)
     if len(set(lines)) == 1:
         return tuple(names)
     ends = {line: [n for n, own in zip(names, lines, strict=True) if own == line] for line in lines}
@@ -69,17 +71,23 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
     return tuple(called[line] for line in lines)
 
 
-def _straight_lines(structure: Structure) -> list[int]:
-    """The number of the first member of the line of each."""
+def straight_lines(structure: Structure) -> list[int]:
+    """For each member the number of the first one of its line."""
     members, along = structure.members, member_geometry(structure).triad[:, :, 0]
-    line = list(range(len(members)))
+    before = list(range(len(members)))
+
+    def first(m: int) -> int:
+        while before[m] != m:
+            before[m] = m = before[before[m]]
+        return m
+
     at: dict[str, list[int]] = {}
     for m, member in enumerate(members):
         for node in (member.start, member.end):
             for other in at.setdefault(node, []):
                 straight = np.linalg.norm(np.cross(along[m], along[other])) < STRAIGHT
-                if straight and members[other].section == member.section and line[m] != line[other]:
-                    old, new = max(line[m], line[other]), min(line[m], line[other])
-                    line = [new if own == old else own for own in line]
+                if straight and members[other].section == member.section:
+                    low, high = sorted((first(m), first(other)))
+                    before[high] = low
             at[node].append(m)
-    return line
+    return [first(m) for m in range(len(members))]
