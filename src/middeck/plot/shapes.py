@@ -20,7 +20,6 @@ from matplotlib.path import Path
 
 from middeck.plot.style import COLOUR, new_figure, note, styled
 from middeck.structure.modes.drawn import Drawing
-from middeck.structure.modes.repeated import repeated
 
 # Largest motion of a shape, of the size of the article.
 REACH = 0.12
@@ -30,6 +29,8 @@ LEVELS = 8
 # Less the brightest yellow, which white paper swallows.
 SHADES = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, LEVELS)))
 COLUMNS, PANEL_IN = 4, 1.75
+# Heights of the title, of the words over a panel, and of the scale below [in].
+TOP_IN, WORDS_IN, FOOT_IN = 0.55, 0.42, 0.5
 TINY = float(np.finfo(float).tiny)
 MARKS: dict[str, dict[str, Any]] = {
     "mass": {"marker": "o", "markersize": 3.5, "color": COLOUR["ink"]},
@@ -89,8 +90,7 @@ def label_of(drawing: Drawing, shape: int) -> str:
 
     A shape that shares its frequency with others is one of any basis of theirs, and is called so.
     """
-    lam = drawing.frequency_hz**2
-    many = next((len(c) for c in repeated(lam) if shape in c and lam[shape] > 0.0), 1)
+    many = drawing.alike[shape]
     alike = f"\n(one of {many} of equal frequency)" if many > 1 else ""
     return f"{drawing.number[shape]}: {drawing.frequency_hz[shape]:.4g} Hz\n{drawing.name[shape]}{alike}"
 
@@ -111,8 +111,7 @@ def shapes_figure(
     low, high = _limits([(drawings[c.drawing], c) for c in cells if c], view)
     aspect = (high - low)[1] / (high - low)[0]
     panel_in = min(max(PANEL_IN * aspect, 0.9), 2.6)
-    figure = new_figure(1.2 + grid_rows * (panel_in + 0.55), 0.3 + columns * PANEL_IN)
-    panels: list[Axes] = list(figure.subplots(grid_rows, columns, squeeze=False).ravel())
+    figure, panels = _panels(grid_rows, columns, panel_in)
     first: dict[int, Axes] = {}
     for k, axes in enumerate(panels):
         axes.set_axis_off()
@@ -132,21 +131,40 @@ def shapes_figure(
         draw_state(axes, drawing, drawing.rest + motion, view, size / max(float(size.max(initial=0.0)), TINY))
         side = f"{titles[cell.drawing]}  " if titles else ""
         axes.set_title(f"{side}{label_of(drawing, cell.shape)}", fontsize=7.0, loc="left")
-    _legend(figure, drawings, panels)
+    _legend(figure, drawings)
     return figure
 
 
-def _legend(figure: Figure, drawings: Sequence[Drawing], panels: Sequence[Axes]) -> None:
+def _panels(rows: int, columns: int, panel_in: float) -> tuple[Figure, list[Axes]]:
+    """Panels in places of their own: matplotlib's layout would look at every point for each of them."""
+    high, wide = TOP_IN + rows * (panel_in + WORDS_IN) + FOOT_IN, max(columns, 3) * PANEL_IN + 0.3
+    figure = Figure(figsize=(wide, high))
+    grid = figure.add_gridspec(
+        rows, columns, left=0.1 / wide, right=1.0 - 0.1 / wide, top=1.0 - (TOP_IN + WORDS_IN) / high,
+        bottom=FOOT_IN / high, hspace=WORDS_IN / panel_in, wspace=0.06,
+    )  # fmt: skip
+    return figure, list(grid.subplots(squeeze=False).ravel())
+
+
+def _legend(figure: Figure, drawings: Sequence[Drawing]) -> None:
     drawing = drawings[0]
     places = " and ".join(dict.fromkeys(d.environment for d in drawings))
-    figure.suptitle(f"{fill(drawing.title, 70)}: mode shapes in {places}\n"
-                    f"grey: at rest; colour: motion, the largest drawn as {REACH * drawing.size:.2g} m "
-                    f"({REACH:.0%} of the article's size)", fontsize=8.5)  # fmt: skip
+    high, (wide, _) = figure.get_figheight(), figure.get_size_inches()
+    title = fill(f"{drawing.title}: mode shapes in {places}", int(13 * wide))
+    figure.text(
+        0.1 / wide,
+        1.0 - 0.08 / high,
+        f"{title}\ngrey: at rest; colour: motion, the largest drawn as {REACH * drawing.size:.2g} m, "
+        f"{REACH:.0%} of the article's size",
+        fontsize=8.0,
+        va="top",
+    )
+    place = figure.add_axes((0.1 / wide, 0.36 / high, 2.2 / wide, 0.08 / high))
     norm = BoundaryNorm(np.linspace(0.0, 1.0, LEVELS + 1), LEVELS)
-    bar = figure.colorbar(ScalarMappable(norm, SHADES), ax=list(panels), location="bottom", fraction=0.03,
-                          pad=0.01, aspect=60)  # fmt: skip
+    bar = figure.colorbar(ScalarMappable(norm, SHADES), cax=place, orientation="horizontal")
     bar.set_ticks([0.0, 0.5, 1.0])
-    bar.set_label("motion, of the largest of each shape", fontsize=7.5)
+    bar.ax.tick_params(labelsize=6.0, length=2.0)
+    bar.set_label("motion, of the largest of each shape", fontsize=6.5)
     _name_marks(figure, drawings)
 
 
@@ -154,7 +172,7 @@ def _name_marks(figure: Figure, drawings: Sequence[Drawing]) -> None:
     seen = dict.fromkeys(mark.what for drawing in drawings for mark in drawing.marks)
     if seen:
         handles = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
-        figure.legend(handles=handles, loc="outside lower right", ncols=len(handles), fontsize=7.0)
+        figure.legend(handles=handles, loc="lower right", ncols=len(handles), fontsize=7.0)
 
 
 @styled
@@ -229,11 +247,13 @@ def draw_state(
             for level, parts in _by_level(lines, value).items():
                 _stroke(axes, flat, parts, SHADES(level), THICK[what], 3.0)
     if value is not None:
-        for mark in drawing.marks:
-            axes.plot(*flat[mark.point], linestyle="", zorder=4.0, **MARKS[mark.what])
-            if any(mark.direction):
-                arrow = 0.1 * drawing.size * np.array(mark.direction) @ view[:2].T
-                _arrow(axes, flat[mark.point] - arrow, flat[mark.point], COLOUR["lab"])
+        for what, look in MARKS.items():
+            at = [mark.point for mark in drawing.marks if mark.what == what]
+            if at:
+                axes.add_artist(Line2D(*flat[at].T, linestyle="", zorder=4.0, **look))
+        for mark in (mark for mark in drawing.marks if any(mark.direction)):
+            arrow = 0.1 * drawing.size * np.array(mark.direction) @ view[:2].T
+            _arrow(axes, flat[mark.point] - arrow, flat[mark.point], COLOUR["lab"])
 
 
 def _by_level(lines: Sequence[Any], value: np.ndarray) -> dict[int, list[tuple[int, int]]]:
@@ -256,7 +276,7 @@ def _stroke(
     if ends:
         codes = np.concatenate([[Path.MOVETO, *[Path.LINETO] * (b - a - 1)] for a, b in ends])
         path = Path(np.concatenate([flat[a:b] for a, b in ends]), codes)
-        axes.add_patch(PathPatch(path, facecolor="none", edgecolor=colour, linewidth=width, zorder=zorder,
+        axes.add_artist(PathPatch(path, facecolor="none", edgecolor=colour, linewidth=width, zorder=zorder,
                                  capstyle="round"))  # fmt: skip
 
 

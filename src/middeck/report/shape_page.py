@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from typing import Any
 
@@ -28,6 +29,7 @@ from middeck.values import record
 
 # Steps of the largest motion, and of the article's size: finer than a pixel.
 MOTION_STEPS, PLACE_STEPS = 999, 4999
+SHEET = 20  # stills on a printed page
 
 
 @record(kw_only=True)
@@ -63,18 +65,26 @@ def render_shapes(page: ShapePage) -> str:
     )
     assert environment.loader is not None
     script = environment.loader.get_source(environment, "report/shapes.js")[0]
-    titles = page.sides if len(page.drawings) > 1 else ()
-    stills = svg_text(
-        shapes_figure(page.drawings, page.rows, titles),
-        key="stills",
-        title=page.title,
-        description=describe_rows(page),
-    )
+    each = SHEET // len(page.drawings)
+    stills = [
+        _still(dataclasses.replace(page, rows=page.rows[first : first + each]), f"stills-{first}")
+        for first in range(0, len(page.rows), each)
+    ]
     # A script ends at its first "</", wherever that stands.
     data = json.dumps(_data(page), separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     return environment.get_template("report/shapes.html.j2").render(
-        page=page, script=Markup(script), data=Markup(data), stills=Markup(stills), reach=REACH
+        page=page,
+        script=Markup(script),
+        data=Markup(data),
+        stills=[Markup(svg) for svg in stills],
+        reach=REACH,
     )
+
+
+def _still(page: ShapePage, key: str) -> str:
+    titles = page.sides if len(page.drawings) > 1 else ()
+    figure = shapes_figure(page.drawings, page.rows, titles)
+    return svg_text(figure, key=key, title=page.title, description=describe_rows(page))
 
 
 def describe_rows(page: ShapePage) -> str:

@@ -22,6 +22,7 @@ from middeck.structure.elements.frames import (
 )
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body
+from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.strain import member_energy, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -77,6 +78,7 @@ class Drawing:
         strain: Share of every line in the elastic energy of each shape; zero for all but members.
         number: Of each shape in the modes it is of.
         frequency_hz, kind, name: Of each shape.
+        alike: How many modes have the frequency of each shape: of several any basis will do. 1 at zero.
     """
 
     title: str
@@ -92,6 +94,7 @@ class Drawing:
     frequency_hz: Float[np.ndarray, " shape"]
     kind: tuple[str, ...]
     name: tuple[str, ...]
+    alike: tuple[int, ...]
 
     @property
     def size(self) -> float:
@@ -166,7 +169,16 @@ def _draw(
         frequency_hz=np.zeros(0) if modes is None else modes.frequency_hz[chosen],
         kind=() if modes is None else tuple(modes.kind[i] for i in chosen),
         name=() if modes is None else tuple(modes.name[i] for i in chosen),
+        alike=() if modes is None else tuple(_many(modes)[i] for i in chosen),
     )
+
+
+def _many(modes: Modes) -> list[int]:
+    many = [1] * len(modes.omega)
+    for cluster in repeated(modes.omega**2):
+        for i in cluster:
+            many[i] = len(cluster) if modes.omega[i] > 0.0 else 1
+    return many
 
 
 def _moved(
