@@ -29,8 +29,9 @@ LEVELS = 8
 # Less the brightest yellow, which white paper swallows.
 SHADES = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, LEVELS)))
 COLUMNS, PANEL_IN = 4, 1.75
-# Heights of the title, of the words over a panel, and of the scale below [in].
-TOP_IN, WORDS_IN, FOOT_IN = 0.55, 0.42, 0.5
+# Heights of the title, of a line of words over a panel, and of the scale below [in].
+TOP_IN, LINE_IN, FOOT_IN = 0.5, 0.12, 0.5
+NAME_WIDE = 30  # letters of a name in a line over its panel
 TINY = float(np.finfo(float).tiny)
 MARKS: dict[str, dict[str, Any]] = {
     "mass": {"marker": "o", "markersize": 3.5, "color": COLOUR["ink"]},
@@ -92,7 +93,8 @@ def label_of(drawing: Drawing, shape: int) -> str:
     """
     many = drawing.alike[shape]
     alike = f"\n(one of {many} of equal frequency)" if many > 1 else ""
-    return f"{drawing.number[shape]}: {drawing.frequency_hz[shape]:.4g} Hz\n{drawing.name[shape]}{alike}"
+    name = fill(drawing.name[shape], NAME_WIDE)
+    return f"{drawing.number[shape]}: {drawing.frequency_hz[shape]:.4g} Hz\n{name}{alike}"
 
 
 @styled
@@ -111,7 +113,8 @@ def shapes_figure(
     low, high = _limits([(drawings[c.drawing], c) for c in cells if c], view)
     aspect = (high - low)[1] / (high - low)[0]
     panel_in = min(max(PANEL_IN * aspect, 0.9), 2.6)
-    figure, panels = _panels(grid_rows, columns, panel_in)
+    lines = max((label_of(drawings[c.drawing], c.shape).count("\n") + 1 for c in cells if c), default=0)
+    figure, panels = _panels(grid_rows, columns, panel_in, LINE_IN * (lines + 1))
     first: dict[int, Axes] = {}
     for k, axes in enumerate(panels):
         axes.set_axis_off()
@@ -135,13 +138,13 @@ def shapes_figure(
     return figure
 
 
-def _panels(rows: int, columns: int, panel_in: float) -> tuple[Figure, list[Axes]]:
+def _panels(rows: int, columns: int, panel_in: float, words_in: float) -> tuple[Figure, list[Axes]]:
     """Panels in places of their own: matplotlib's layout would look at every point for each of them."""
-    high, wide = TOP_IN + rows * (panel_in + WORDS_IN) + FOOT_IN, max(columns, 3) * PANEL_IN + 0.3
+    high, wide = TOP_IN + rows * (panel_in + words_in) + FOOT_IN, max(columns, 3) * PANEL_IN + 0.3
     figure = Figure(figsize=(wide, high))
     grid = figure.add_gridspec(
-        rows, columns, left=0.1 / wide, right=1.0 - 0.1 / wide, top=1.0 - (TOP_IN + WORDS_IN) / high,
-        bottom=FOOT_IN / high, hspace=WORDS_IN / panel_in, wspace=0.06,
+        rows, columns, left=0.1 / wide, right=1.0 - 0.1 / wide, top=1.0 - (TOP_IN + words_in) / high,
+        bottom=FOOT_IN / high, hspace=words_in / panel_in, wspace=0.06,
     )  # fmt: skip
     return figure, list(grid.subplots(squeeze=False).ravel())
 
@@ -150,7 +153,7 @@ def _legend(figure: Figure, drawings: Sequence[Drawing]) -> None:
     drawing = drawings[0]
     places = " and ".join(dict.fromkeys(d.environment for d in drawings))
     high, (wide, _) = figure.get_figheight(), figure.get_size_inches()
-    title = fill(f"{drawing.title}: mode shapes in {places}", int(13 * wide))
+    title = fill(f"{drawing.title}: mode shapes in {places}", int(14 * wide))
     figure.text(
         0.1 / wide,
         1.0 - 0.08 / high,
@@ -281,7 +284,7 @@ def _stroke(
 
 
 def draw_axes(axes: Axes, drawing: Drawing, view: np.ndarray) -> None:
-    """The axes of W and a bar of round length in the lower left corner, gravity in the upper right."""
+    """The axes of W and a bar of round length in the lower left corner, gravity beside them."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     span = max(right - left, high - low)
     length = _round_bar(0.25 * span)
@@ -295,9 +298,10 @@ def draw_axes(axes: Axes, drawing: Drawing, view: np.ndarray) -> None:
     note(axes, f"{length:g} m", bar.mean(axis=0), (0, 3), fontsize=6.0, ha="center")
     size = float(np.linalg.norm(drawing.gravity))
     if size > 0.0:
-        end = np.array([right - 0.04 * span, high - 0.02 * span])
-        _arrow(axes, end, end + 0.13 * span * view[:2] @ drawing.gravity / size, COLOUR["lab"])
-        note(axes, f"g {size:.3g} m/s²", end, (-3, -4), fontsize=6.0, ha="right", color=COLOUR["lab"])
+        top = np.array([bar[1, 0] + 0.1 * span, low + 0.12 * span])
+        _arrow(axes, top, top + 0.1 * span * view[:2] @ drawing.gravity / size, COLOUR["lab"])
+        words = f"g {size:.3g} m/s²"
+        note(axes, words, top, (4, -8), fontsize=6.0, ha="left", color=COLOUR["lab"])
 
 
 def _round_bar(x: float) -> float:

@@ -28,11 +28,11 @@ from middeck.structure.modes.strain import member_energy, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
-# Segments of a member: enough for the S that a cubic can make.
-SEGMENTS = 6
+# Segments of a member: for the S that a cubic can make, and smooth where there are few.
+SEGMENTS, FINE = 6, 16
 # Of the article's size: a section drawn around a member, a cable that is cut off, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
-# Sections show torsion; in a truss of more members than this they would hide it.
+# Sections show torsion; in an article of more members than this they would hide it.
 MOST_SECTIONED = 60
 # The twelve edges of a box in one stroke, by the binary digits of its corners.
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
@@ -206,7 +206,8 @@ def _members(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
     members = model.structure.members
     if not members:
         return _Piece((), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((shapes.shape[1], 0, 3)))
-    most = max(1, -(-SEGMENTS // max(m.elements for m in members)))
+    segments = FINE if len(members) <= MOST_SECTIONED else SEGMENTS
+    most = max(1, -(-segments // max(m.elements for m in members)))
     at = np.linspace(0.0, 1.0, most + 1)
     # The last station of an element is the first of the next, but for the last element of a member.
     ends = np.append(np.diff(model.element_member) != 0, True)

@@ -22,7 +22,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 
 # Members that depart from one line by less than this part of its length are one line.
 ONE_LINE = 1e-3
-# Least length over width (root mean squares), and cosine to a world axis that gives the long axis its letter.
+# Least length over width (root mean squares), and cosine to a world axis that gives a direction its letter.
 SLENDER, LETTERED = 2.0, 0.9
 # Polynomials along the axis: at least for bending, and so few that not any motion fits.
 FEWEST, MOST, FRAMES_EACH = 4, 12, 4
@@ -67,7 +67,7 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     if not spread[2] >= SLENDER**2 * spread[1]:
         return None
     axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
-    letter, across = _across(axis)
+    across, planes = _across(axis)
     seen = np.concatenate([ends, model.body_point])
     mass = np.concatenate([np.repeat(0.5 * model.beams.length * model.beams.rho_A, 2), model.body_mass])
     moved = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, -1)[seen, :3]
@@ -85,10 +85,9 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     ]).T  # fmt: skip
     whole = np.sum(u**2, axis=0)
     fit = np.sum((B @ c) ** 2, axis=0) / np.where(whole > 0.0, whole, 1.0)
-    names = ("axial", "torsion", *(f"bending {'-'.join(sorted((letter, a)))}" for a in AXES if a != letter))
-    if not letter:
+    names = ("axial", "torsion", *planes)
+    if len(planes) == 1:
         energy = np.column_stack([energy[:, :2], energy[:, 2:].sum(axis=1)])
-        names = ("axial", "torsion", "bending")
     total = energy.sum(axis=1, keepdims=True)
     share = energy / np.where(total > 0.0, total, 1.0)
     return BeamMotion(names, share, fit, _appended(equilibrium, shapes, r[ends] @ axis))
@@ -109,13 +108,26 @@ def _appended(equilibrium: Equilibrium, shapes: np.ndarray, s: np.ndarray) -> Fl
     return short / np.where(whole > 0.0, whole, 1.0)
 
 
-def _across(axis: np.ndarray) -> tuple[str, np.ndarray]:
-    """The letter of the long axis, if it has one, and two unit vectors across, by those of the others."""
-    nearest = int(np.argmax(np.abs(axis)))
-    first = next(i for i in range(3) if i != nearest)
-    e1 = np.eye(3)[first] - axis[first] * axis
-    e1 = e1 / np.linalg.norm(e1)
-    return AXES[nearest] if abs(axis[nearest]) >= LETTERED else "", np.array([e1, np.cross(axis, e1)])
+def _across(axis: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Two unit vectors across, one as near to a world axis as can be, and the names of bending along them.
+
+    That is the plane of bending where its normal has a letter, or the letter of the direction; one name for
+    both where one of them has neither.
+    """
+    e = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    e = e - (axis @ e) * axis
+    e = e / np.linalg.norm(e)
+    across = np.array([e, np.cross(axis, e)])
+    planes = tuple(_plane(np.cross(axis, direction), direction) for direction in across)
+    return across, planes if all(planes) else ("bending",)
+
+
+def _plane(normal: np.ndarray, direction: np.ndarray) -> str:
+    for vector, words in ((normal, "bending {0[0]}-{0[1]}"), (direction, "bending along {1}")):
+        nearest = int(np.argmax(np.abs(vector)))
+        if abs(vector[nearest]) >= LETTERED:
+            return words.format(AXES.replace(AXES[nearest], ""), AXES[nearest])
+    return ""
 
 
 def _families(r: np.ndarray, axis: np.ndarray, across: np.ndarray, terms: int) -> list[np.ndarray]:
