@@ -279,6 +279,7 @@ def _stroke(
     if ends:
         codes = np.concatenate([[Path.MOVETO, *[Path.LINETO] * (b - a - 1)] for a, b in ends])
         path = Path(np.concatenate([flat[a:b] for a, b in ends]), codes)
+        path.should_simplify = True  # short ones too: straight members need no points between their ends
         axes.add_artist(PathPatch(path, facecolor="none", edgecolor=colour, linewidth=width, zorder=zorder,
                                  capstyle="round"))  # fmt: skip
 
