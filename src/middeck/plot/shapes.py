@@ -316,4 +316,4 @@ def _round_bar(x: float) -> float:
 
 
 def _arrow(axes: Axes, start: np.ndarray, end: np.ndarray, colour: str) -> None:
-    axes.annotate("", end, start, arrowprops=ARROW | {"color": colour})
+    axes.annotate("", (end[0], end[1]), (start[0], start[1]), arrowprops=ARROW | {"color": colour})

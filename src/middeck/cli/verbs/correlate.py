@@ -134,13 +134,12 @@ def verb(
     if figure_file is not None:
         from middeck.plot.correlation import correlation_figure
 
-        pairs = zip(document["name"], document["pair_mac"], document["frequency_error"], strict=True)
         figures.write_figure(
             correlation_figure(found),
             figure_file,
             key="correlation",
             title=f"Correlation of {document['article']} with {test}",
-            description="; ".join(f"{n}: MAC {mac:.3f}, frequency {100.0 * e:+.2f} %" for n, mac, e in pairs),
+            description=f"MAC of {len(found.candidates)} modes and frequency errors of {len(found.pairs)} pairs.",
         )
     show(as_json, document, *_tables(document))
     if require and not found.passed:

@@ -76,8 +76,7 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     families = _families(r[seen], axis, across, terms)
     B = np.hstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1) for f in families])
     u = (weight[:, :, None] * moved).reshape(3 * len(seen), -1)
-    scale = np.linalg.norm(B, axis=0)
-    B = B / np.where(scale > 0.0, scale, 1.0)
+    B /= np.maximum(np.linalg.norm(B, axis=0), np.finfo(float).tiny)
     c = np.linalg.lstsq(B, u, rcond=RCOND)[0]
     width = np.cumsum([0, *(f.shape[2] for f in families)])
     energy = np.array([
