@@ -139,7 +139,7 @@ def verb(
             figure_file,
             key="correlation",
             title=f"Correlation of {document['article']} with {test}",
-            description=f"MAC of {len(found.candidates)} modes and frequency errors of {len(found.pairs)} pairs.",
+            description=f"MAC of the modes, and frequency errors of {len(found.pairs)} pairs.",
         )
     show(as_json, document, *_tables(document))
     if require and not found.passed:

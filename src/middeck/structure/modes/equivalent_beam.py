@@ -70,13 +70,15 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     across, planes = _across(axis)
     seen = np.concatenate([ends, model.body_point])
     mass = np.concatenate([np.repeat(0.5 * model.beams.length * model.beams.rho_A, 2), model.body_mass])
-    moved = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, -1)[seen, :3]
+    moved = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, shapes.shape[1])[
+        seen, :3
+    ]
     weight = np.sqrt(mass / mass.sum())[:, None]
     terms = int(np.clip(len(np.unique(model.points.frame[seen])) // FRAMES_EACH, FEWEST, MOST))
     families = _families(r[seen], axis, across, terms)
-    B = np.hstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1) for f in families])
-    u = (weight[:, :, None] * moved).reshape(3 * len(seen), -1)
-    B /= np.maximum(np.linalg.norm(B, axis=0), np.finfo(float).tiny)
+    columns = np.hstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1) for f in families])
+    u = (weight[:, :, None] * moved).reshape(3 * len(seen), shapes.shape[1])
+    B = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     c = np.linalg.lstsq(B, u, rcond=RCOND)[0]
     width = np.cumsum([0, *(f.shape[2] for f in families)])
     energy = np.array([

@@ -64,7 +64,7 @@ def deformation_names(
     """
     strain = strain_energy(equilibrium, shapes)
     inside = [PARTS[i] for i in np.argmax(strain, axis=1)]
-    if on_one_line(equilibrium):
+    if not len(lam) or on_one_line(equilibrium):
         return inside
     whole, (parts, share) = beam_motion(equilibrium, shapes), strained_parts(equilibrium, shapes)
     mean = _mean_of_repeated(lam)
