@@ -24,6 +24,7 @@ from middeck.plot.fit import fit_figure
 from middeck.plot.gimbal_family import gimbal_family
 from middeck.plot.gravity_path import gravity_path_figure
 from middeck.plot.nyquist import nyquist
+from middeck.plot.shapes import Shown, shapes_figure
 from middeck.plot.stabilisation import stabilisation
 from middeck.plot.style import COLOUR, DASHES, LABEL, frequency_axis, new_figure, styled
 from middeck.plot.svg import svg_text
@@ -108,6 +109,14 @@ def mace_1993() -> Figure:
 def shape() -> Figure:
     """The article as it floats in 0-g and as it hangs in 1-g, displacements exaggerated."""
     return figure_3(comparison())
+
+
+def shapes() -> Figure:
+    """Shapes of three modes of the development model in the laboratory, coloured by their motion."""
+    coarse = md.load_structure(ROOT / "articles" / "mace-dm.toml", ["mesh.elements_per_strut=2"])
+    rest = md.solve_equilibrium(coarse, case("mace-dm")[1])
+    drawing = md.draw_modes(md.solve_modes(rest), [8, 10, 12])
+    return shapes_figure([drawing], [[Shown(0, i)] for i in range(3)])
 
 
 def modes() -> Figure:
@@ -275,6 +284,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "mace-1993": mace_1993,
     "chain": chain,
     "shape": shape,
+    "shapes": shapes,
     "modes": modes,
     "response": response,
     "budget": budget,

@@ -100,6 +100,7 @@ from .files.records import (
 )
 from .files.records.together import split_periods as split_periods
 from .files.studies import load_study as load_study
+from .files.vtu import write_vtu as write_vtu
 from .identification.faults.detect import detect_faults as detect_faults
 from .identification.fit.fit_response import fit_response as fit_response
 from .identification.free_decay.fit import fit_free_decay as fit_free_decay
@@ -176,6 +177,11 @@ from .structure.model.article import (
 )
 from .structure.model.clamps import Clamp as Clamp
 from .structure.model.environment import Environment as Environment
+from .structure.modes.drawn import (
+    Drawing as Drawing,
+    draw_modes as draw_modes,
+    draw_rest as draw_rest,
+)
 from .structure.modes.solve import (
     Modes as Modes,
     solve_modes as solve_modes,

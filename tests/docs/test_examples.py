@@ -282,6 +282,17 @@ def free_decay(names: Names) -> None:
     assert np.all(np.diff(found.frequency_hz[4:]) > 0.0)
 
 
+def see_the_shapes(names: Names) -> None:
+    """The page works from the file alone, the modes are what the page says, and every figure is there."""
+    assert names["drawing"].name[2] == "first torsion"
+    text = Path("shapes.html").read_text(encoding="utf-8")
+    assert "<script src" not in text
+    assert "first bending x-y" in text
+    drawn = ("modes.png", "modes.vtu", "four-modes.vtu", "four-modes.png", "correlation.svg", "response.svg",
+             "loop.svg", "plants.svg", "level.svg")  # fmt: skip
+    assert all(Path(name).stat().st_size > 5000 for name in drawn)
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -293,6 +304,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/free-decay.md": free_decay,
     "docs/how-to/override-a-value.md": override_a_value,
     "docs/how-to/level-an-article.md": level_an_article,
+    "docs/how-to/see-the-shapes.md": see_the_shapes,
     "docs/how-to/clamp-it-load-it.md": clamp_it_load_it,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
     "docs/how-to/find-what-matters.md": find_what_matters,

@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 
 from cli_runner import ROOT, middeck
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.app import VERBS, app
 from middeck.files.exchange import load_mat
 from middeck.files.models import load_model
@@ -112,6 +112,13 @@ def test_a_list_option_adds_up(verb: str, name: str) -> None:
 WRITES = {
     ("budget", "--figure"): options.FIGURES,
     ("path", "--figure"): options.FIGURES,
+    ("correlate", "--figure"): options.FIGURES,
+    ("response", "--figure"): options.FIGURES,
+    ("design", "--figure"): options.FIGURES,
+    ("qualify", "--figure"): options.FIGURES,
+    ("level", "--figure"): options.FIGURES,
+    ("compare", "--figure"): figures.SHAPES,
+    ("modes", "--figure"): figures.MODES,
     ("identify", "--figure"): options.FIGURES,
     ("identify", "--stabilisation"): options.FIGURES,
     ("identify", "--output"): options.SYSTEMS,
@@ -123,7 +130,23 @@ WRITES = {
     ("convert", "--output"): options.ARTICLES,
     ("convert", "--environment"): options.ARTICLES,
 }
-ENDINGS = (".json", ".mat", ".c", ".svg", ".png", ".pdf", ".csv", ".npz", ".h5", ".uff", ".txt", ".toml", "")
+ENDINGS = (
+    ".json",
+    ".mat",
+    ".c",
+    ".svg",
+    ".png",
+    ".pdf",
+    ".html",
+    ".vtu",
+    ".csv",
+    ".npz",
+    ".h5",
+    ".uff",
+    ".txt",
+    ".toml",
+    "",
+)
 
 
 def test_every_option_that_writes_is_in_the_table() -> None:

@@ -1,22 +1,114 @@
-"""``--figure``: a drawing of the result as an SVG file."""
+"""``--figure``: a drawing of the result, in the form that the file's ending asks for."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from middeck.cli.options import FIGURES, written
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.figure import Figure
 
-figure = written("--figure", "figure_file", endings=FIGURES, help="Also draw it, as SVG.")
+    from middeck.plot.shapes import Shown
+    from middeck.report.shape_page import ShapePage
+    from middeck.structure.gravity.comparison import ModeComparison
+    from middeck.structure.modes.solve import Modes
+
+SHAPES = (*FIGURES, ".html")
+MODES = (*SHAPES, ".vtu")
+MOVES = "Also draw the shapes; a page (.html) turns them and moves them"
+figure = written("--figure", "figure_file", endings=FIGURES, help="Also draw it.")
+shapes = written("--figure", "figure_file", endings=SHAPES, help=f"{MOVES}.")
+mode_shapes = written("--figure", "figure_file", endings=MODES, help=f"{MOVES}, .vtu is for ParaView.")
+PNG_DPI = 150
 
 
 def write_figure(drawn: Figure, file: str, *, key: str, title: str, description: str) -> None:
-    """Write ``drawn`` whole or not at all."""
+    """Write ``drawn`` whole or not at all, in the form of the file's ending; no date, no versions."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
     from middeck.files.atomic import replacing
+    from middeck.plot.style import house_style
     from middeck.plot.svg import svg_text
 
-    text = svg_text(drawn, key=key, title=title, description=description)
-    with replacing(file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    with replacing(file) as temporary, house_style():
+        match Path(file).suffix.lower():
+            case ".png":
+                words: dict[str, Any] = {"Software": None, "Title": title, "Description": description}
+                drawn.set_dpi(PNG_DPI)
+                FigureCanvasAgg(drawn).print_png(temporary, metadata=words)
+            case ".pdf":
+                words = {"Creator": None, "Producer": None, "CreationDate": None, "Title": title}
+                FigureCanvasPdf(drawn).print_pdf(temporary, metadata=words)
+            case _:
+                text = svg_text(drawn, key=key, title=title, description=description)
+                temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def draw_modes_to(modes: Modes, count: int, file: str, table: Sequence[Sequence[str]]) -> None:
+    """The lowest ``count`` shapes, those of rigid-body modes only where there are no others."""
+    from middeck.files.vtu import write_vtu
+    from middeck.plot.shapes import Shown
+    from middeck.report.shape_page import ShapePage
+    from middeck.structure.modes.drawn import draw_modes
+
+    lowest = range(min(count, len(modes.omega)))
+    drawing = draw_modes(modes, [i for i in lowest if modes.kind[i] != "rigid"] or lowest)
+    if file.lower().endswith(".vtu"):
+        write_vtu(file, drawing)
+        return
+    page = ShapePage(
+        title=f"Modes of {drawing.title} in {drawing.environment}",
+        drawings=(drawing,),
+        sides=("",),
+        rows=tuple((Shown(0, i),) for i in range(len(drawing.number))),
+        headers=tuple(table[0]),
+        table=tuple(tuple(row) for row in table[1:]),
+        warnings=modes.warnings,
+    )
+    _write_shapes(page, file)
+
+
+def draw_comparison_to(comparison: ModeComparison, file: str, warnings: Sequence[str]) -> None:
+    """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
+    from middeck.report.shape_page import ShapePage
+    from middeck.structure.modes.drawn import draw_modes
+
+    orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
+    alone = [j for j in range(comparison.count) if j not in pairs[:, 1] and lab.kind[j] != "rigid"]
+    place = lab.equilibrium.environment.title
+    page = ShapePage(
+        title=f"Modes of {orbit.equilibrium.model.structure.title} in 0-g and in {place}",
+        drawings=(draw_modes(orbit, pairs[:, 0].tolist()), draw_modes(lab, [*pairs[:, 1].tolist(), *alone])),
+        sides=("0-g", place),
+        rows=_pair_rows(comparison, len(alone)),
+        warnings=tuple(warnings),
+    )
+    _write_shapes(page, file)
+
+
+def _pair_rows(comparison: ModeComparison, alone: int) -> tuple[tuple[Shown | None, Shown], ...]:
+    from middeck.plot.shapes import Shown
+
+    orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
+    alike = [float(orbit.shapes[:, i] @ (orbit.mass @ lab.shapes[:, j])) for i, j in pairs]
+    held = [(None, Shown(1, len(pairs) + k)) for k in range(alone)]
+    paired = [(Shown(0, p), Shown(1, p, -1.0 if value < 0.0 else 1.0)) for p, value in enumerate(alike)]
+    return (*paired, *held)
+
+
+def _write_shapes(page: ShapePage, file: str) -> None:
+    from middeck.plot.shapes import shapes_figure
+    from middeck.report.build import write_text
+    from middeck.report.shape_page import describe_rows, render_shapes
+
+    if file.lower().endswith(".html"):
+        write_text(Path(file), render_shapes(page))
+        return
+    titles = page.sides if len(page.drawings) > 1 else ()
+    drawn = shapes_figure(page.drawings, page.rows, titles)
+    write_figure(drawn, file, key="shapes", title=page.title, description=describe_rows(page))

@@ -14,7 +14,7 @@ from middeck.errors import ConfigError
 F = TypeVar("F", bound=Callable[..., Any])
 
 # What each result can be written as; the writer is chosen by the ending.
-FIGURES = (".svg",)
+FIGURES = (".svg", ".png", ".pdf")
 SYSTEMS = (".json", ".mat")
 COMMANDS = (".csv", ".npz")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from middeck.structure.modes.parts import leading_parts, strained_parts
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
 from middeck.systems.response import FrequencyResponse
@@ -22,6 +23,16 @@ def mode_numbers(modes: Modes, count: int) -> dict[str, Any]:
         "residual": float(modes.residual[:count].max()),
         "warnings": modes.warnings,
     }
+
+
+def most_strained(modes: Modes, count: int) -> list[dict[str, Any] | None]:
+    """The part with most of the strain energy of each of the lowest modes; None for a rigid-body mode."""
+    parts, shares = strained_parts(modes.equilibrium, modes.shapes[:, :count])
+    named = [leading_parts(parts, share) for share in shares]
+    return [
+        None if kind == "rigid" or not part else {"part": part, "share": share}
+        for kind, (part, share) in zip(modes.kind, named, strict=False)
+    ]
 
 
 def rest_numbers(equilibrium: Equilibrium) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck compare articles/mace-simple.toml
+  middeck compare articles/mace-simple.toml --figure shapes.html
   middeck compare articles/mace-dm.toml --set constants.gravity=3.71 --json
 """
 
@@ -25,12 +25,14 @@ Examples:
 @options.environment
 @options.load_case
 @options.count
+@figures.shapes
 @options.common
 def verb(
     article: str,
     environment: str,
     load_case: str | None,
     count: int,
+    figure_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -49,7 +51,10 @@ def verb(
     structure, surroundings = load_setup(*files, overrides)
     orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
     lab = solve_in(*apply_case(structure, surroundings, load_case, *files), *files, count=count)
-    document = describe(compare_modes(orbit, lab, count))
+    found = compare_modes(orbit, lab, count)
+    document = describe(found)
+    if figure_file is not None:
+        figures.draw_comparison_to(found, figure_file, document["warnings"])
     show(as_json, document, *_tables(document))
 
 

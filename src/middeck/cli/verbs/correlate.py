@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--require", is_flag=True, help="End with exit code 1 if the model does not pass.")
+@figures.figure
 @options.common
 def verb(
     article: str,
@@ -93,6 +94,7 @@ def verb(
     runs: int,
     seed: int,
     require: bool,
+    figure_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -129,6 +131,16 @@ def verb(
             runs=runs,
         )
     document = {**describe(found), "seed": seed, "test": test}
+    if figure_file is not None:
+        from middeck.plot.correlation import correlation_figure
+
+        figures.write_figure(
+            correlation_figure(found),
+            figure_file,
+            key="correlation",
+            title=f"Correlation of {document['article']} with {test}",
+            description=f"MAC of the modes, and frequency errors of {len(found.pairs)} pairs.",
+        )
     show(as_json, document, *_tables(document))
     if require and not found.passed:
         click.get_current_context().exit(1)

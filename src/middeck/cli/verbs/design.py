@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
     metavar="LAW.json|mat",
     help="Write the compensator.",
 )
+@figures.figure
 @options.common
 def verb(
     sources: tuple[str, ...],
@@ -69,6 +70,7 @@ def verb(
     authority: float | None,
     log10_authority: float | None,
     law_file: str | None,
+    figure_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
@@ -114,7 +116,25 @@ def verb(
     document = describe(designed, plant, settings, warnings)
     if law_file is not None:
         write_law(law_file, designed.compensator)
+    if figure_file is not None:
+        with reading(*sources):
+            _draw(plant, designed, settings, figure_file)
     show(as_json, document, *_tables(document))
+
+
+def _draw(plant: Plant, designed: DesignedLoop, settings: LoopSettings, file: str) -> None:
+    """Nyquist's plot of each loop, broken at the plant's inputs."""
+    from middeck.control.analysis import measure_margins, trace_return_ratio
+    from middeck.plot.nyquist import nyquist
+
+    law = designed.compensator
+    figures.write_figure(
+        nyquist(trace_return_ratio(plant, law), measure_margins(plant, law)),
+        file,
+        key="design",
+        title=f"Return ratio at log10 authority {settings.log10_authority:g}",
+        description=f"Nyquist plots of the loops broken at {', '.join(plant.u)}, with margins.",
+    )
 
 
 def _log10_authority(authority: float | None, log10_authority: float | None) -> float:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    from middeck.structure.model.article import Structure
     from middeck.structure.suspension.levelling import Levelling
 
 EPILOG = """\
@@ -43,6 +44,7 @@ Examples:
 )
 @click.option("--node", metavar="NAME", help="Level this node.  [default: the best-fit rigid body]")
 @click.option("--limit", type=float, default=0.1, show_default=True, help="Largest change of an offset [m].")
+@figures.figure
 @options.common
 def verb(
     article: str,
@@ -52,6 +54,7 @@ def verb(
     about: str | None,
     node: str | None,
     limit: float,
+    figure_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -75,7 +78,29 @@ def verb(
         **describe(found, load_offset_keys(*files, overrides)),
         "warnings": case_doubts(structure, surroundings),
     }
+    if figure_file is not None:
+        _draw(structure, found, figure_file)
     show(as_json, document, *_blocks(document))
+
+
+def _draw(structure: Structure, found: Levelling, file: str) -> None:
+    """How it hung and how it hangs, in one scale."""
+    from middeck.plot.shapes import rest_figure
+    from middeck.structure.modes.drawn import draw_rest
+    from middeck.structure.rest.equilibrium import solve_equilibrium
+
+    before = solve_equilibrium(structure, found.equilibrium.environment)
+    moved = ", ".join(
+        f"{n}.{a} {1e3 * by:+.1f} mm" for (n, a), by in zip(found.moved, found.change, strict=True)
+    )
+    drawn = [draw_rest(rest) for rest in (before, found.equilibrium)]
+    figures.write_figure(
+        rest_figure(drawn, ["before", f"after {moved}"]),
+        file,
+        key="level",
+        title=f"{found.structure.title}: rest before and after levelling",
+        description=f"Rest states, displacements exaggerated; moved: {moved}.",
+    )
 
 
 def split_offset(text: str) -> tuple[str, str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck modes articles/mace-simple.toml --environment orbit
+  middeck modes articles/mace-simple.toml --figure modes.html
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
@@ -28,12 +28,14 @@ HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "ser
 @options.environment
 @options.load_case
 @options.count
+@figures.mode_shapes
 @options.common
 def verb(
     article: str,
     environment: str,
     load_case: str | None,
     count: int,
+    figure_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -59,6 +61,8 @@ def verb(
     document = describe(modes, count, summary)
     later = [w for w in document["warnings"] if w not in summary.warnings]
     shown = document if as_json else {**document, "warnings": later}
+    if figure_file is not None:
+        figures.draw_modes_to(modes, count, figure_file, _page_rows(document))
     show(as_json, shown, *_tables(document))
 
 
@@ -67,7 +71,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     import numpy as np
 
     from middeck.cli.summary import summary_numbers
-    from middeck.files.json_results import mode_numbers, rest_numbers
+    from middeck.files.json_results import mode_numbers, most_strained, rest_numbers
     from middeck.structure.modes.mesh_error import estimate_mesh_error
     from middeck.structure.rest.equilibrium import rest_imbalance
 
@@ -82,6 +86,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
         **mode_numbers(modes, count),
         "warnings": (*modes.warnings, *said),
         "rigid_share": modes.rigid_share[:count],
+        "most_strained": most_strained(modes, count),
         "damping": zeta,
         "mesh_error": [e if np.isfinite(e) else None for e in estimate_mesh_error(modes, count).tolist()],
         "mode_residual": modes.residual[:count],
@@ -115,18 +120,14 @@ def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, .
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
-    keys = ("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share")
-    rows = [
-        [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:.3f}", k, n, f"{r:.1%}", f"{s:.1%}"]
-        for i, (f, z, k, n, r, s) in enumerate(zip(*(document[k] for k in keys), strict=True))
-    ]
     blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
         f"residual     {_imbalance(document)}",
-        Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows),
+        _modes_table(document),
         "\nrigid: part of the motion that strains nothing when the article is free;"
         "\nstrain: part of the energy",
+        _parts_table(document),
     ]
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
@@ -153,6 +154,33 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *([Table("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
         Table("rotation vector of the nodes", ["node", "x deg", "y deg", "z deg"], turned),
     ]
+
+
+def _modes_table(document: dict[str, Any]) -> Table:
+    keys = ("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share")
+    rows = [
+        [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:.3f}", k, n, f"{r:.1%}", f"{s:.1%}"]
+        for i, (f, z, k, n, r, s) in enumerate(zip(*(document[key] for key in keys), strict=True))
+    ]
+    return Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows)
+
+
+def _parts_table(document: dict[str, Any]) -> Table:
+    """Apart from the modes: together they are too wide for a terminal."""
+    rows = [
+        [str(i), f"{f:.5f}", most["part"], f"{most['share']:.1%}"]
+        for i, (f, most) in enumerate(zip(document["frequency_hz"], document["most_strained"], strict=True))
+        if most is not None
+    ]
+    return Table("largest share of the strain energy", ["", "frequency Hz", "part", "share"], rows)
+
+
+def _page_rows(document: dict[str, Any]) -> list[list[str]]:
+    """Headers, then one row a mode, with the part that is strained most."""
+    table, most = _modes_table(document), document["most_strained"]
+    parts = ["" if m is None else f"{m['part']} {m['share']:.0%}" for m in most]
+    return [["mode", *table.headers[1:], "most strain in"],
+            *([*row, part] for row, part in zip(table.rows, parts, strict=True))]  # fmt: skip
 
 
 def _imbalance(document: dict[str, Any]) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.requirements import Requirement, meets, read_requirements
 from middeck.cli.screen import Table, show
 
@@ -66,6 +66,7 @@ AT_MOST = ("db", "control_rms")
     help="stable, gain_db=6, phase_deg=30, delay_ms=1, disk=0.5, damping=0.01, db=-20 or control_rms=1: "
     "exit code 1 if a row fails.",
 )
+@figures.figure
 @options.common
 def verb(
     law_file: str,
@@ -73,6 +74,7 @@ def verb(
     environments: tuple[str, ...],
     count: int,
     required: tuple[str, ...],
+    figure_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
@@ -89,6 +91,18 @@ def verb(
     law, found, allowed, said = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
     rows = [_row(q) for q in found]
     document = describe(law_file, law, rows, requirements, said) | {"allowed_shift": allowed}
+    if figure_file is not None:
+        from middeck.plot.qualification import qualification_figure
+
+        limits = [(r.quantity, r.limit) for r in requirements if r.limit is not None]
+        title = f"{law_file}: stable on {document['stable']} of {len(rows)}"
+        figures.write_figure(
+            qualification_figure(rows, limits, title),
+            figure_file,
+            key="qualify",
+            title=title,
+            description="Margins, damping and rms of the compensator on each plant.",
+        )
     show(as_json, document, *_tables(document))
     if not document["passed"]:
         click.get_current_context().exit(1)

@@ -6,11 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.residual import StaticGainComparison
+    from middeck.systems.plant import Plant
     from middeck.systems.response import FrequencyResponse
 
 EPILOG = """\
@@ -49,6 +53,7 @@ Examples:
 )
 @options.count
 @click.option("--static", is_flag=True, help="Add the residual flexibility of the other modes.")
+@figures.figure
 @options.common
 def verb(
     article: str,
@@ -58,6 +63,7 @@ def verb(
     frequency_hz: tuple[float, ...],
     count: int,
     static: bool,
+    figure_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -88,7 +94,26 @@ def verb(
         **({} if gain is None else {"static_gain": describe_gain(gain)}),
         "warnings": modes.warnings,
     }
+    if figure_file is not None:
+        _draw(plant, modes, np.array(frequency_hz), figure_file)
     show(as_json, document, *_tables(document))
+
+
+def _draw(plant: Plant, modes: Modes, asked_hz: np.ndarray, file: str) -> None:
+    from middeck.plot.response import response_figure, response_lines
+    from middeck.structure.plants.damping import estimate_damping
+    from middeck.systems.response import evaluate_plant
+
+    rest = modes.equilibrium
+    lines = response_lines(asked_hz, modes.frequency_hz, estimate_damping(modes).zeta)
+    title = f"{rest.model.structure.title} in {rest.environment.title}"
+    figures.write_figure(
+        response_figure(evaluate_plant(plant, lines), evaluate_plant(plant, asked_hz), title),
+        file,
+        key="response",
+        title=f"Frequency responses of {title}",
+        description=f"Magnitude and phase from {lines[0]:.4g} to {lines[-1]:.4g} Hz.",
+    )
 
 
 def describe(response: FrequencyResponse) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Names of modes, from participation in rigid motions and from strain energy."""
+"""Names of modes, from participation in rigid motions, motion as one beam, and strain energy."""
 
 from __future__ import annotations
 
@@ -8,17 +8,27 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.structure.modes.kinds import HELD
+from middeck.structure.modes.equivalent_beam import beam_motion, on_one_line
+from middeck.structure.modes.kinds import HALF, HELD
+from middeck.structure.modes.parts import leading_parts, strained_parts
+from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.rigid import AXES, rigid_motions
 from middeck.structure.modes.strain import PARTS, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
+LOCAL = "local: "
+# Of the kinetic energy: makes a mode one of the article as a beam. Of the strain energy, in what is appended
+# to the beam: makes it none.
+WHOLE = 0.6
+TIES = 4  # the last of `PARTS` are no members
+TINY = float(np.finfo(float).tiny)
 
 
 def name_modes(
     equilibrium: Equilibrium,
     M: sp.csr_array,
+    lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
     kind: tuple[str, ...],
     rigid_names: tuple[str, ...],
@@ -26,18 +36,59 @@ def name_modes(
     """Names of modes, the rigid ones first.
 
     One that something else than strain holds has the name of the rigid motion that takes the largest part of
-    its mass, a flexible one that of the part where most of its strain energy is.
+    its mass. A flexible one has that of its deformation: see `deformation_names`.
     """
-    strain = strain_energy(equilibrium, shapes)
+    first = len(rigid_names)
     held = [m for m, k in enumerate(kind) if k in HELD]
     hung = dict(zip(held, _hung_names(equilibrium, M, shapes[:, held]), strict=True))
+    deformed = deformation_names(equilibrium, lam, shapes)
     names: list[str] = list(rigid_names)
     count: Counter[str] = Counter()
-    for m in range(len(rigid_names), len(kind)):
-        base = hung.get(m, PARTS[int(np.argmax(strain[m]))])
+    for m in range(first, len(kind)):
+        base = hung.get(m, deformed[m])
         count[base] += 1
-        names.append(_numbered(base, count[base]) if m in hung else f"{_ordinal(count[base])} {base}")
+        plain = m in hung or base.startswith(LOCAL)
+        names.append(_numbered(base, count[base]) if plain else f"{_ordinal(count[base])} {base}")
     return tuple(names)
+
+
+def deformation_names(
+    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+) -> list[str]:
+    """What deforms in each mode, not numbered.
+
+    Of an article along one line it is the deformation with most strain energy. Of any other it is the motion
+    of the whole as one beam, if `WHOLE` of the kinetic energy is that; else "local: PART" where parts with
+    half of the strain energy can be named, or "overall", with the deformation of the members. Two that are
+    nearly equal are both named, and modes of one frequency, whose basis is arbitrary, are named alike.
+    """
+    strain = strain_energy(equilibrium, shapes)
+    inside = [PARTS[i] for i in np.argmax(strain, axis=1)]
+    if not len(lam) or on_one_line(equilibrium):
+        return inside
+    whole, (parts, share) = beam_motion(equilibrium, shapes), strained_parts(equilibrium, shapes)
+    mean = _mean_of_repeated(lam)
+    strain, share = mean @ strain, mean @ share
+    names: list[str] = []
+    for m in range(len(lam)):
+        named, of_it = leading_parts(parts, share[m])
+        deformation = leading_parts(PARTS, strain[m] / max(strain[m].sum(), TINY))[0]
+        tied = strain[m, len(PARTS) - TIES :].sum() > HALF * strain[m].sum()
+        if whole is not None and not tied and mean[m] @ whole.fit >= WHOLE > mean[m] @ whole.appended:
+            names.append(leading_parts(whole.names, mean[m] @ whole.share)[0])
+        elif of_it >= HALF:
+            names.append(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}")
+        else:
+            names.append(f"overall {deformation}")
+    return names
+
+
+def _mean_of_repeated(lam: np.ndarray) -> np.ndarray:
+    """Averages over modes of one frequency: a mean over all of them does not depend on their basis."""
+    mean = np.eye(len(lam))
+    for cluster in repeated(lam):
+        mean[np.ix_(cluster, cluster)] = 1.0 / len(cluster)
+    return mean
 
 
 def _numbered(base: str, count: int) -> str:

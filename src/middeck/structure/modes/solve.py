@@ -91,7 +91,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
     lam, shapes, rigid_share, share, kind = find_kinds(equilibrium, M, lam, shapes, rigid)
     shapes = shapes * _signs(M, shapes)
-    names = name_modes(equilibrium, M, shapes, kind, rigid_names)
+    names = name_modes(equilibrium, M, lam, shapes, kind, rigid_names)
     _check_stable(equilibrium, lam, shapes, names)
     residual = _residual(dynamic_freedom(equilibrium.model), K, M, shapes, lam)
     omega = np.sqrt(lam)

@@ -34,33 +34,53 @@ def strain_energy(
 
     Bending about an own axis of a member counts for the plane across the world axis nearest to it. Analytic.
     """
+    changes = _pose_changes(equilibrium, shapes)
+    bent = _member_energy(equilibrium, changes)
+    springs, joints, bushings = _tie_energies(equilibrium, shapes, changes)
+    slides = equilibrium.model.tree.slides
+    ties = (springs, joints[:, ~slides], joints[:, slides], bushings)
+    return np.column_stack([bent, *(tie.sum(axis=1) for tie in ties)])
+
+
+def part_energy(
+    equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "mode part"]:
+    """The same by parts: members, springs, joints, bushings, each in the order of the structure; analytic."""
+    changes = _pose_changes(equilibrium, shapes)
+    ties = _tie_energies(equilibrium, shapes, changes)
+    return np.hstack([_each_member(equilibrium, changes), *ties])
+
+
+def _pose_changes(equilibrium: Equilibrium, shapes: np.ndarray) -> Inexact[np.ndarray, "pose 6 mode"]:
     model = equilibrium.model
     poses = frame_poses(model.tree, equilibrium.config)
     changes = pose_jacobian(model.tree, model.points, poses) @ shapes
-    changes = changes.reshape(-1, 6, shapes.shape[1])
-    springs, joints = model.structure.springs, model.structure.joints
-    of_springs = np.array([s.stiffness for s in springs]) + 0.0
+    return changes.reshape(len(model.points.frame), 6, shapes.shape[1])
+
+
+def _tie_energies(
+    equilibrium: Equilibrium, shapes: np.ndarray, changes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Energy (mode, item) of each spring, of each joint and of each bushing."""
+    model = equilibrium.model
+    joints = model.structure.joints
+    k = np.array([s.stiffness for s in model.structure.springs]) + 0.0
     of_joints = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints]) + 0.0
-    bent = _member_energy(equilibrium, changes)
-    energy = np.zeros((shapes.shape[1], len(PARTS)), np.result_type(changes, bent, of_springs, of_joints))
-    energy[:, :5] = bent
-    if len(model.spring_ends):
-        start, end = model.spring_ends.T
-        world = points_in_world(model.points, poses)
-        span = world[end] - world[start]
-        length = np.sqrt(np.sum(span * span, axis=1))
-        along = span / np.where(length == 0.0, 1.0, length)[:, None]
-        apart = changes[end, :3] - changes[start, :3]
-        stretch = np.einsum("si,sim->sm", along, apart) ** 2
-        stretch[length == 0.0] = np.sum(apart[length == 0.0] ** 2, axis=1)  # the same in all directions
-        energy[:, 5] = 0.5 * of_springs @ stretch
-    moves = shapes[6 * model.tree.roots :] ** 2
-    for part, of_it in ((6, ~model.tree.slides), (7, model.tree.slides)):
-        energy[:, part] = 0.5 * of_joints[of_it] @ moves[of_it]
+    world = points_in_world(model.points, frame_poses(model.tree, equilibrium.config))
+    start, end = model.spring_ends.T
+    span = world[end] - world[start]
+    length = np.sqrt(np.sum(span * span, axis=1))
+    along = span / np.where(length == 0.0, 1.0, length)[:, None]
+    apart = changes[end, :3] - changes[start, :3]
+    stretch = np.einsum("si,sim->sm", along, apart) ** 2
+    stretch[length == 0.0] = np.sum(apart[length == 0.0] ** 2, axis=1)  # the same in all directions
     between, _ = bushing_states(model, equilibrium.config, equilibrium.loads)
-    ends = changes[model.bushing_ends].reshape(-1, 12, shapes.shape[1])
-    energy[:, 8] = 0.5 * np.einsum("bim,bij,bjm->m", ends, between.material, ends)
-    return energy
+    ends = changes[model.bushing_ends].reshape(len(model.bushing_ends), 12, shapes.shape[1])
+    return (
+        0.5 * (k[:, None] * stretch).T,
+        0.5 * (of_joints[:, None] * shapes[6 * model.tree.roots :] ** 2).T,
+        0.5 * np.einsum("bim,bij,bjm->mb", ends, between.material, ends),
+    )
 
 
 def strain_share(
@@ -108,13 +128,14 @@ def member_energy(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode member"]:
     """Elastic energy [J] of each mode in each member of the structure, in its order; analytic."""
+    return _each_member(equilibrium, _pose_changes(equilibrium, shapes))
+
+
+def _each_member(equilibrium: Equilibrium, changes: np.ndarray) -> np.ndarray:
     model = equilibrium.model
-    poses = frame_poses(model.tree, equilibrium.config)
-    changes = pose_jacobian(model.tree, model.points, poses) @ shapes
-    energy = np.zeros((len(model.structure.members), shapes.shape[1]), changes.dtype)
+    energy = np.zeros((len(model.structure.members), changes.shape[2]), changes.dtype)
     if len(model.element_ends):
-        density = _element_energy(equilibrium, changes.reshape(-1, 6, shapes.shape[1]))
-        np.add.at(energy, model.element_member, density.sum(axis=1))
+        np.add.at(energy, model.element_member, _element_energy(equilibrium, changes).sum(axis=1))
     return energy.T
 
 

@@ -1,0 +1,62 @@
+"""A model beside a test: the MAC of all pairs, and the frequencies of both."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from middeck.plot.style import COLOUR, new_figure, note, styled
+from middeck.structure.correlation.correlate import Correlation
+
+# Above this number of columns the values are not written into their squares.
+WRITTEN = 14
+FLOOR = 0.05  # below this a MAC is drawn white
+
+
+@styled
+def correlation_figure(found: Correlation) -> Figure:
+    """Left: MAC of every candidate (rows) and measured mode; circles are pairs. Right: frequency errors."""
+    mac, pairs, measured = found.evaluation.mac, found.evaluation.pairs, found.measured.frequency_hz
+    figure = new_figure(1.6 + 0.26 * max(len(mac), len(measured)), 9.0)
+    left, right = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
+    image = left.imshow(
+        np.ma.masked_less(mac, FLOOR),
+        cmap="viridis_r",
+        vmin=0.0,
+        vmax=1.0,
+        aspect="auto",
+        interpolation="nearest",
+    )
+    left.plot(pairs[:, 1], pairs[:, 0], "o", mfc="none", mec=COLOUR["lab"], markersize=13)
+    if mac.shape[1] <= WRITTEN:
+        for (i, j), value in np.ndenumerate(mac):
+            if value >= FLOOR:
+                colour = "white" if value > 0.5 else "black"
+                left.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6.0, color=colour)
+    modes = found.modes
+    left.set_yticks(range(len(mac)), [f"{i}: {modes.frequency_hz[i]:.4g} Hz" for i in found.candidates])
+    left.set_xticks(range(len(measured)), [f"{f:.4g}" for f in measured], rotation=60)
+    left.set_xlabel("measured mode [Hz]")
+    left.set_ylabel("mode of the model")
+    left.set_title("MAC; circles: pairs")
+    left.grid(visible=False)
+    figure.colorbar(image, ax=left, fraction=0.05, pad=0.02)
+    error, rows = 100.0 * found.evaluation.frequency_error, np.arange(len(pairs))
+    right.hlines(rows, 0.0, error, color=COLOUR["lab"], linewidth=1.6)
+    right.plot(error, rows, "o", color=COLOUR["lab"])
+    for row, value in zip(rows, error, strict=True):
+        note(right, f"{value:+.2f}", (max(value, 0.0), row), (6, 0), va="center")
+    right.set_yticks(rows, [f"{measured[j]:.4g} Hz: {modes.name[i]}" for i, j in found.pairs])
+    right.tick_params(axis="y", labelright=True, labelleft=False, length=0)
+    span = max(float(np.abs(error).max(initial=0.0)), 0.1)
+    right.set_xlim(-1.15 * span, 1.7 * span)
+    right.set_ylim(len(rows) - 0.4, -0.6)
+    right.axvline(0.0, color="black", linewidth=0.7)
+    right.set_xlabel("model over measured frequency, less one [%]")
+    right.set_title("frequencies of the pairs")
+    verdict = "passes" if found.passed else "does not pass"
+    title = f"{modes.equilibrium.model.structure.title} in {modes.equilibrium.environment.title}"
+    figure.suptitle(f"{fill(title, 100)}\n{verdict} {found.profile.name}", fontsize=9.5)
+    return figure

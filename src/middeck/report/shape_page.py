@@ -1,0 +1,139 @@
+"""Shapes in one HTML file that moves and turns, needs no other file, and prints as stills."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+
+from middeck.plot.shapes import (
+    AZIMUTH,
+    ELEVATION,
+    LEVELS,
+    REACH,
+    SHADES,
+    Shown,
+    label_of,
+    shapes_figure,
+    upright,
+)
+from middeck.plot.svg import svg_text
+from middeck.structure.modes.drawn import Drawing
+from middeck.values import record
+
+# Steps of the largest motion, and of the article's size: finer than a pixel.
+MOTION_STEPS, PLACE_STEPS = 999, 4999
+SHEET = 20  # stills on a printed page
+
+
+@record(kw_only=True)
+class ShapePage:
+    """What the page shows.
+
+    Attributes:
+        title: Of the page.
+        drawings, sides: Drawings, and what each is called, such as "0-g".
+        rows: Of each choice of mode the shape of every drawing, None where it has none.
+        headers, table: A table of all modes under the pictures.
+        warnings: Sentences that stand with it.
+    """
+
+    title: str
+    drawings: tuple[Drawing, ...]
+    sides: tuple[str, ...]
+    rows: tuple[tuple[Shown | None, ...], ...]
+    headers: tuple[str, ...] = ()
+    table: tuple[tuple[str, ...], ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def render_shapes(page: ShapePage) -> str:
+    """The page as HTML; the same bytes for the same shapes."""
+    environment = Environment(
+        loader=PackageLoader("middeck", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    assert environment.loader is not None
+    script = environment.loader.get_source(environment, "report/shapes.js")[0]
+    each = SHEET // len(page.drawings)
+    stills = [
+        _still(dataclasses.replace(page, rows=page.rows[first : first + each]), f"stills-{first}")
+        for first in range(0, len(page.rows), each)
+    ]
+    # A script ends at its first "</", wherever that stands.
+    data = json.dumps(_data(page), separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+    return environment.get_template("report/shapes.html.j2").render(
+        page=page,
+        script=Markup(script),
+        data=Markup(data),
+        stills=[Markup(svg) for svg in stills],
+        reach=REACH,
+    )
+
+
+def _still(page: ShapePage, key: str) -> str:
+    titles = page.sides if len(page.drawings) > 1 else ()
+    figure = shapes_figure(page.drawings, page.rows, titles)
+    return svg_text(figure, key=key, title=page.title, description=describe_rows(page))
+
+
+def describe_rows(page: ShapePage) -> str:
+    """The shapes in words, for whoever does not see them."""
+    rows = [[label_of(page.drawings[c.drawing], c.shape) for c in row if c is not None] for row in page.rows]
+    return "; ".join(" | ".join(row) for row in rows).replace("\n", ", ")
+
+
+def _data(page: ShapePage) -> dict[str, Any]:
+    base = upright(d.gravity for d in page.drawings)
+    size = max(d.size for d in page.drawings)
+    middle = 0.5 * (page.drawings[0].rest.max(axis=0) + page.drawings[0].rest.min(axis=0))
+    return {
+        "size": float(f"{size:.4g}"),
+        "reach": REACH,
+        "steps": [PLACE_STEPS, MOTION_STEPS],
+        "axes": np.round(base.T, 6).tolist(),
+        "eye": [AZIMUTH, ELEVATION],
+        "day": [to_hex(SHADES(i)) for i in range(LEVELS)],
+        "night": [to_hex(colormaps["viridis"](x)) for x in np.linspace(0.3, 1.0, LEVELS)],
+        "sides": [
+            {
+                "label": label,
+                "gravity": np.round(base @ d.gravity, 4).tolist(),
+                "points": _whole((d.rest - middle) @ base.T / size * PLACE_STEPS),
+                "lines": [[line.what, line.first, line.last] for line in d.lines],
+                "marks": [
+                    [mark.what, mark.point, *np.round(base @ mark.direction, 3).tolist()] for mark in d.marks
+                ],
+            }
+            for label, d in zip(page.sides, page.drawings, strict=True)
+        ],
+        "rows": [
+            [None if c is None else _cell(page.drawings[c.drawing], c, base) for c in row]
+            for row in page.rows
+        ],
+    }
+
+
+def _cell(drawing: Drawing, shown: Shown, base: np.ndarray) -> dict[str, Any]:
+    motion = drawing.motion[shown.shape]
+    largest = max(float(np.linalg.norm(motion, axis=1).max(initial=0.0)), 1e-300)
+    return {
+        "text": label_of(drawing, shown.shape).replace("\n", ", "),
+        "hz": float(f"{drawing.frequency_hz[shown.shape]:.5g}"),
+        "motion": _whole(shown.sign * motion @ base.T / largest * MOTION_STEPS),
+        "strain": _whole(100.0 * drawing.strain[shown.shape]),
+    }
+
+
+def _whole(values: np.ndarray) -> list[int]:
+    return np.rint(values).astype(int).ravel().tolist()

@@ -1,0 +1,338 @@
+"""What is drawn of an article: lines with several points a member, marks, and how shapes move the points.
+
+One value for pictures, pages and files: whatever shows a shape shows these arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import element_poses
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.beam_curve import beam_curve
+from middeck.structure.elements.frames import (
+    PosePoints,
+    frame_poses,
+    points_in_world,
+    pose_jacobian,
+)
+from middeck.structure.elements.rotations import skew
+from middeck.structure.model.article import Body
+from middeck.structure.modes.repeated import repeated
+from middeck.structure.modes.solve import Modes
+from middeck.structure.modes.strain import member_energy, strain_energy
+from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.values import record
+
+# Segments of a member: for the S that a cubic can make, and smooth where there are few.
+SEGMENTS, FINE = 6, 16
+# Of the article's size: a section drawn around a member, a cable that is cut off, a box without inertia.
+SECTION, CABLE, BOX = 0.015, 0.22, 0.4
+# Sections show torsion; in an article of more members than this they would hide it.
+MOST_SECTIONED = 60
+# The twelve edges of a box in one stroke, by the binary digits of its corners.
+STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
+CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
+STEP = 1e-30  # of the complex step
+
+
+class Line(NamedTuple):
+    """Consecutive points ``first`` to ``last``, the latter not among them, that are joined.
+
+    ``what`` is "member", "section" (around a member), "rigid" (an offset or an arm), "body", "spring",
+    "bushing" or "cable"; ``name`` that of the part.
+    """
+
+    what: str
+    name: str
+    first: int
+    last: int
+
+
+class Mark(NamedTuple):
+    """A point with a meaning: "mass", "clamp", "ground" (a bushing to it), "force" or "moment".
+
+    ``direction`` is a unit vector in W, zero where there is none.
+    """
+
+    what: str
+    name: str
+    point: int
+    direction: tuple[float, float, float]
+
+
+@record(kw_only=True)
+class Drawing:
+    """An article as drawn and at rest, with the motion of its points in each of some shapes.
+
+    Attributes:
+        title, environment: Of the article, and of what it stands in.
+        gravity: In W [m/s^2].
+        drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
+        lines, marks: What is drawn of them.
+        motion: Of every point in each shape, about rest, in the scale of `Modes.shapes`.
+        strain: Share of every line in the elastic energy of each shape; zero for all but members.
+        number: Of each shape in the modes it is of.
+        frequency_hz, kind, name: Of each shape.
+        alike: How many modes have the frequency of each shape: of several any basis will do. 1 at zero.
+    """
+
+    title: str
+    environment: str
+    gravity: Float[np.ndarray, "3"]
+    drawn: Float[np.ndarray, "point 3"]
+    rest: Float[np.ndarray, "point 3"]
+    lines: tuple[Line, ...]
+    marks: tuple[Mark, ...]
+    motion: Float[np.ndarray, "shape point 3"]
+    strain: Float[np.ndarray, "shape line"]
+    number: tuple[int, ...]
+    frequency_hz: Float[np.ndarray, " shape"]
+    kind: tuple[str, ...]
+    name: tuple[str, ...]
+    alike: tuple[int, ...]
+
+    @property
+    def size(self) -> float:
+        """Diagonal [m] of the box around what is drawn, cables left out."""
+        shown = [np.arange(line.first, line.last) for line in self.lines if line.what != "cable"]
+        return _diagonal(
+            self.drawn[np.concatenate([*shown, [mark.point for mark in self.marks]]).astype(int)]
+        )
+
+
+def draw_rest(equilibrium: Equilibrium) -> Drawing:
+    """The article as drawn and at rest, without shapes."""
+    return _draw(equilibrium, np.zeros((equilibrium.model.tree.size, 0)), None, ())
+
+
+def draw_modes(modes: Modes, chosen: Sequence[int] | None = None) -> Drawing:
+    """The article with the ``chosen`` of its modes, by number; all of them by default."""
+    numbers = tuple(range(len(modes.omega)) if chosen is None else chosen)
+    return _draw(modes.equilibrium, modes.shapes[:, numbers], modes, numbers)
+
+
+class _Piece(NamedTuple):
+    """Some points with their lines, which count from the first of them."""
+
+    lines: Sequence[Line]
+    drawn: np.ndarray
+    rest: np.ndarray
+    motion: np.ndarray
+
+
+class _Stroke(NamedTuple):
+    """A line through points of frames."""
+
+    what: str
+    name: str
+    frames: Sequence[int]
+    offsets: np.ndarray
+
+
+def _draw(
+    equilibrium: Equilibrium, shapes: np.ndarray, modes: Modes | None, numbers: tuple[int, ...]
+) -> Drawing:
+    model = equilibrium.model
+    size = _diagonal(points_in_world(model.points, model.drawn))
+    seats = list(_seats(equilibrium))
+    marked = PosePoints(np.array([s[1] for s in seats], dtype=int), _rows([s[2] for s in seats]))
+    strokes = [*_rigid(model), *_bodies(model, size), *_ties(model), *_sections(model, size)]
+    pieces = (
+        _Piece((), *_moved(equilibrium, marked, shapes)),
+        _members(equilibrium, shapes),
+        _stroked(equilibrium, strokes, shapes),
+        _cables(equilibrium, shapes, CABLE * size),
+    )
+    begin = np.cumsum([0, *(len(piece.rest) for piece in pieces)])
+    lines = tuple(
+        line._replace(first=line.first + int(b), last=line.last + int(b))
+        for b, piece in zip(begin[:-1], pieces, strict=True)
+        for line in piece.lines
+    )
+    chosen = list(numbers)
+    return Drawing(
+        title=model.structure.title,
+        environment=equilibrium.environment.title,
+        gravity=equilibrium.loads.gravity,
+        drawn=np.concatenate([piece.drawn for piece in pieces]),
+        rest=np.concatenate([piece.rest for piece in pieces]),
+        lines=lines,
+        marks=tuple(mark._replace(point=i) for i, (mark, _, _) in enumerate(seats)),
+        motion=np.concatenate([piece.motion for piece in pieces], axis=1),
+        strain=_strain(equilibrium, shapes, lines),
+        number=numbers,
+        frequency_hz=np.zeros(0) if modes is None else modes.frequency_hz[chosen],
+        kind=() if modes is None else tuple(modes.kind[i] for i in chosen),
+        name=() if modes is None else tuple(modes.name[i] for i in chosen),
+        alike=() if modes is None else tuple(_many(modes)[i] for i in chosen),
+    )
+
+
+def _many(modes: Modes) -> list[int]:
+    many = [1] * len(modes.omega)
+    for cluster in repeated(modes.omega**2):
+        for i in cluster:
+            many[i] = len(cluster) if modes.omega[i] > 0.0 else 1
+    return many
+
+
+def _moved(
+    equilibrium: Equilibrium, points: PosePoints, shapes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of frames as drawn and at rest, and how shapes move them."""
+    model = equilibrium.model
+    poses = frame_poses(model.tree, equilibrium.config)
+    moved = pose_jacobian(model.tree, points, poses) @ shapes
+    motion = moved.reshape(len(points.frame), 6, shapes.shape[1])[:, :3].transpose(2, 0, 1)
+    return points_in_world(points, model.drawn), points_in_world(points, poses), motion
+
+
+def _stroked(equilibrium: Equilibrium, strokes: Sequence[_Stroke], shapes: np.ndarray) -> _Piece:
+    ends = np.cumsum([len(s.frames) for s in strokes], dtype=int).tolist()
+    lines = [Line(s.what, s.name, end - len(s.frames), end) for s, end in zip(strokes, ends, strict=True)]
+    frames = np.array([f for s in strokes for f in s.frames], dtype=int)
+    points = PosePoints(frames, _rows([o for s in strokes for o in s.offsets]))
+    return _Piece(lines, *_moved(equilibrium, points, shapes))
+
+
+def _members(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
+    """Every member as one curve; its motion is the derivative of that curve, by complex step."""
+    model = equilibrium.model
+    members = model.structure.members
+    if not members:
+        return _Piece((), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((shapes.shape[1], 0, 3)))
+    segments = FINE if len(members) <= MOST_SECTIONED else SEGMENTS
+    most = max(1, -(-segments // max(m.elements for m in members)))
+    at = np.linspace(0.0, 1.0, most + 1)
+    # The last station of an element is the first of the next, but for the last element of a member.
+    ends = np.append(np.diff(model.element_member) != 0, True)
+    keep = np.ones((len(ends), most + 1), dtype=bool)
+    keep[~ends, -1] = False
+    x, T = element_poses(model, equilibrium.config)
+    poses = frame_poses(model.tree, equilibrium.config)
+    changes = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(
+        len(model.points.frame), 6, shapes.shape[1]
+    )
+    motion = np.empty((shapes.shape[1], int(keep.sum()), 3))
+    for m in range(shapes.shape[1]):
+        step = 1j * STEP * changes[model.element_ends][..., m]
+        moved = beam_curve(model.beams, x + step[..., :3], T + skew(step[..., 3:]) @ T, at)
+        motion[m] = np.imag(moved)[keep] / STEP
+    counts = np.bincount(np.repeat(model.element_member, keep.sum(axis=1)), minlength=len(members))
+    last = np.cumsum(counts).tolist()
+    lines = [Line("member", m.name, e - int(n), e) for m, e, n in zip(members, last, counts, strict=True)]
+    drawn = beam_curve(model.beams, *element_poses(model, model.rest), at)[keep]
+    return _Piece(lines, drawn, beam_curve(model.beams, x, T, at)[keep], motion)
+
+
+def _sections(model: Model, size: float) -> Iterator[_Stroke]:
+    """A diamond in the own axes of a member at the ends of its elements, so that torsion is seen."""
+    if len(model.structure.members) > MOST_SECTIONED:
+        return
+    for e, ends in enumerate(model.element_ends):
+        y, z = SECTION * size * model.element_triad[e, :, 1], SECTION * size * model.element_triad[e, :, 2]
+        last = e + 1 == len(model.element_ends) or model.element_member[e + 1] != model.element_member[e]
+        name = model.structure.members[model.element_member[e]].name
+        for pose in ends[: 2 if last else 1]:
+            at = model.points.offset[pose]
+            ring = np.array([at + y, at + z, at - y, at - z, at + y])
+            yield _Stroke("section", name, [int(model.points.frame[pose])] * 5, ring)
+
+
+def _rigid(model: Model) -> Iterator[_Stroke]:
+    """Offsets of member ends from their nodes; arms from a carrier to the joint and what it carries."""
+    for pose in model.element_ends.ravel():
+        frame, offset = int(model.points.frame[pose]), model.points.offset[pose]
+        if np.any(offset):
+            yield _Stroke("rigid", model.frames[frame], [frame, frame], np.array([np.zeros(3), offset]))
+    for joint in model.structure.joints:
+        frame, carrier = model.frames.index(joint.name), model.frames.index(joint.parent)
+        arm = np.array([np.zeros(3), np.zeros(3), joint.body.cg])
+        yield _Stroke("rigid", joint.name, [carrier, frame, frame], arm)
+
+
+def _bodies(model: Model, size: float) -> Iterator[_Stroke]:
+    """Nodes as boxes of their size; other bodies as the uniform box with their inertia, if there is one."""
+    for part in (*model.structure.nodes, *model.structure.joints):
+        body = part.body
+        edges = np.full(3, getattr(part, "size", 0.0))
+        if not np.any(edges) and body.mass > 0.0:
+            edges = np.minimum(_box_edges(body), BOX * size or np.inf)
+        if np.any(edges):
+            centre = np.zeros(3) if np.any(getattr(part, "size", 0.0)) else body.cg
+            corners = (centre + CORNERS * edges)[list(STROKE)]
+            yield _Stroke("body", part.name, [model.frames.index(part.name)] * len(STROKE), corners)
+
+
+def _box_edges(body: Body) -> np.ndarray:
+    """Edges of the uniform box with this mass and these moments of inertia."""
+    moments = np.diag(body.inertia)
+    return np.sqrt(np.maximum(6.0 / body.mass * (moments.sum() - 2.0 * moments), 0.0))
+
+
+def _ties(model: Model) -> Iterator[_Stroke]:
+    structure = model.structure
+    for what, ties, ends in (
+        ("spring", structure.springs, model.spring_ends),
+        ("bushing", structure.bushings, model.bushing_ends),
+    ):
+        for tie, pair in zip(ties, ends, strict=True):
+            yield _Stroke(what, tie.name, model.points.frame[pair].tolist(), model.points.offset[pair])
+
+
+def _cables(equilibrium: Equilibrium, shapes: np.ndarray, longest: float) -> _Piece:
+    """The lower part of each device, straight to its anchor, which does not move."""
+    model, loads = equilibrium.model, equilibrium.loads
+    feet = PosePoints(model.points.frame[loads.attach_point], model.points.offset[loads.attach_point])
+    places: list[np.ndarray] = []
+    drawn, rest, moved = _moved(equilibrium, feet, shapes)
+    part = np.zeros((len(rest), 1))
+    for x in (drawn, rest):
+        span = loads.anchor - x
+        length = np.maximum(np.linalg.norm(span, axis=1), np.finfo(float).tiny)[:, None]
+        part = np.minimum(longest / length, 1.0)
+        places.append(np.stack([x, x + part * span], axis=1).reshape(-1, 3))
+    motion = np.stack([moved, (1.0 - part) * moved], axis=2).reshape(len(moved), 2 * len(rest), 3)
+    lines = [Line("cable", name, 2 * i, 2 * i + 2) for i, name in enumerate(equilibrium.devices)]
+    return _Piece(lines, places[0], places[1], motion)
+
+
+def _seats(equilibrium: Equilibrium) -> Iterator[tuple[Mark, int, np.ndarray]]:
+    """Marks with their frame and offset."""
+    model, loads, none = equilibrium.model, equilibrium.loads, (0.0, 0.0, 0.0)
+    structure = model.structure
+    for part in structure.nodes:
+        if part.body.mass > 0.0 and not part.size and not np.any(_box_edges(part.body)):
+            yield Mark("mass", part.name, 0, none), model.frames.index(part.name), part.body.cg
+    for mass in structure.masses:
+        yield Mark("mass", mass.name, 0, none), model.frames.index(mass.frame), mass.body.cg
+    for node in dict.fromkeys(clamp.node for clamp in equilibrium.environment.clamps):
+        yield Mark("clamp", node, 0, none), model.frames.index(node), np.zeros(3)
+    for bushing, pose in zip(equilibrium.environment.bushings, loads.ground.point, strict=True):
+        yield Mark("ground", bushing.name, 0, none), int(model.points.frame[pose]), model.points.offset[pose]
+    for load, pose in zip(structure.loads, model.load_point, strict=True):
+        for what, vector in (("force", load.force), ("moment", load.moment)):
+            if np.any(vector):
+                x, y, z = (vector / np.linalg.norm(vector)).tolist()
+                yield Mark(what, load.name, 0, (x, y, z)), int(model.points.frame[pose]), load.offset
+
+
+def _strain(equilibrium: Equilibrium, shapes: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
+    share = np.zeros((shapes.shape[1], len(lines)))
+    rows = [i for i, line in enumerate(lines) if line.what == "member"]
+    whole = strain_energy(equilibrium, shapes).sum(axis=1)
+    share[:, rows] = member_energy(equilibrium, shapes) / np.where(whole > 0.0, whole, 1.0)[:, None]
+    return share
+
+
+def _rows(vectors: Sequence[np.ndarray]) -> np.ndarray:
+    return np.array(vectors, dtype=float).reshape(-1, 3)
+
+
+def _diagonal(points: np.ndarray) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0

@@ -1,0 +1,143 @@
+"""How far a slender article moves like one beam: bending, torsion or axial motion of its cross-sections.
+
+Sections across the long axis that stay plane and keep their form move by three translations and three
+rotations, each a polynomial along that axis. The part of a mode's kinetic energy in such motion depends on no
+basis and no unit; nothing is cut into slices, so that no node falls on either side of a boundary.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numpy.polynomial import legendre
+
+from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
+from middeck.structure.modes.parts import straight_lines
+from middeck.structure.modes.rigid import AXES
+from middeck.structure.modes.strain import member_energy
+from middeck.structure.rest.equilibrium import Equilibrium
+
+# Members that depart from one line by less than this part of its length are one line.
+ONE_LINE = 1e-3
+# Least length over width (root mean squares), and cosine to a world axis that gives a direction its letter.
+SLENDER, LETTERED = 2.0, 0.9
+# Polynomials along the axis: at least for bending, and so few that not any motion fits.
+FEWEST, MOST, FRAMES_EACH = 4, 12, 4
+RCOND = 1e-9
+# Of the length: what reaches less far along it is appended to the beam. And how many of these count.
+SHORT, FEW = 0.1, 4
+
+
+class BeamMotion(NamedTuple):
+    """Motion of sections, and where the strain is.
+
+    ``names`` are characters of motion, ``share`` theirs in that of the sections, ``fit`` the part of the
+    kinetic energy that this has, ``appended`` the part of the strain energy in the `FEW` short lines that
+    have most.
+    """
+
+    names: tuple[str, ...]
+    share: Float[np.ndarray, "mode character"]
+    fit: Float[np.ndarray, " mode"]
+    appended: Float[np.ndarray, " mode"]
+
+
+def on_one_line(equilibrium: Equilibrium) -> bool:
+    """Whether all members lie in one straight line, or there are none."""
+    model = equilibrium.model
+    x = points_in_world(model.points, model.drawn)[model.element_ends.ravel()]
+    if not len(x):
+        return True
+    spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False)
+    return bool(spread[1] <= ONE_LINE * spread[0])
+
+
+def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]) -> BeamMotion | None:
+    """Motion of ``shapes`` as one beam; None for an article that is not slender."""
+    model = equilibrium.model
+    poses = frame_poses(model.tree, equilibrium.config)
+    place, half = points_in_world(model.points, poses), np.repeat(0.5 * model.beams.length, 2)
+    ends = model.element_ends.ravel()
+    middle = half @ place[ends] / half.sum()
+    r = place - middle
+    spread, axes = np.linalg.eigh((half[:, None] * r[ends]).T @ r[ends])
+    if not spread[2] >= SLENDER**2 * spread[1]:
+        return None
+    axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
+    across, planes = _across(axis)
+    seen = np.concatenate([ends, model.body_point])
+    mass = np.concatenate([np.repeat(0.5 * model.beams.length * model.beams.rho_A, 2), model.body_mass])
+    moved = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, shapes.shape[1])[
+        seen, :3
+    ]
+    weight = np.sqrt(mass / mass.sum())[:, None]
+    terms = int(np.clip(len(np.unique(model.points.frame[seen])) // FRAMES_EACH, FEWEST, MOST))
+    families = _families(r[seen], axis, across, terms)
+    columns = np.hstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1) for f in families])
+    u = (weight[:, :, None] * moved).reshape(3 * len(seen), shapes.shape[1])
+    B = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    c = np.linalg.lstsq(B, u, rcond=RCOND)[0]
+    width = np.cumsum([0, *(f.shape[2] for f in families)])
+    energy = np.array([
+        np.sum((B[:, a:b] @ c[a:b]) ** 2, axis=0) for a, b in pairwise(width)
+    ]).T  # fmt: skip
+    whole = np.sum(u**2, axis=0)
+    fit = np.sum((B @ c) ** 2, axis=0) / np.where(whole > 0.0, whole, 1.0)
+    names = ("axial", "torsion", *planes)
+    if len(planes) == 1:
+        energy = np.column_stack([energy[:, :2], energy[:, 2:].sum(axis=1)])
+    total = energy.sum(axis=1, keepdims=True)
+    share = energy / np.where(total > 0.0, total, 1.0)
+    return BeamMotion(names, share, fit, _appended(equilibrium, shapes, r[ends] @ axis))
+
+
+def _appended(equilibrium: Equilibrium, shapes: np.ndarray, s: np.ndarray) -> Float[np.ndarray, " mode"]:
+    """``s`` are the places of the ends of all elements along the axis."""
+    model = equilibrium.model
+    first, line = np.unique(straight_lines(model.structure), return_inverse=True)
+    of_end = np.repeat(line[model.element_member], 2)
+    low, high = np.full(len(first), np.inf), np.full(len(first), -np.inf)
+    np.minimum.at(low, of_end, s)
+    np.maximum.at(high, of_end, s)
+    energy = np.zeros((len(first), shapes.shape[1]))
+    np.add.at(energy, line, member_energy(equilibrium, shapes).T)
+    short = np.sort(energy[high - low < SHORT * np.ptp(s)], axis=0)[-FEW:].sum(axis=0)
+    whole = energy.sum(axis=0)
+    return short / np.where(whole > 0.0, whole, 1.0)
+
+
+def _across(axis: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Two unit vectors across, one as near to a world axis as can be, and the names of bending along them.
+
+    That is the plane of bending where its normal has a letter, or the letter of the direction; one name for
+    both where one of them has neither.
+    """
+    e = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    e = e - (axis @ e) * axis
+    e = e / np.linalg.norm(e)
+    across = np.array([e, np.cross(axis, e)])
+    planes = tuple(_plane(np.cross(axis, direction), direction) for direction in across)
+    return across, planes if all(planes) else ("bending",)
+
+
+def _plane(normal: np.ndarray, direction: np.ndarray) -> str:
+    for vector, words in ((normal, "bending {0[0]}-{0[1]}"), (direction, "bending along {1}")):
+        nearest = int(np.argmax(np.abs(vector)))
+        if abs(vector[nearest]) >= LETTERED:
+            return words.format(AXES.replace(AXES[nearest], ""), AXES[nearest])
+    return ""
+
+
+def _families(r: np.ndarray, axis: np.ndarray, across: np.ndarray, terms: int) -> list[np.ndarray]:
+    """Motions (point, 3, term): axial, torsion, and bending along each of the two directions across."""
+    s = r @ axis
+    s = 2.0 * (s - s.min()) / max(np.ptp(s), np.finfo(float).tiny) - 1.0
+    P = legendre.legvander(s, terms - 1)[:, None, :]
+    bending: list[np.ndarray] = []
+    for e in across:
+        plane = axis * (r @ e)[:, None]  # a section that turns stays plane
+        bending.append(np.concatenate([e[None, :, None] * P, plane[:, :, None] * P], axis=2))
+    return [axis[None, :, None] * P, np.cross(axis, r)[:, :, None] * P, *bending]

@@ -1,0 +1,93 @@
+"""Parts of an article that a dynamicist would name, and the share of each mode's strain energy in them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.model.article import Structure
+from middeck.structure.model.member_mesh import member_geometry
+from middeck.structure.modes.strain import part_energy
+from middeck.structure.rest.equilibrium import Equilibrium
+
+# A part whose share is at least so much of the largest one is named with it: symmetric parts tie at 1.
+ALIKE = 0.8
+# Two members run on in one line where the sine of their angle is less.
+STRAIGHT = 1e-3
+NUMBERED = re.compile(r"(.*?[^\W\d])[ _./-]*\d+")
+
+
+def strained_parts(
+    equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]
+) -> tuple[tuple[str, ...], Float[np.ndarray, "mode part"]]:
+    """Names of parts and their shares of the strain energy of each mode; zero where there is none."""
+    structure = equilibrium.model.structure
+    energy = part_energy(equilibrium, shapes)
+    names = [
+        *member_parts(structure),
+        *(f"spring {s.name}" for s in structure.springs),
+        *(f"{'slide' if j.slides else 'joint'} {j.name}" for j in structure.joints),
+        *(f"bushing {b.name}" for b in structure.bushings),
+    ]
+    parts = tuple(dict.fromkeys(names))
+    share = np.zeros((len(parts), shapes.shape[1]))
+    np.add.at(share, [parts.index(name) for name in names], energy.T)
+    whole = energy.sum(axis=1)
+    return parts, (share / np.where(whole > 0.0, whole, 1.0)).T
+
+
+def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> tuple[str, float]:
+    """The part with the largest share, together with those that have nearly as much, and their share.
+
+    Names are in the order of the alphabet: that of the shares may hang on rounding.
+
+    >>> leading_parts(("hub", "left", "right"), np.array([0.1, 0.45, 0.45]))
+    ('left and right', 0.9)
+    """
+    if not len(share) or not share.max() > 0.0:
+        return "", 0.0
+    named = np.flatnonzero(share >= ALIKE * share.max())
+    first, *others = sorted(parts[i] for i in named)
+    words = first if not others else f"{first} and {others[0] if len(others) == 1 else f'{len(others)} more'}"
+    return words, float(share[named].sum())
+
+
+def member_parts(structure: Structure) -> tuple[str, ...]:
+    """The part of each member: its name without its number where that tells members apart, else its line.
+
+    A line is of members of one section that run on straight.
+    """
+    names = [member.name for member in structure.members]
+    stems = [match[1] if (match := NUMBERED.fullmatch(name)) else name for name in names]
+    if 1 < len(set(stems)) < len(stems):
+        return tuple(stems)
+    lines = straight_lines(structure)
+    if len(set(lines)) == 1:
+        return tuple(names)
+    ends = {line: [n for n, own in zip(names, lines, strict=True) if own == line] for line in lines}
+    called = {line: own[0] if len(own) == 1 else f"{own[0]}..{own[-1]}" for line, own in ends.items()}
+    return tuple(called[line] for line in lines)
+
+
+def straight_lines(structure: Structure) -> list[int]:
+    """For each member the number of the first one of its line."""
+    members, along = structure.members, member_geometry(structure).triad[:, :, 0]
+    before = list(range(len(members)))
+
+    def first(m: int) -> int:
+        while before[m] != m:
+            before[m] = m = before[before[m]]
+        return m
+
+    at: dict[str, list[int]] = {}
+    for m, member in enumerate(members):
+        for node in (member.start, member.end):
+            for other in at.setdefault(node, []):
+                straight = np.linalg.norm(np.cross(along[m], along[other])) < STRAIGHT
+                if straight and members[other].section == member.section:
+                    low, high = sorted((first(m), first(other)))
+                    before[high] = low
+            at[node].append(m)
+    return [first(m) for m in range(len(members))]

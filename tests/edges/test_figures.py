@@ -1,0 +1,211 @@
+"""Figures of the verbs: each ending is what it says, and the page of shapes works in a real browser."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import subprocess
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import middeck as md
+from cli_runner import ROOT, middeck
+from middeck.files.vtu import vtu_text
+from middeck.plot.response import response_lines
+from middeck.plot.shapes import Shown, factor_of, label_of
+from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
+from middeck.structure.modes.drawn import draw_modes
+from structure_builders import TUBE, straight_beam
+from trusses import truss
+
+Capture = pytest.CaptureFixture[str]
+DM = ("articles/mace-dm.toml", "--set", "mesh.elements_per_strut=1")
+SIMPLE = ("articles/mace-simple.toml", "--set", "mesh.elements_per_strut=1")
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--hide-scrollbars",
+         "--disable-background-networking", "--disable-component-update", "--disable-sync")  # fmt: skip
+BEGINS = {".svg": b"<svg", ".png": b"\x89PNG", ".pdf": b"%PDF"}
+VERBS = {
+    "modes": (("modes", *DM, "--count", 9), ".png"),
+    "compare": (("compare", *DM, "--count", 12), ".svg"),
+    "correlate": (
+        ("correlate", *SIMPLE, "data/virtual-survey/mace-simple-lab.json", "--runs", 2), ".svg"),
+    "response": (("response", *DM, "--input", "pri_rel_z", "--output", "pri_in_z", "--at", "1,9"), ".pdf"),
+    "design": (("design", DM[0], "--count", 12, "--control", "pri_rel_z", "--measure", "pri_in_z"), ".svg"),
+    "level": (
+        ("level", *SIMPLE, "--set", "suspension.offsets.0.2=0", "--free", "n1.z", "--about", "x"), ".png"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_verb_draws_its_result(verb: str, tmp_path: Path, capfd: Capture, monkeypatch: Any) -> None:
+    monkeypatch.chdir(ROOT)
+    asked, ending = VERBS[verb]
+    drawn = tmp_path / f"drawn{ending}"
+    ended = middeck(capfd, *asked, "--figure", drawn)
+    assert ended.code == 0, ended.err
+    written = drawn.read_bytes()
+    assert written.startswith(BEGINS[ending])
+    assert len(written) > 5000
+    assert not re.search(rb"CreationDate|matplotlib", written[:2000])
+
+
+def test_qualify_draws_rows_that_are_not_stable_too(tmp_path: Path, capfd: Capture, monkeypatch: Any) -> None:
+    monkeypatch.chdir(ROOT)
+    law, drawn = tmp_path / "law.json", tmp_path / "rows.svg"
+    middeck(capfd, *VERBS["design"][0], "-o", law)
+    plants = ("--count", 12, "--environment", "lab", "--environment", "orbit")
+    ended = middeck(capfd, "qualify", law, DM[0], *plants, "--figure", drawn)
+    assert ended.code == 0, ended.err
+    text = drawn.read_text()
+    assert text.count(">not stable<") == 5  # one in each panel: in orbit nothing holds the roll
+    assert "mace-dm in lab, continuous" in text
+
+
+def test_a_response_is_drawn_with_every_peak() -> None:
+    """Between dense lines no peak of one mode falls short by more than a per cent."""
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        hz, zeta = rng.uniform(1.0, 90.0, 1), 10.0 ** rng.uniform(-6.0, -1.5, 1)
+        lines = response_lines(np.array([0.5, 100.0]), hz, zeta)
+        magnitude = 1.0 / np.abs(1.0 - (lines / hz) ** 2 + 2j * zeta * lines / hz)
+        assert magnitude.max() > 0.99 / (2.0 * zeta[0])
+    alone = response_lines(np.array([3.0]), np.zeros(0), np.zeros(0))
+    assert alone[[0, -1]] == pytest.approx([0.3, 30.0])
+
+
+# ---- the page of shapes -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def page() -> ShapePage:
+    """A beam in orbit beside the same one clamped; its bending has pairs of equal frequency."""
+    beam = straight_beam(TUBE, 2.0, 3)
+    free, held = (
+        draw_modes(md.solve_modes(md.solve_equilibrium(beam, where), 12), range(first, 12))
+        for where, first in ((md.Environment.orbit(), 5), (md.Environment.clamped("a"), 0))
+    )
+    return ShapePage(
+        title="A beam & its <shapes>",
+        drawings=(free, held),
+        sides=("0-g", "clamped"),
+        rows=((Shown(0, 0), Shown(1, 2, -1.0)), (Shown(0, 1), Shown(1, 1)), (None, Shown(1, 0))),
+        headers=("mode", "name"),
+        table=(("0", "a </script> b"),),
+        warnings=("something",),
+    )
+
+
+@pytest.fixture(scope="module")
+def text(page: ShapePage) -> str:
+    return render_shapes(page)
+
+
+def data_of(text: str) -> dict[str, Any]:
+    return json.loads(
+        re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)[1]
+    )
+
+
+def test_the_page_needs_nothing_else_and_is_the_same_each_time(page: ShapePage, text: str) -> None:
+    assert render_shapes(page) == text
+    addresses = set(re.findall(r'https?://[^"\s<)]+', text))
+    assert addresses <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+    assert not re.search(r'<(link|img|iframe)\b|@import|url\((?!#)|\b(src|href)="(?!#)', text)
+    assert "A beam &amp; its &lt;shapes&gt;" in text
+    assert "a &lt;/script&gt; b" in text
+
+
+def test_the_page_moves_the_arrays_that_are_written_for_paraview(page: ShapePage, text: str) -> None:
+    """To half a step of the rounding: the same points and motions as `Drawing` and its VTU have."""
+    data = data_of(text)
+    for side, drawing in zip(data["sides"], page.drawings, strict=True):
+        points = np.array(side["points"]).reshape(-1, 3) / PLACE_STEPS * data["size"]
+        apart = points - points[0] - (drawing.rest - drawing.rest[0])
+        assert np.abs(apart).max() <= 1.1 * data["size"] / PLACE_STEPS
+        assert f'NumberOfPoints="{len(points)}"' in vtu_text(drawing)
+    shown = page.rows[0][1]
+    assert shown is not None
+    drawing, cell = page.drawings[1], data["rows"][0][1]
+    motion = np.array(cell["motion"]).reshape(-1, 3) / MOTION_STEPS
+    exact = -drawing.motion[2] * factor_of(drawing, 2)
+    assert np.abs(motion * np.linalg.norm(exact, axis=1).max() - exact).max() <= 2e-3 * np.abs(exact).max()
+    assert cell["text"] == label_of(drawing, 2).replace("\n", ", ")
+    assert "one of 2 of equal frequency" in data["rows"][0][0]["text"]
+    assert data["rows"][2][0] is None
+
+
+PROBE = """<script>addEventListener("load", () => {
+const canvas = [...document.querySelectorAll("canvas")], mode = document.getElementById("mode");
+const picture = () => canvas.map(c => c.toDataURL()), label = c => c.getAttribute("aria-label");
+const press = key =>
+  canvas[0].dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true}));
+const found = {sides: canvas.length, options: mode.options.length, labels: canvas.map(label)};
+const first = picture(); press("ArrowLeft"); found.turned = picture().every((p, i) => p !== first[i]);
+press("ArrowRight"); found.back = picture().every((p, i) => p === first[i]);
+press("n"); found.next = mode.value; found.other = picture().every((p, i) => p !== first[i]);
+const before = picture()[0], scale = document.getElementById("scale");
+scale.value = 2.5; scale.dispatchEvent(new Event("input")); found.scaled = picture()[0] !== before;
+const pressed = () => document.getElementById("play").getAttribute("aria-pressed");
+press(" "); found.playing = pressed(); press(" "); found.stopped = pressed();
+press("n"); found.alone = label(canvas[0]);
+const shown = s => getComputedStyle(document.querySelector(s)).display;
+found.display = [shown(".viewer"), shown(".stills")];
+found.legend = document.getElementById("legend").textContent;
+document.title = JSON.stringify(found); });</script>"""
+SEEN = """<script>addEventListener("load", () => {
+const shown = s => getComputedStyle(document.querySelector(s)).display;
+document.title = JSON.stringify([shown(".viewer"), shown(".stills")]); });</script>"""
+
+
+def probed(chromium: str, text: str, probe: str, folder: Path) -> Any:
+    file = folder / "page.html"
+    file.write_text(text.replace("</body>", f"{probe}</body>"), encoding="utf-8")
+    flags = (*FLAGS, f"--user-data-dir={folder}", "--window-size=1200,900", "--virtual-time-budget=1000")
+    run = subprocess.run([chromium, *flags, "--dump-dom", f"{file.as_uri()}#still"], capture_output=True,
+                         text=True, timeout=120, check=True)  # fmt: skip
+    return json.loads(html.unescape(re.search(r"<title>(.*?)</title>", run.stdout, re.DOTALL)[1]))
+
+
+def test_the_page_turns_moves_and_tells_in_a_browser(chromium: str, text: str, tmp_path: Path) -> None:
+    found = probed(chromium, text, PROBE, tmp_path)
+    assert (found["sides"], found["options"]) == (2, 3)
+    assert found["labels"][0].startswith("0-g, mode 5: ")
+    assert all(found[key] for key in ("turned", "back", "other", "scaled"))
+    assert (found["next"], found["playing"], found["stopped"]) == ("1", "true", "false")
+    assert found["alone"] == "0-g, no partner among the modes shown"
+    assert found["display"] == ["block", "none"]
+    assert "drawn as 0.60 m (30 % of the article" in found["legend"]
+
+
+def test_without_scripts_and_in_print_there_are_stills(chromium: str, text: str, tmp_path: Path) -> None:
+    bare = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+    assert probed(chromium, bare, SEEN, tmp_path) == ["none", "block"]
+    file, target = tmp_path / "whole.html", tmp_path / "whole.pdf"
+    file.write_text(text, encoding="utf-8")
+    flags = (*FLAGS, f"--user-data-dir={tmp_path}", f"--print-to-pdf={target}")
+    subprocess.run([chromium, *flags, file.as_uri()], capture_output=True, timeout=120, check=True)
+    assert len(re.findall(rb" l$", printed(target.read_bytes()), re.MULTILINE)) > 200
+
+
+def printed(pdf: bytes) -> bytes:
+    """What its streams say: the canvas would be an image, stills are lines (operator l)."""
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", pdf, re.DOTALL)
+    packed = [stream for stream in streams if stream[:1] == b"\x78"]
+    return b"\n".join(zlib.decompressobj().decompress(stream) for stream in packed)
+
+
+def test_forty_modes_of_three_hundred_members_stay_small() -> None:
+    """Below 4 MB; each member with the S that its cubic can make. A quarter of the modes stands for all."""
+    article = truss(24, 0.5, 0.5, 0.5, np.random.default_rng(1))
+    assert len(article.members) >= 290
+    modes = md.solve_modes(md.solve_equilibrium(article, md.Environment.orbit()), 16)
+    drawing = draw_modes(modes, range(6, 16))
+    page = ShapePage(
+        title="truss", drawings=(drawing,), sides=("",), rows=tuple((Shown(0, i),) for i in range(10))
+    )
+    assert len(render_shapes(page).encode()) < 1_000_000

@@ -1,0 +1,131 @@
+"""What is drawn against closed forms of beams, and the motion of points against moved articles."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import middeck as md
+from middeck.files.vtu import PARTS, write_vtu
+from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.elements.frames import Configuration, move
+from middeck.structure.model.article import PointLoad, Section
+from middeck.structure.modes.drawn import Drawing, draw_modes, draw_rest
+from middeck.structure.rest.equilibrium import Equilibrium
+from repeats import repeats
+from structure_builders import TUBE, random_configuration, rigid_bar, straight_beam
+
+ROOT = Path(__file__).parents[2]
+L, P = 2.0, 1e-4
+
+
+def clamped(
+    section: Section, elements: int, load: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Equilibrium:
+    beam = straight_beam(section, L, elements)
+    if any(load):
+        beam = dataclasses.replace(beam, loads=(PointLoad(name="tip", frame="b", force=np.array(load)),))
+    return md.solve_equilibrium(beam, md.Environment.clamped("a", gravity=0.0))
+
+
+def of_member(drawing: Drawing) -> slice:
+    (line,) = [line for line in drawing.lines if line.what == "member"]
+    return slice(line.first, line.last)
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+@pytest.mark.parametrize("GA", [np.inf, 900.0])
+@pytest.mark.parametrize("elements", repeats([1, 3]))
+def test_a_cantilever_is_drawn_with_its_own_deflection(axis: int, GA: float, elements: int) -> None:
+    """P x^2 (3L - x)/(6 EI) + P x/GA: one element has it whole, between its ends too."""
+    load = (0.0, P, 0.0) if axis == 1 else (0.0, 0.0, P)
+    drawing = draw_rest(clamped(dataclasses.replace(TUBE, GA_y=GA, GA_z=GA), elements, load))
+    x, at_rest = drawing.drawn[of_member(drawing)], drawing.rest[of_member(drawing)]
+    s = x[:, 0]
+    expected = P * s**2 * (3.0 * L - s) / (6.0 * 100.0) + P * s / GA
+    np.testing.assert_allclose(at_rest[:, axis] - x[:, axis], expected, rtol=1e-6, atol=1e-15)
+    assert [m.what for m in drawing.marks] == ["clamp", "force"]
+
+
+def test_a_bending_mode_is_the_closed_form_between_the_nodes() -> None:
+    """Clamped and free: cosh - cos - 0.7341 (sinh - sin) with beta L = 1.8751; the mesh is good to 1e-4."""
+    modes = md.solve_modes(clamped(TUBE, 4), 2)
+    drawing = draw_modes(modes, [0])
+    s = drawing.drawn[of_member(drawing), 0] * 1.8751040687 / L
+    exact = np.cosh(s) - np.cos(s) - 0.7340955 * (np.sinh(s) - np.sin(s))
+    motion = drawing.motion[0, of_member(drawing)]
+    size = np.linalg.norm(motion, axis=1)
+    np.testing.assert_allclose(size / size[-1], exact / exact[-1], atol=2e-4)
+    assert drawing.strain[0].sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", repeats(range(12), 2))
+def test_points_move_as_the_article_does(seed: int) -> None:
+    """About a bent state every point moves as central differences of the drawing say."""
+    rng = np.random.default_rng([3, seed])
+    article = md.load_structure(ROOT / "articles/mace-simple.toml", ["mesh.elements_per_strut=2"])
+    environment = md.load_environment(ROOT / "environments/lab.toml")
+    hung = md.solve_equilibrium(article, environment)
+    bent = random_configuration(hung.model, rng, 0.05)
+    bare = Configuration(bent.x, bent.R, bent.angle)
+    shape = rng.standard_normal((hung.model.tree.size, 1))
+    modes = md.solve_modes(hung, 1)
+    at = dataclasses.replace(hung, config=bare)
+    drawing = draw_modes(dataclasses.replace(modes, equilibrium=at, shapes=shape), [0])
+    h = 1e-6
+    ends = [draw_rest(dataclasses.replace(at, config=move(hung.model.tree, bare, sign * h * shape[:, 0])))
+            for sign in (1.0, -1.0)]  # fmt: skip
+    moved = (ends[0].rest - ends[1].rest) / (2.0 * h)
+    cables = {i for line in drawing.lines if line.what == "cable" for i in range(line.first, line.last)}
+    rows = [i for i in range(len(moved)) if i not in cables]  # cut off at a length, not at a point
+    np.testing.assert_allclose(drawing.motion[0, rows], moved[rows], atol=2e-7)
+
+
+def test_all_that_stands_there_is_drawn() -> None:
+    modes = md.solve_modes(md.solve_equilibrium(*md.load_setup(
+        ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml")))  # fmt: skip
+    drawing = draw_modes(modes, range(10))
+    names = {what: [n.name for n in drawing.lines if n.what == what] for what in PARTS}
+    assert names["member"] == ["n1-n2", "n2-n3", "n3-n4", "n4-n5"]
+    assert names["cable"] == ["n1", "n3", "n5"]
+    assert names["body"] == ["n1", "n2", "n3", "n4", "n5", "pri_x", "pri_z"]
+    for line in (n for n in drawing.lines if n.what == "cable"):
+        assert drawing.motion[:, line.last - 1].max() < drawing.motion[:, line.first].max()
+    torsion = draw_modes(modes, [modes.name.index("first torsion")])
+    section = max(
+        np.abs(torsion.motion[0, n.first : n.last]).max() for n in torsion.lines if n.what == "section"
+    )
+    assert section > 1e-3  # torsion is seen
+
+
+def test_a_file_for_paraview_has_the_same_arrays(tmp_path: Path) -> None:
+    modes = md.solve_modes(clamped(TUBE, 2), 3)
+    drawing = draw_modes(modes)
+    write_vtu(tmp_path / "a.vtu", drawing)
+    piece = ElementTree.parse(tmp_path / "a.vtu").getroot().find(".//Piece")
+    assert piece is not None
+    arrays = {a.get("Name"): np.array((a.text or "").split(), dtype=float) for a in piece.iter("DataArray")}
+    assert int(piece.get("NumberOfPoints", 0)) == len(drawing.rest)
+    np.testing.assert_allclose(arrays["points"].reshape(-1, 3), drawing.rest, atol=1e-8)
+    titles = [name for name in arrays if name and name.startswith("mode 1: ")]
+    assert titles == [f"mode 1: {modes.frequency_hz[1]:.6g} Hz, {modes.name[1]}"]
+    shape = next(a for a in piece.iter("DataArray") if a.get("Name") == titles[0])
+    found = np.array((shape.text or "").split(), dtype=float).reshape(-1, 3)
+    np.testing.assert_allclose(found, drawing.motion[1], rtol=1e-8, atol=1e-300)
+    cells = arrays["connectivity"].reshape(-1, 2).astype(int)
+    assert len(cells) == int(piece.get("NumberOfCells", 0)) == len(arrays["part"]) == len(arrays["types"])
+    assert [tuple(c) for c in cells] == [
+        (i, i + 1) for n in drawing.lines for i in range(n.first, n.last - 1)
+    ]
+
+
+def test_an_article_without_members_is_drawn() -> None:
+    rest = md.solve_equilibrium(rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3)), md.Environment.orbit())
+    drawing = draw_modes(md.solve_modes(rest))
+    assert [n.what for n in drawing.lines] == ["body"]
+    assert np.isfinite(drawing.motion).all()
+    assert mesh_structure(rest.model.structure).frames == rest.model.frames

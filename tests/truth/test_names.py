@@ -1,0 +1,167 @@
+"""Names of modes of articles that are not one beam, against the motion of their cross-sections."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import middeck as md
+from middeck.structure.model.article import Section, Structure
+from middeck.structure.modes.equivalent_beam import on_one_line
+from middeck.structure.modes.parts import member_parts, strained_parts
+from repeats import repeats
+from structure_builders import TUBE, body, node, straight_beam
+from trusses import bar, truss
+
+
+def solved(article: Structure, clamped: bool = False, count: int = 16) -> md.Modes:
+    nodes = [n.name for n in article.nodes[:4]] if clamped else []
+    where = md.Environment.clamped(*nodes, gravity=0.0) if clamped else md.Environment.orbit()
+    return md.solve_modes(md.solve_equilibrium(article, where), count)
+
+
+def character(article: Structure, modes: md.Modes, m: int) -> tuple[dict[str, float], float]:
+    """Truth: the four nodes of each station moved as one body, by least squares, station by station."""
+    x = np.array([n.position for n in article.nodes]).reshape(-1, 4, 3)
+    u = modes.shapes[: 6 * len(article.nodes), m].reshape(-1, 4, 6)[:, :, :3]
+    share, fitted = dict.fromkeys(("axial", "torsion", "bending x-y", "bending x-z"), 0.0), 0.0
+    for r, moved in zip(x - x.mean(axis=1, keepdims=True), u, strict=True):
+        turns = np.stack([np.cross(a, r) for a in np.eye(3)], axis=2)
+        B = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), turns], axis=2).reshape(12, 6)
+        c = np.linalg.lstsq(B, moved.ravel(), rcond=None)[0]
+        parts = [np.sum((B[:, i] * c[i]) ** 2) for i in range(6)]  # orthogonal: the section is symmetric
+        fitted += sum(parts)
+        for name, own in (("axial", [0]), ("torsion", [3]), ("bending x-y", [1, 5]), ("bending x-z", [2, 4])):
+            share[name] += sum(parts[i] for i in own)
+    return {name: s / fitted for name, s in share.items()}, fitted / float(np.sum(u**2))
+
+
+@pytest.mark.parametrize("seed", repeats(range(60), 3))
+def test_a_truss_is_named_by_the_motion_of_its_sections(seed: int) -> None:
+    """Wherever the sections move clearly in one way the name says which."""
+    rng = np.random.default_rng([9, seed])
+    depth = float(rng.uniform(0.3, 0.6))
+    width = depth * float(rng.uniform(0.7, 1.4))
+    article = truss(int(rng.integers(7, 12)), float(rng.uniform(0.45, 0.7)), width, depth, rng)
+    modes = solved(article, clamped=bool(seed % 2))
+    clear = 0
+    for m in (m for m, kind in enumerate(modes.kind) if kind == "flexible"):
+        share, fit = character(article, modes, m)
+        best = max(share, key=lambda name: share[name])
+        others = max(s for name, s in share.items() if name != best)
+        if fit > 0.75 and others < 0.5 * share[best]:
+            assert modes.name[m].partition(" ")[2] == best, (m, modes.name[m], share, fit)
+            clear += 1
+        elif fit < 0.45:
+            assert modes.name[m].startswith(("local: ", "first overall ", "second overall ")), modes.name[m]
+    assert clear >= 3
+
+
+@pytest.fixture(scope="module")
+def square() -> Structure:
+    """The same from all four sides: bending has pairs of equal frequency."""
+    return truss(8, 0.5, 0.5, 0.5, np.random.default_rng(4))
+
+
+@pytest.fixture(scope="module")
+def oblong() -> Structure:
+    return truss(8, 0.5, 0.4, 0.6, np.random.default_rng(5))
+
+
+def test_a_pair_of_equal_frequency_is_named_alike(square):
+    """Its basis is arbitrary, so that no plane may be claimed."""
+    modes = solved(square)
+    pair = [m for m, name in enumerate(modes.name) if name.endswith("bending x-y and bending x-z")]
+    assert len(pair) >= 2
+    assert modes.omega[pair[0]] == pytest.approx(modes.omega[pair[1]], rel=1e-6)
+    one_plane = [name.partition(" ")[2] in ("bending x-y", "bending x-z") for name in modes.name]
+    assert not any(one_plane)
+
+
+def test_names_do_not_depend_on_units_or_order(oblong):
+    names = solved(oblong).name
+    shuffled = dataclasses.replace(oblong, members=oblong.members[::-1])
+    assert solved(shuffled).name == names
+    millimetres = dataclasses.replace(
+        oblong,
+        nodes=tuple(dataclasses.replace(n, position=1e3 * n.position) for n in oblong.nodes),
+        members=tuple(dataclasses.replace(m, section=_in_mm(m.section)) for m in oblong.members),
+    )
+    assert solved(millimetres).name == names
+
+
+def _in_mm(section: Section) -> Section:
+    """Lengths in mm and forces in mN: the same frequencies."""
+    by = {"EA": 1e3, "GJ": 1e9, "EI_y": 1e9, "EI_z": 1e9, "rho_A": 1e-3}
+    return dataclasses.replace(section, **{k: factor * getattr(section, k) for k, factor in by.items()})
+
+
+def test_letters_follow_the_axes(oblong):
+    """With x, y, z turned into y, z, x every name has the letters of its new plane."""
+    turned = dataclasses.replace(
+        oblong,
+        nodes=tuple(dataclasses.replace(n, position=np.roll(n.position, 1)) for n in oblong.nodes),
+        members=tuple(dataclasses.replace(m, up=np.roll(m.up, 1)) for m in oblong.members),
+    )
+    planes = {"x-y": "y-z", "x-z": "x-y", "y-z": "x-z"}
+    for old, new in zip(solved(oblong).name, solved(turned).name, strict=True):
+        head, _, plane = old.rpartition(" ")
+        if plane in planes and " bending" in old and not old.startswith("local"):
+            assert new == f"{head} {planes[plane]}"
+
+
+def test_an_axis_between_the_letters_is_named_by_what_has_one(oblong):
+    c = np.sqrt(0.5)
+    R = np.array([[c, -c, 0.0], [c, c, 0.0], [0.0, 0.0, 1.0]])
+    turned = dataclasses.replace(
+        oblong,
+        nodes=tuple(dataclasses.replace(n, position=R @ n.position) for n in oblong.nodes),
+        members=tuple(dataclasses.replace(m, up=R @ m.up) for m in oblong.members),
+    )
+    names = solved(turned).name
+    assert {"first bending x-y", "first bending along z"} <= set(names)
+    across = np.linalg.qr(np.column_stack([np.ones(3), [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]]))[0]
+    R = across * np.sign(np.linalg.det(across))
+    skewed = dataclasses.replace(
+        oblong,
+        nodes=tuple(dataclasses.replace(n, position=R @ n.position) for n in oblong.nodes),
+        members=tuple(dataclasses.replace(m, up=R @ m.up) for m in oblong.members),
+    )
+    assert "first bending" in solved(skewed).name
+
+
+def test_a_beam_keeps_the_names_of_its_strain():
+    beam = straight_beam(TUBE, 2.0, 6)
+    modes = solved(beam, count=12)
+    assert on_one_line(modes.equilibrium)
+    assert "first bending x-y and bending x-z" not in modes.name
+    assert {"first bending x-y", "first bending x-z"} <= set(modes.name)
+
+
+def test_parts_are_name_stems_or_straight_lines():
+    numbered = truss(2, 1.0, 1.0, 1.0, np.random.default_rng(0))
+    assert set(member_parts(numbered)) == {"batten", "longeron", "diagonal"}
+    bare = dataclasses.replace(
+        numbered,
+        members=tuple(dataclasses.replace(m, name=f"bar{i}") for i, m in enumerate(numbered.members)),
+    )
+    parts = member_parts(bare)
+    lines = [[i for i, own in enumerate(parts) if own == part] for part in dict.fromkeys(parts)]
+    longest = [line for line in lines if len(line) == 2]
+    assert len(longest) == 4  # four longerons of two bays each; nothing else runs on
+    assert all(numbered.members[i].name.startswith("longeron") for line in longest for i in line)
+
+
+def test_a_soft_appendage_is_local():
+    """A boom across the end of a stiff truss moves alone, and is named with its deformation."""
+    article = truss(8, 0.5, 0.5, 0.5, np.random.default_rng(6))
+    soft = Section(EA=1e5, GJ=0.5, EI_y=0.5, EI_z=0.5, rho_A=0.2, rho_I_y=0.0, rho_I_z=0.0)
+    tip = node("tip", (4.0, 1.75, 0.25), body(0.2))
+    boom = dataclasses.replace(bar("boom", "82", "tip", soft, (1.0, 0.0, 0.0)), elements=4)
+    grown = dataclasses.replace(article, nodes=(*article.nodes, tip), members=(*article.members, boom))
+    modes = solved(grown, clamped=True, count=4)
+    assert [name.partition(",")[0] for name in modes.name[:2]] == ["local: boom"] * 2
+    parts, share = strained_parts(modes.equilibrium, modes.shapes)
+    assert share[0, parts.index("boom")] > 0.9
