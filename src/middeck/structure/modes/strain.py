@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Inexact
 
-from middeck.structure.assembly.energy import bushing_states, element_poses
+from middeck.structure.assembly.energy import bushing_states, component_states, element_poses
 from middeck.structure.elements.beam import beam_deformations, beam_stiffness
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.elements.devices import spring_state
@@ -23,6 +23,7 @@ PARTS = (
     "joint",
     "slide",
     "bushing",
+    "component",
 )
 BENDING = slice(2, 5)
 
@@ -60,6 +61,8 @@ def strain_energy(
     between, _ = bushing_states(model, equilibrium.config, equilibrium.loads)
     ends = changes[model.bushing_ends].reshape(-1, 12, shapes.shape[1])
     energy[:, 8] = 0.5 * np.einsum("bim,bij,bjm->m", ends, between.material, ends)
+    for state, rows in component_states(model, equilibrium.config, equilibrium.loads):
+        energy[:, 9] += 0.5 * np.diagonal(state.squares(rows @ shapes))
     return energy
 
 
