@@ -439,7 +439,9 @@ def _component_rows(model: Model, J: sp.csr_array, part: ComponentElement) -> sp
 
 
 def _with_components(
-    K: sp.csr_array, parts: Sequence[tuple[ComponentState, sp.csr_array]], of: Callable[[ComponentState], np.ndarray]
+    K: sp.csr_array,
+    parts: Sequence[tuple[ComponentState, sp.csr_array]],
+    of: Callable[[ComponentState], np.ndarray],
 ) -> sp.csr_array:
     for state, rows in parts:
         K = _symmetric(sp.csr_array(K + rows.T @ of(state) @ rows))

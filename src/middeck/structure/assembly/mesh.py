@@ -29,7 +29,7 @@ from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Joint, JointState, Structure, held_angle
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.clamps import Clamp
-from middeck.structure.model.component import APART, Component, frame_weights, rigid_mass
+from middeck.structure.model.component import APART, Component, body_of, frame_weights
 from middeck.structure.model.member_mesh import cut_members, member_geometry
 from middeck.values import record
 
@@ -230,9 +230,8 @@ def _component(part: Component, point: np.ndarray, joint: np.ndarray) -> Compone
     turn = np.diag(np.concatenate([np.ones(grids), np.sqrt(part.weight / (m + k / (2.0 * np.pi) ** 2))]))
     turn[:grids, :grids] = np.kron(np.eye(2 * len(point)), part.axes)
     K, M = (turn @ (0.5 * (matrix + matrix.T)) @ turn.T for matrix in (part.stiffness, part.mass))
-    weights, rigid = frame_weights(part), rigid_mass(part)
+    weights, whole = frame_weights(part), body_of(part)
     centre = weights[:, 0] @ part.positions / weights[:, 0].sum()
-    moment = np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) - rigid[0, 0] * centre
     return ComponentElement(
         point=point,
         joint=joint,
@@ -241,7 +240,7 @@ def _component(part: Component, point: np.ndarray, joint: np.ndarray) -> Compone
         mass=M,
         arms=(part.positions - centre) @ part.axes.T,
         weights=weights,
-        moment=part.axes @ moment,
+        moment=whole.mass * part.axes @ (whole.cg - centre),
     )
 
 

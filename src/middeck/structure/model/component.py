@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import field
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
@@ -98,6 +99,22 @@ def rigid_mass(component: Component) -> Float[np.ndarray, "6 6"]:
     return R.T @ component.mass @ R
 
 
+class Whole(NamedTuple):
+    """A component as one body, in its own axes: mass, centre of mass, inertia about it."""
+
+    mass: float
+    cg: Float[np.ndarray, "3"]
+    inertia: Float[np.ndarray, "3 3"]
+
+
+def body_of(component: Component) -> Whole:
+    """Mass, centre and inertia of the component."""
+    rigid = rigid_mass(component)
+    m = float(np.trace(rigid[:3, :3])) / 3.0
+    r = np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / m
+    return Whole(m, r, rigid[3:, 3:] - m * (r @ r * np.eye(3) - np.outer(r, r)))
+
+
 def frame_weights(component: Component) -> Float[np.ndarray, "grid 2"]:
     """How much place and rotation of each grid count for the component's frame."""
     has = component.has
@@ -170,9 +187,8 @@ def _no_body(component: Component) -> Iterator[str]:
         by = ", ".join(f"{x:.6g}" for x in np.diagonal(rigid[:3, :3]))
         yield f"its mass differs by direction: {by} kg along x, y and z; do its grids and their axes fit?"
         return
-    centre = np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / m
-    cross = m * np.array([[0, centre[2], -centre[1]], [-centre[2], 0, centre[0]], [centre[1], -centre[0], 0]])
-    inertia = rigid[3:, 3:] - m * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    _, (x, y, z), inertia = body_of(component)
+    cross = m * np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
     scale = max(float(np.abs(rigid[3:, 3:]).max()), m * float(np.abs(component.positions).max()) ** 2)
     least, middle, most = np.linalg.eigvalsh(inertia)
     length = np.sqrt(scale / m) or 1.0

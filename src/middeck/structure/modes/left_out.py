@@ -1,0 +1,82 @@
+"""What the geometric stiffness of components, which their matrices do not have, would make of each mode."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import component_states
+from middeck.structure.model.component import Component, body_of
+from middeck.structure.rest.equilibrium import Equilibrium
+
+# Of a frequency: less is not said.
+FELT = 1e-3
+# Turn [rad] of a boundary grid in its component's frame beyond which linear matrices are a poor picture.
+LARGE = 0.1
+# The mean square slope over the mean square deflection of a beam, times its length squared: between clamped ends, 12.3.
+SLOPE = 12.0
+
+
+def left_out(
+    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+) -> Float[np.ndarray, "component mode"]:
+    """Estimate of the part of each frequency that a component's geometric stiffness may change; zero at zero.
+
+    A force N inside a part of length L works by N L slope^2 / 2. N is the component's weight and the largest force at its
+    boundary, the slope that of its boundary grids in its frame, and of a beam with the kinetic energy of its modal
+    coordinates. So it is a bound by experience rather than proof: forces that pull and push cancel in part.
+    """
+    parts = equilibrium.model.structure.components
+    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
+    g = float(np.linalg.norm(equilibrium.loads.gravity))
+    out = np.zeros((len(parts), len(lam)))
+    for k, (part, element, (state, rows)) in enumerate(
+        zip(parts, equilibrium.model.components, states, strict=True)
+    ):
+        grids = 6 * len(part.grids)
+        pull = (element.stiffness @ state.deformation)[:grids].reshape(-1, 6)[:, :3]
+        N = part.weight * g + float(np.linalg.norm(pull, axis=1).max())
+        L = _length(part)
+        strain = state.slope @ (rows @ shapes)
+        slope = np.mean(np.sum(strain[:grids].reshape(-1, 6, len(lam))[:, 3:] ** 2, axis=1), axis=0)
+        q = strain[grids:]
+        moved = np.sum(q * (element.mass[grids:, grids:] @ q), axis=0)
+        works = N * L * slope + SLOPE * N / (L * part.weight) * np.maximum(moved, 0.0)
+        out[k] = np.divide(0.5 * works, lam, out=np.zeros(len(lam)), where=lam > 0.0)
+    return out
+
+
+def component_warnings(
+    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+) -> tuple[str, ...]:
+    """Components whose geometric stiffness a frequency feels, and those whose boundary bends too far."""
+    parts = equilibrium.model.structure.components
+    if not parts:
+        return ()
+    found: list[str] = []
+    for part, cost in zip(parts, left_out(equilibrium, lam, shapes), strict=True):
+        worst = int(np.argmax(cost)) if len(cost) else 0
+        if len(cost) and cost[worst] > FELT:
+            found.append(
+                f"component {part.name!r} has no geometric stiffness: by an estimate the forces inside it change the "
+                f"frequency of mode {worst} ({np.sqrt(lam[worst]) / (2.0 * np.pi):.4g} Hz) by up to "
+                f"{100.0 * cost[worst]:.2g} %"
+            )
+    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
+    for part, (state, _) in zip(parts, states, strict=True):
+        turns = state.deformation[: 6 * len(part.grids)].reshape(-1, 6)[:, 3:]
+        bent = np.linalg.norm(turns, axis=1)
+        if bent.max() > LARGE:
+            at = part.grids[int(np.argmax(bent))]
+            found.append(
+                f"component {part.name!r} bends by {bent.max():.2g} rad at grid {at}: its matrices are linear"
+            )
+    return tuple(found)
+
+
+def _length(part: Component) -> float:
+    """Its extent [m]: of its grids, and of a rod with its largest inertia about its centre."""
+    m, centre, inertia = body_of(part)
+    rod = float(np.sqrt(12.0 * max(np.linalg.eigvalsh(inertia)[-1], 0.0) / m))
+    reach = float(np.linalg.norm(part.positions - centre, axis=1).max())
+    return max(rod, reach, float(np.finfo(float).tiny))
