@@ -9,12 +9,12 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from jaxtyping import Inexact, Int
 
+from middeck.errors import ConfigError
 from middeck.structure.assembly.carriers import choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
 from middeck.structure.elements.component import ComponentElement
-from middeck.errors import ConfigError
 from middeck.structure.elements.frames import (
     Configuration,
     FrameTree,
