@@ -29,7 +29,7 @@ def document_text(document: Mapping[str, Any], head: str) -> str:
                 lines += ["", f"[{heading}]", *_keys(part)]
         elif isinstance(table, list):
             for row in table:
-                lines += ["", f"[[{name}]]", *_keys(row)]
+                lines += ["", f"[[{name}]]", *(f"{key} = {_value(v)}" for key, v in row.items())]
     return "\n".join(lines) + "\n"
 
 
@@ -38,6 +38,9 @@ def _keys(table: Mapping[str, Any]) -> list[str]:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{json.dumps(str(key))} = {_value(v)}" for key, v in value.items())
+        return f"{{ {inside} }}"
     if isinstance(value, np.ndarray):
         return json.dumps(value.tolist())
     if isinstance(value, np.generic):

@@ -53,24 +53,29 @@ def verb(
 
     Bars, beams, rods, masses and rigid links of all six components are converted; what has no part in the
     modes is left out, listed and counted; what has, and cannot be converted, is an error with file, line,
-    card and field. Without --units their likeliest set is named, and nothing is written. --set takes units
+    card and field. Superelements whose matrices are in OUTPUT4 or punched become components, in NPZ files
+    beside the article. Without --units their likeliest set is named, and nothing is written. --set takes units
     and mass_formulation.
     """
     from middeck.cli.settings import ConvertSettings, settle
+    from middeck.cli.superelements import joined_superelements
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.files.nastran.assembly import has_superelements
     from middeck.files.nastran.convert import convert_deck, read_deck
     from middeck.files.nastran.units import parse_units
     from middeck.structure.summary.summary import summarise
 
     given = {"units": units, "mass_formulation": mass_formulation}
     chosen = settle(ConvertSettings, given, overrides)
+    if has_superelements(deck):
+        document = joined_superelements(deck, chosen, article_name(deck), target)
+        show(as_json, document, *_blocks(document), *summary_lines(document), *measure_lines(document))
+        return
     source = read_deck(deck)
     if chosen.units is None:
         raise _no_units(source)
     known = parse_units(chosen.units)
-    name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
-    name = name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
-    made = convert_deck(source, known, chosen.mass_formulation, name)
+    made = convert_deck(source, known, chosen.mass_formulation, article_name(deck))
     structure = _written(made, source, known, chosen.mass_formulation, target)
     numbers = summary_numbers(summary := summarise(structure))
     document = {
@@ -88,6 +93,12 @@ def verb(
         **numbers,
     }
     show(as_json, document, *_blocks(document), *summary_lines(numbers), *measure_lines(numbers))
+
+
+def article_name(deck: str) -> str:
+    """A name that an article may have, after the deck's file."""
+    name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
+    return name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
 
 
 def _no_units(source: Deck) -> Exception:
