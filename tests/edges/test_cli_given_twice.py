@@ -121,6 +121,7 @@ WRITES = {
     ("excite", "--output"): options.COMMANDS,
     ("record", "--output"): options.RECORDS,
     ("convert", "--output"): options.ARTICLES,
+    ("reduce", "--output"): options.COMPONENTS,
 }
 ENDINGS = (".json", ".mat", ".c", ".svg", ".png", ".pdf", ".csv", ".npz", ".h5", ".uff", ".txt", ".toml", "")
 

@@ -11,7 +11,19 @@ from middeck import __version__
 
 # In the order of the work.
 VERBS = (
-    *("study", "convert", "check", "level", "modes", "compare", "budget", "path", "sensitivity", "correlate"),
+    *(
+        "study",
+        "convert",
+        "reduce",
+        "check",
+        "level",
+        "modes",
+        "compare",
+        "budget",
+        "path",
+        "sensitivity",
+        "correlate",
+    ),
     *("response", "excite", "record", "identify", "impact", "drift", "design", "qualify"),
 )
 

@@ -98,12 +98,20 @@ def _assigned(bulk: Bulk, folder: Path) -> dict[int, Path]:
 
 def _fault(card: Card, message: str, hint: str = "", at: int = 0) -> Fault:
     _, file, line = card.line(at)
-    return Fault(file=file, line=line, key=f"{card.name} {card.fields[0] if card.fields else ''}", message=message, hint=hint)
+    return Fault(
+        file=file,
+        line=line,
+        key=f"{card.name} {card.fields[0] if card.fields else ''}",
+        message=message,
+        hint=hint,
+    )
 
 
 def _check_cards(bulk: Bulk) -> None:
     moved = [card for card in bulk.main if card.name.startswith("SE") and card.name not in (*OWN, *IDLE)]
-    raise_some([_fault(card, "superelements that are moved, mirrored or nested are not read") for card in moved])
+    raise_some(
+        [_fault(card, "superelements that are moved, mirrored or nested are not read") for card in moved]
+    )
     used = {g for cards in bulk.supers.values() for g in geometry_of(cards).grids}
     for card in bulk.main:
         if card.name not in LINKS:
@@ -112,20 +120,31 @@ def _check_cards(bulk: Bulk) -> None:
         dependent = {"RBE2": card.fields[3:], "RBAR": card.fields[2:3], "RBE3": card.fields[2:3]}[card.name]
         lost = [grid for grid in dependent if (integer(grid) or 0) in used]
         if lost:
-            raise_some([_fault(card, f"grid {lost[0]} of a superelement's boundary follows others: not converted yet")])
+            raise_some(
+                [
+                    _fault(
+                        card, f"grid {lost[0]} of a superelement's boundary follows others: not converted yet"
+                    )
+                ]
+            )
 
 
 def _declared(card: Card, bulk: Bulk, files: dict[int, Path]) -> tuple[int, Path | None]:
     """Number of a superelement, and its OUTPUT4 file; None for matrices among its cards."""
     fields = [*card.fields, *[""] * 8]
-    number, kind, reference, unit = integer(fields[0]), fields[1], integer(fields[2]) or 0, integer(fields[7])
-    if unit is None:
-        unit = next((integer(f) for f in card.fields[6:] if integer(f)), None)
+    number, kind, reference = integer(fields[0]), fields[1], integer(fields[2]) or 0
+    unit = integer(fields[6])
     faults: list[Fault] = []
     if number is None or number not in bulk.supers:
         faults.append(_fault(card, f"there is no BEGIN SUPER {fields[0]}"))
     if kind not in ("EXTOP4", "EXTERNAL") or reference:
-        faults.append(_fault(card, f"a superelement of type {kind} of {reference or 'none'} is not read", "EXTOP4 or EXTERNAL"))
+        faults.append(
+            _fault(
+                card,
+                f"a superelement of type {kind} of {reference or 'none'} is not read",
+                "EXTOP4 or EXTERNAL",
+            )
+        )
     if kind == "EXTOP4" and (unit is None or unit not in files):
         known = ", ".join(f"{n}: {file.name}" for n, file in files.items()) or "none"
         faults.append(_fault(card, f"no ASSIGN INPUTT4 of unit {unit}; assigned are {known}"))
@@ -163,7 +182,13 @@ def _joined(
             to = min(at, key=at.__getitem__, default=None)
             to = to if to is not None and at[to] <= tolerance else None
         if to is None or to not in places.grids:
-            raise_some([_fault(sebulk, f"boundary grid {grid} is joined to no grid of the main bulk data", "SECONCT")])
+            raise_some(
+                [
+                    _fault(
+                        sebulk, f"boundary grid {grid} is joined to no grid of the main bulk data", "SECONCT"
+                    )
+                ]
+            )
         out[grid] = to or 0
     return out
 
@@ -173,7 +198,9 @@ def _base(path: str | Path, bulk: Bulk, units: Units, formulation: Formulation, 
     cards = [card for card in bulk.main if card.name not in OWN]
     if any(card.name in ELEMENTS or (card.name not in PARSED and card.name not in IDLE) for card in cards):
         entries = read_entries(cards)
-        cend = next((i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head))
+        cend = next(
+            (i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head)
+        )
         selection = read_selection(bulk.head[cend + 1 :])
         deck = Deck(str(path), selection, entries, (), not bulk.head, len(cards))
         return convert_deck(deck, units, formulation, name)
@@ -189,4 +216,10 @@ def _base(path: str | Path, bulk: Bulk, units: Units, formulation: Formulation, 
         "title": f"{name} (from {Path(path).name})",
         "node": [],
     }
-    return Conversion(document, {n: sum(c.name == n for c in bulk.main) for n in dict.fromkeys(c.name for c in bulk.main)}, {}, left, ())
+    return Conversion(
+        document,
+        {n: sum(c.name == n for c in bulk.main) for n in dict.fromkeys(c.name for c in bulk.main)},
+        {},
+        left,
+        (),
+    )

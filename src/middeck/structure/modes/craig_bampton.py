@@ -63,7 +63,7 @@ def reduce_structure(
     """The article in orbit as a component on the nodes ``boundary``, by Craig and Bampton's method.
 
     Args:
-        structure: An article whose joints are sprung, locked or driven.
+        structure: The article. Angles of its free joints remain too, ahead of the modal coordinates.
         boundary: Its nodes that remain.
         count: How many fixed-interface modes are kept.
         upto_hz: Or the frequency up to which they are; three times that of interest is usual.
@@ -71,10 +71,8 @@ def reduce_structure(
         recover: Nodes whose motion the component's outputs give.
         name: Of the component; by default ``component``.
 
-    The component's own axes are those of W. Raises `ConfigError` for what the article does not have, free
-    joints, and both or none of ``count`` and ``upto_hz``.
-
-    >>> from middeck.structure.model.article import Structure  # an example stands in the how-to page
+    The component's own axes are those of W. Raises `ConfigError` for what the article does not have, and for
+    both or none of ``count`` and ``upto_hz``.
     """
     if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
         raise ConfigError(
@@ -89,6 +87,8 @@ def reduce_structure(
     K = assemble(model, at.config, at.loads).tangent
     M = mass_matrix(model, at.config, at.loads)
     rows = (6 * np.array([nodes.index(b) for b in boundary])[:, None] + np.arange(6)).ravel()
+    free = [i for i, joint in enumerate(model.structure.joints) if joint.state is JointState.FREE]
+    rows = np.concatenate([rows, 6 * model.tree.roots + np.array(free, dtype=int)])
     inside = dynamic_coordinates(model)
     inside[rows] = False
     interior = np.flatnonzero(inside)
@@ -126,13 +126,6 @@ def _check_nodes(
         unknown = [name for name in names if name not in nodes]
         if unknown:
             raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
-    free = [j.name for j in structure.joints if j.state is JointState.FREE]
-    if free:
-        raise ConfigError(
-            f"joint {free[0]!r} is free: a motion that the boundary does not hold has no static shape",
-            where="reduction",
-            hint="lock or spring it, or leave what it carries out of the component",
-        )
 
 
 def _basis(
