@@ -13,9 +13,7 @@ if TYPE_CHECKING:
     from middeck.cli.settings import ConvertSettings
 
 
-def joined_superelements(
-    deck: str, chosen: ConvertSettings, name: str, target: str | None
-) -> dict[str, Any]:
+def joined_superelements(deck: str, chosen: ConvertSettings, name: str, target: str | None) -> dict[str, Any]:
     """Convert, check as it is read back, write the article and the files of its components; the report."""
     from middeck.cli.blame import reading
     from middeck.cli.summary import summary_numbers

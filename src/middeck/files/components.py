@@ -91,7 +91,7 @@ def _arrays(path: Path) -> dict[str, Any]:
 
     try:
         if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as file:
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
                 return {key: file[key] for key in file.files}
         if path.suffix == ".mat":
             return mat_arrays(path)

@@ -54,12 +54,12 @@ def verb(
     Bars, beams, rods, masses and rigid links of all six components are converted; what has no part in the
     modes is left out, listed and counted; what has, and cannot be converted, is an error with file, line,
     card and field. Superelements whose matrices are in OUTPUT4 or punched become components, in NPZ files
-    beside the article. Without --units their likeliest set is named, and nothing is written. --set takes units
-    and mass_formulation.
+    beside the article. Without --units their likeliest set is named, and nothing is written. --set takes
+    units and mass_formulation.
     """
     from middeck.cli.settings import ConvertSettings, settle
-    from middeck.cli.superelements import joined_superelements
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.cli.superelements import joined_superelements
     from middeck.files.nastran.assembly import has_superelements
     from middeck.files.nastran.convert import convert_deck, read_deck
     from middeck.files.nastran.units import parse_units

@@ -56,9 +56,9 @@ def verb(
 ) -> None:
     """Reduce ARTICLE, at rest in orbit, to its boundary nodes and modal coordinates.
 
-    By Craig and Bampton's method: static motions of the boundary, and the lowest modes with the boundary held;
-    with --residual also what the modes left out answer statically to loads at a node. Modes up to three times
-    the frequency of interest are usual. Angles of free joints remain, ahead of the modal coordinates.
+    By Craig and Bampton's method: static motions of the boundary, and the lowest modes with the boundary
+    held; with --residual also what the modes left out answer statically to loads at a node. Modes up to three
+    times the frequency of interest are usual. Angles of free joints remain, ahead of the modal coordinates.
     """
     from middeck.cli.blame import reading
     from middeck.errors import ConfigError
@@ -124,7 +124,8 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"article      {document['article']}",
         f"boundary     {', '.join(document['boundary'])}",
         f"coordinates  {document['coordinates']}: {6 * len(document['boundary'])} of the boundary, "
-        f"{document['free_joints']} free joints, {len(rows)} modes, {document['residual_vectors']} residual vectors",
+        f"{document['free_joints']} free joints, {len(rows)} modes, "
+        f"{document['residual_vectors']} residual vectors",
         f"left out     modes from {after:.4f} Hz on" if after is not None else "left out     nothing",
         f"mass         {document['mass_kg']:.6g} kg",
         Table("modes with the boundary held", ["", "frequency Hz"], rows),

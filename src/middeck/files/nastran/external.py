@@ -1,8 +1,9 @@
-"""External superelements in a deck: their cards, their matrices in OUTPUT4 or as punched DMIG, how they are joined.
+"""External superelements in a deck: their cards, and their matrices in OUTPUT4 or as punched DMIG.
 
-EXTSEOUT writes three files a component: matrices (`.op4`, or DMIG in the punch file), cards for its own BEGIN SUPER
-section (`.pch`: EXTRN, boundary grids, ASET, SPOINT, DTI) and for the main bulk data (`.asm`: SEBULK, SECONCT). EXTRN
-has the order of rows: grids with their components, then the scalar points of modal coordinates.
+EXTSEOUT writes three files a component: matrices (`.op4`, or DMIG in the punch file), cards for its own BEGIN
+SUPER section (`.pch`: EXTRN, boundary grids, ASET, SPOINT, DTI) and for the main bulk data (`.asm`: SEBULK,
+SECONCT). EXTRN has the order of rows: grids with their components, then the scalar points of modal
+coordinates.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ class Bulk(NamedTuple):
 def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     """Bulk data of several files one after the other, with what they include, apart by superelement.
 
-    A file without BEGIN BULK is bulk data from its first line. Raises `ConfigError` for files that cannot be read
-    and includes in bulk data that are not there.
+    A file without BEGIN BULK is bulk data from its first line. Raises `ConfigError` for files that cannot be
+    read and includes in bulk data that are not there.
     """
     head: list[Line] = []
     main: list[Line] = []
@@ -110,7 +111,7 @@ def _refuse(path: Path, message: str, hint: str = "check the path", line: int = 
 
 
 class Boundary(NamedTuple):
-    """Coordinates of a component in their order: grids with the components that they have, then scalar points."""
+    """Coordinates of a component in their order: grids with their components, then scalar points."""
 
     grids: tuple[int, ...]
     components: tuple[str, ...]
@@ -130,7 +131,7 @@ def read_external(
     number: int | None = None,
     name: str = "component",
 ) -> Component:
-    """The component of one superelement, in SI units, its grids named by their numbers and fixed to themselves.
+    """The component of one superelement, in SI units, its grids named by their numbers.
 
     Args:
         cards: Files with its cards, such as the punch file.
@@ -226,7 +227,7 @@ def _pick(found: Mapping[str, np.ndarray], what: str, size: int, where: str) -> 
         raise DataError(f"the {what} is complex", where=f"{where}, matrix {name!r}")
     if matrix.shape != (size, size):
         raise DataError(
-            f"the {what} has {matrix.shape[0]} rows for {size} coordinates of boundary grids and scalar points",
+            f"the {what} has {matrix.shape[0]} rows for {size} coordinates of grids and scalar points",
             where=f"{where}, matrix {name!r}",
             hint="do matrices and cards belong together?",
         )
@@ -314,7 +315,7 @@ def _to_basic(
 
 
 class Punched(NamedTuple):
-    """Punched matrices: by name whether one triangle stands for both, and entries (point, way) by (point, way)."""
+    """Punched matrices: by name whether one triangle stands for both, and entries by two (point, way)."""
 
     symmetric: dict[str, bool]
     columns: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]]

@@ -1,7 +1,8 @@
 """A component as an external superelement: OUTPUT4, the cards of its own section, and those that join it.
 
-The three files are what EXTSEOUT(ASMBULK,EXTBULK,MATOP4) writes: KXX, MXX and BXX1 over the boundary grids and scalar
-points in the order of EXTRN; units m, kg, s, N. After MSC Nastran Superelements User's Guide, external superelements.
+The three files are what EXTSEOUT(ASMBULK,EXTBULK,MATOP4) writes: KXX, MXX and BXX1 over the boundary grids
+and scalar points in the order of EXTRN; units m, kg, s, N. After MSC Nastran Superelements User's Guide,
+external superelements.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Each matrix is a header (columns, rows, form, type, name), columns of *strings* (runs of entries below one
 another), and a column beyond the last. A negative number of rows says that a sparse matrix has its rows apart
-from its lengths ("bigmat"). What a file says of itself twice must agree: lengths of records, counts, order and
-range of rows and columns, symmetry. Format: MSC Nastran DMAP Programmer's Guide, OUTPUT4; decision 14.
+from its lengths ("bigmat"). What a file says of itself twice must agree: lengths of records, counts, order
+and range of rows and columns, symmetry. Format: MSC Nastran DMAP Programmer's Guide, OUTPUT4; decision 14.
 """
 
 from __future__ import annotations

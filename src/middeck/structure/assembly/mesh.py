@@ -216,8 +216,8 @@ def _check_placed(model: Model) -> None:
         worst = int(np.argmax(far))
         if far[worst] > APART * max(1.0, float(np.abs(element.arms).max())):
             raise ConfigError(
-                f"grid {part.grids[worst]} stands {far[worst]:.4g} m from frame {part.frames[worst]!r} that it is "
-                f"fixed to, seen from grid {part.grids[0]}",
+                f"grid {part.grids[worst]} stands {far[worst]:.4g} m from frame {part.frames[worst]!r} "
+                f"that it is fixed to, seen from grid {part.grids[0]}",
                 where=f"component {part.name!r}",
                 hint="check the nodes' places, the component's axes, and which grid is fixed to which frame",
             )

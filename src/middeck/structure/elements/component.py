@@ -1,18 +1,20 @@
-"""Reduced components: stiffness and mass of boundary poses and modal coordinates; energy, force, exact tangent.
+"""Reduced components: matrices of boundary poses and modal coordinates; energy, force, exact tangent.
 
-The component follows a frame of its own, the best fit to its boundary (Kabsch 1976): the rotation Q that maximises
+The component follows a frame of its own, the best fit to its boundary (Kabsch 1976): the rotation Q that
+maximises
 
     sum_i w_i y_i . Q Y_i + sum_i v_i sum_k R_i e_k . Q e_k
 
-with the places Y_i, y_i of the grids about their centroid, drawn and now, and their rotations R_i since drawn. With one
-grid Q is its rotation; with several their places count, rotations only about a line of grids. In the frame each grid
-has a displacement and a rotation vector, as the end of a bushing has, and with the modal coordinates q they are d:
+with the places Y_i, y_i of the grids about their centroid, drawn and now, and their rotations R_i since
+drawn. With one grid Q is its rotation; with several their places count, rotations only about a line of grids.
+In the frame each grid has a displacement and a rotation vector, as the end of a bushing has, and with the
+modal coordinates q they are d:
 
     E = d'K d / 2 - m g . c - g . Q (s + P d)
 
-c the centroid, s the first moment of mass about it and P d what deformation adds to that: P is the mass matrix times
-unit translations. Nothing strains in a motion as one body, of any size. What K does not know, the stiffness that
-forces inside have by their direction (geometric stiffness), is left out.
+c the centroid, s the first moment of mass about it and P d what deformation adds to that: P is the mass
+matrix times unit translations. Nothing strains in a motion as one body, of any size. What K does not know,
+the stiffness that forces inside have by their direction (geometric stiffness), is left out.
 """
 
 from __future__ import annotations
@@ -75,6 +77,14 @@ class ComponentState(NamedTuple):
     slope: Inexact[np.ndarray, "n n"]
     deformation: Inexact[np.ndarray, " n"]
     stiffness: Inexact[np.ndarray, "n n"]
+    axes: Inexact[np.ndarray, "3 3"]
+    modal: int
+
+    def seen(self, motion: Inexact[np.ndarray, "n mode"]) -> Inexact[np.ndarray, "n mode"]:
+        """Motions in W in the axes of the component's frame, those as one body with them."""
+        grids = len(motion) - self.modal
+        turned = np.einsum("ji,gjm->gim", self.axes, motion[:grids].reshape(-1, 3, motion.shape[1]))
+        return np.concatenate([turned.reshape(grids, -1), motion[grids:]])
 
     def squares(self, motion: Inexact[np.ndarray, "n mode"]) -> Inexact[np.ndarray, "mode mode"]:
         """``material`` applied to motions, as squared strains."""
@@ -85,7 +95,7 @@ class ComponentState(NamedTuple):
 def component_state(
     part: ComponentElement, places: Array, change: Array, turn: Array, modal: Array, gravity: Array
 ) -> ComponentState:
-    """State with the grids at ``places``, shifted by ``change`` and turned by ``turn`` (less the identity)."""
+    """State with grids at ``places``, shifted by ``change`` and turned by ``turn`` (less the identity)."""
     n, size = len(part.point), len(part.stiffness)
     w = part.weights[:, 0] / part.weights[:, 0].sum()
     centre, moved = w @ places, w @ change
@@ -131,6 +141,8 @@ def component_state(
         slope=slope,
         deformation=d,
         stiffness=part.stiffness,
+        axes=Q,
+        modal=len(modal),
     )
 
 

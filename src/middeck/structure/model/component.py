@@ -7,7 +7,6 @@ from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
@@ -132,8 +131,8 @@ def component_faults(component: Component) -> Iterator[str]:
     sizes = (len(component.grids), len(component.frames), len(component.positions), len(component.has))
     if len(set(sizes)) > 1 or component.modal < 0 or not component.grids:
         yield (
-            f"{name} has matrices of {len(component.stiffness)} rows for {sizes[0]} grids of six coordinates, "
-            f"{sizes[1]} frames and {sizes[2]} places"
+            f"{name} has matrices of {len(component.stiffness)} rows for {sizes[0]} grids of six "
+            f"coordinates, {sizes[1]} frames and {sizes[2]} places"
         )
         return
     named = {"stiffness": component.stiffness, "mass": component.mass}
@@ -147,6 +146,17 @@ def component_faults(component: Component) -> Iterator[str]:
         yield f"{name} has no boundary"
         return
     yield from (f"{name}: {fault}" for fault in (*_loose_frame(component), *_indefinite(component)))
+    if component.damping is not None:
+        size = np.sqrt(np.abs(np.diagonal(component.damping)))
+        size[size == 0.0] = 1.0
+        least, *_, most = np.linalg.eigvalsh(component.damping / np.outer(size, size))
+        if least < -NEGATIVE * most:
+            yield f"{name}: its damping is indefinite: some motion would be driven by it"
+    if component.recovery is not None and component.recovery.shape != (
+        len(component.outputs),
+        n + component.modal,
+    ):
+        yield f"{name}: {len(component.outputs)} outputs, a recovery of {len(component.recovery)} rows"
 
 
 def coordinate_name(component: Component, index: int) -> str:
@@ -213,6 +223,8 @@ def _loose_frame(component: Component) -> Iterator[str]:
 
 def _indefinite(component: Component) -> Iterator[str]:
     """Neither a negative stiffness nor a negative mass, nor resistance to motions as one body."""
+    import scipy.linalg as sla  # articles are read without it
+
     K, M = 0.5 * (component.stiffness + component.stiffness.T), 0.5 * (component.mass + component.mass.T)
     there = np.concatenate([component.has.ravel(), np.ones(component.modal, dtype=bool)])
     K, M = K[np.ix_(there, there)], M[np.ix_(there, there)]
@@ -263,11 +275,10 @@ def _resists(
     worst = np.diagonal(cost) / np.diagonal(moved)
     if worst.max() > RESISTS_WHOLE:
         way = int(np.argmax(worst))
-        row = int(np.argmax(np.abs(left[:, way]) / size))
+        row = int(np.flatnonzero(there)[np.argmax(np.abs(left[:, way]) / size)])
         yield (
             f"its stiffness resists a motion as one body ({WAYS[way]}), most at "
-            f"{coordinate_name(component, int(np.flatnonzero(there)[row]))}: is it grounded, or do the places of its "
-            "grids not fit?"
+            f"{coordinate_name(component, row)}: is it grounded, or do the places of its grids not fit?"
         )
 
 

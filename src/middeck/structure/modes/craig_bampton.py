@@ -1,14 +1,15 @@
-"""Reduction of an article to a component: constraint modes, fixed-interface modes and residual attachment modes.
+"""Reduction of an article to a component: constraint, fixed-interface and residual attachment modes.
 
 With the boundary b, the interior i and the article at rest in orbit,
 
     [u_b]   [ I      0    0   ] [u_b]
     [u_i] = [ Psi   Phi   Chi ] [ q ]
 
-Psi = -K_ii^-1 K_ib are the static motions of the boundary, Phi the lowest modes of the interior with the boundary held
-(Craig and Bampton 1968, AIAA J. 6), Chi what the modes left out answer statically to unit loads at some nodes (residual
-attachment modes: MacNeal 1971, Computers and Structures 1; Rubin 1975, AIAA J. 13). Psi and Phi keep the stiffness and
-the mass as one body exactly. Phi and Chi together are brought to modal form, so that K_qq is diagonal and M_qq one.
+Psi = -K_ii^-1 K_ib are the static motions of the boundary, Phi the lowest modes of the interior with the
+boundary held (Craig and Bampton 1968, AIAA J. 6), Chi what the modes left out answer statically to unit loads
+at some nodes (residual attachment modes: MacNeal 1971, Computers and Structures 1; Rubin 1975, AIAA J. 13).
+Psi and Phi keep the stiffness and the mass as one body exactly. Phi and Chi together are brought to modal
+form, so that K_qq is diagonal and M_qq one.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from middeck.structure.modes.kinds import SMALL
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.statics import dynamic_coordinates
 
-# Residual vectors that have less than this part of their energy for themselves are combinations of others.
+# Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
+# rounding.
 DEPENDENT = 1e-10
 # Modes asked for at first where a frequency limits them.
 FIRST = 16
@@ -138,7 +140,7 @@ def _basis(
     upto_hz: float | None,
     residual: Sequence[str],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, float]:
-    """Static motions, interior vectors in modal form, fixed frequencies [Hz], residuals, and the next [Hz]."""
+    """Static motions, interior vectors, fixed frequencies [Hz], how many residuals, the next [Hz]."""
     if not len(interior):
         return np.zeros((0, len(rows))), np.zeros((0, 0)), np.zeros(0), 0, np.inf
     Kii, Mii = (sp.csr_array(A[interior][:, interior]) for A in (K, M))
@@ -177,14 +179,16 @@ def _fixed_modes(
 def _residuals(
     factor: Factor, lam: np.ndarray, shapes: np.ndarray, interior: np.ndarray, nodes: Sequence[int]
 ) -> np.ndarray:
-    """Static answers to unit loads less those of the modes kept."""
+    """Static answers to unit loads less those of the modes kept, over the root of the energy of the whole."""
     place = np.full(int(interior.max()) + 1, -1)
     place[interior] = np.arange(len(interior))
     loaded = [place[6 * node + k] for node in nodes for k in range(6) if 6 * node + k < len(place)]
     loaded = [i for i in loaded if i >= 0]
     loads = np.zeros((len(interior), len(loaded)))
     loads[loaded, np.arange(len(loaded))] = 1.0
-    return factor.solve(loads) - shapes @ ((shapes.T @ loads) / lam[:, None])
+    whole = factor.solve(loads)
+    size = np.sqrt(np.einsum("im,im->m", whole, loads))
+    return (whole - shapes @ ((shapes.T @ loads) / lam[:, None])) / size
 
 
 def _modal_form(
@@ -195,9 +199,10 @@ def _modal_form(
         return shapes, 0
     for _ in range(2):  # apart from the modes to the last digit
         chi = chi - shapes @ (shapes.T @ (M @ chi))
-    chi = chi / np.sqrt(np.einsum("im,im->m", chi, K @ chi))
     share, turn = np.linalg.eigh(chi.T @ (K @ chi))
     chi = chi @ turn[:, share > DEPENDENT]
+    if not chi.shape[1]:
+        return shapes, 0
     k, m = chi.T @ (K @ chi), chi.T @ (M @ chi)
     mu, turn = sla.eigh(0.5 * (m + m.T), 0.5 * (k + k.T))
     moved = mu > len(mu) * np.finfo(float).eps * max(mu[-1], 1e-300)

@@ -13,7 +13,8 @@ from middeck.structure.rest.equilibrium import Equilibrium
 FELT = 1e-3
 # Turn [rad] of a boundary grid in its component's frame beyond which linear matrices are a poor picture.
 LARGE = 0.1
-# The mean square slope over the mean square deflection of a beam, times its length squared: between clamped ends, 12.3.
+# The mean square slope over the mean square deflection of a beam, times its length squared: between clamped
+# ends, 12.3.
 SLOPE = 12.0
 
 
@@ -22,9 +23,10 @@ def left_out(
 ) -> Float[np.ndarray, "component mode"]:
     """Estimate of the part of each frequency that a component's geometric stiffness may change; zero at zero.
 
-    A force N inside a part of length L works by N L slope^2 / 2. N is the component's weight and the largest force at its
-    boundary, the slope that of its boundary grids in its frame, and of a beam with the kinetic energy of its modal
-    coordinates. So it is a bound by experience rather than proof: forces that pull and push cancel in part.
+    A force N inside a part of length L works by N L slope^2 / 2. N is the component's weight and the largest
+    force at its boundary, the slope that of its boundary grids in its frame, and of a beam with the kinetic
+    energy of its modal coordinates. So it is a bound by experience rather than proof: forces that pull and
+    push cancel in part.
     """
     parts = equilibrium.model.structure.components
     states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
@@ -57,10 +59,10 @@ def component_warnings(
     for part, cost in zip(parts, left_out(equilibrium, lam, shapes), strict=True):
         worst = int(np.argmax(cost)) if len(cost) else 0
         if len(cost) and cost[worst] > FELT:
+            hz = np.sqrt(lam[worst]) / (2.0 * np.pi)
             found.append(
-                f"component {part.name!r} has no geometric stiffness: by an estimate the forces inside it change the "
-                f"frequency of mode {worst} ({np.sqrt(lam[worst]) / (2.0 * np.pi):.4g} Hz) by up to "
-                f"{100.0 * cost[worst]:.2g} %"
+                f"component {part.name!r} has no geometric stiffness: by an estimate the forces inside it "
+                f"change the frequency of mode {worst} ({hz:.4g} Hz) by up to {100.0 * cost[worst]:.2g} %"
             )
     states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
     for part, (state, _) in zip(parts, states, strict=True):
