@@ -271,10 +271,18 @@ def deck(names: Names) -> None:
     np.testing.assert_allclose(names["modes"].frequency_hz[6:], printed, rtol=2.5e-4)
 
 
+def component(names: Names) -> None:
+    """From above, and small; `test_superelements` compares the assembly with NX Nastran."""
+    assert np.all(names["error"] > -1e-9)
+    assert np.max(names["error"]) < 1e-5
+    assert names["md"].recover_outputs(names["modes"], "bus").modes.shape == (6, len(names["modes"].omega))
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
     "docs/how-to/your-nastran-deck.md": deck,
+    "docs/how-to/your-reduced-component.md": component,
     "docs/how-to/your-own-article.md": your_own_article,
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/from-a-record-to-a-plant.md": from_a_record_to_a_plant,

@@ -11,12 +11,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.faults import Fault, raise_faults
+from middeck.files.faults import Fault, raise_fault, raise_faults
 from middeck.files.nastran.cards import Card, join_cards
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.entries import read_entries
@@ -106,8 +106,8 @@ def _lines(path: Path, folder: Path, missing: list[str], depth: int) -> list[Lin
     return out
 
 
-def _refuse(path: Path, message: str, hint: str = "check the path", line: int = 0) -> None:
-    raise_faults([Fault(file=str(path), line=line, key="", message=message, hint=hint)])
+def _refuse(path: Path, message: str, hint: str = "check the path", line: int = 0) -> NoReturn:
+    raise_fault(Fault(file=str(path), line=line, key="", message=message, hint=hint))
 
 
 class Boundary(NamedTuple):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -168,7 +168,7 @@ def _write_matrix(target: Target, matrix: Op4Matrix, layout: Layout, single: boo
     value = sp.csc_array(matrix.value)
     value.sum_duplicates()
     value.eliminate_zeros()
-    rows, columns = value.shape
+    rows, columns = cast("tuple[int, int]", value.shape)
     if not (0 < len(matrix.name) <= 8 and matrix.name.isascii()):
         raise ConfigError(
             f"{matrix.name!r} is no name of a matrix", where=where, hint="one to eight characters"
@@ -208,4 +208,4 @@ def _write_matrix(target: Target, matrix: Op4Matrix, layout: Layout, single: boo
 def _reals(values: np.ndarray) -> np.ndarray:
     if not np.iscomplexobj(values):
         return values
-    return np.stack([values.real, values.imag], axis=1).ravel()
+    return np.stack([np.real(values), np.imag(values)], axis=1).ravel()

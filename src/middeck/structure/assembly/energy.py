@@ -339,8 +339,8 @@ def _assembled(
     blocks |= {"attach": total.device, **_turning(model, at, gradient)}
     joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
     g = J.T @ gradient.ravel() + total.modal + joint_gradient
-    K = model.pattern.matrix(J.data, blocks, hinges)
-    K = _with_components(K, total.components, lambda state: state.material + state.geometric)
+    bare = model.pattern.matrix(J.data, blocks, hinges)
+    K = _with_components(bare, total.components, lambda state: state.material + state.geometric)
     return Assembly(
         energy=total.energy + joint_energy, gradient=g, tangent=K, jacobian=J, tension=total.tension
     )
@@ -402,11 +402,12 @@ def mass_matrix(model: Model, config: Configuration, loads: Loads | None = None)
         along = span / np.sqrt(np.einsum("di,di->d", span, span))[:, None]
         moving = loads.mass[:, None, None] * along[:, :, None] * along[:, None, :]
         blocks["attach"] = _at_attach_points(model, loads, moving)
-    M = model.pattern.matrix(model.pose_map.jacobian_values(at.poses), blocks)
+    mass = model.pattern.matrix(model.pose_map.jacobian_values(at.poses), blocks)
     for part in model.components:
         rows = _component_rows(model, model.pose_map.jacobian(at.poses), part)
-        M = _symmetric(sp.csr_array(M + rows.T @ component_mass(part, *_since(model, at, part.point)) @ rows))
-    return M
+        own = component_mass(part, *_since(model, at, part.point))
+        mass = _symmetric(sp.csr_array(mass + rows.T @ own @ rows))
+    return mass
 
 
 def component_states(
@@ -439,13 +440,13 @@ def _component_rows(model: Model, J: sp.csr_array, part: ComponentElement) -> sp
 
 
 def _with_components(
-    K: sp.csr_array,
+    matrix: sp.csr_array,
     parts: Sequence[tuple[ComponentState, sp.csr_array]],
     of: Callable[[ComponentState], np.ndarray],
 ) -> sp.csr_array:
     for state, rows in parts:
-        K = _symmetric(sp.csr_array(K + rows.T @ of(state) @ rows))
-    return K
+        matrix = _symmetric(sp.csr_array(matrix + rows.T @ of(state) @ rows))
+    return matrix
 
 
 def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.ndarray]:

@@ -169,14 +169,14 @@ def _fit(part: ComponentElement, stretch: Array, turn: Array) -> Inexact[np.ndar
     weight, drawn, changed = _arms(part, stretch, turn)
     U, _, Vt = np.linalg.svd(np.real((weight[:, None] * (drawn + changed)).T @ drawn))
     proper = np.diag([1.0, 1.0, np.linalg.det(U @ Vt)])
-    E = U @ proper @ Vt - np.eye(3)
+    turned = U @ proper @ Vt - np.eye(3)
     for _ in range(STEPS):
-        bent = drawn @ E.T
+        bent = drawn @ turned.T
         left = weight @ (cross(drawn, changed) + cross(bent, drawn + changed))
         theta = np.linalg.solve(_stiffness(weight, drawn + bent, drawn + changed), -left)
         step = turn_of(theta)
-        E = step + E + step @ E
-    return E
+        turned = step + turned + step @ turned
+    return turned
 
 
 def _stiffness(weight: Array, p: Array, b: Array) -> Array:

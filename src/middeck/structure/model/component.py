@@ -174,13 +174,13 @@ def _unsymmetric(component: Component, what: str, matrix: np.ndarray) -> Iterato
     size = np.sqrt(np.abs(np.diagonal(matrix)))
     allowed = UNEQUAL * np.outer(size, size) + ROUNDED * np.abs(matrix).max(initial=0.0)
     apart = np.abs(matrix - matrix.T) - allowed
-    i, j = np.unravel_index(np.argmax(apart), apart.shape)
+    i, j = divmod(int(np.argmax(apart)), len(apart))
     if apart[i, j] > 0.0:
         yield (
-            f"its {what} is not symmetric: {matrix[i, j]:g} at {coordinate_name(component, int(i))}, "
-            f"{coordinate_name(component, int(j))} and {matrix[j, i]:g} across the diagonal"
+            f"its {what} is not symmetric: {matrix[i, j]:g} at {coordinate_name(component, i)}, "
+            f"{coordinate_name(component, j)} and {matrix[j, i]:g} across the diagonal"
         )
-    missing = np.flatnonzero(~component.has.ravel())
+    missing = np.flatnonzero(~component.has.ravel()).tolist()
     used = [k for k in missing if np.any(matrix[k]) or np.any(matrix[:, k])]
     if used:
         yield f"its {what} has entries at {coordinate_name(component, used[0])}, which it is said not to have"
@@ -225,9 +225,9 @@ def _indefinite(component: Component) -> Iterator[str]:
     """Neither a negative stiffness nor a negative mass, nor resistance to motions as one body."""
     import scipy.linalg as sla  # articles are read without it
 
-    K, M = 0.5 * (component.stiffness + component.stiffness.T), 0.5 * (component.mass + component.mass.T)
     there = np.concatenate([component.has.ravel(), np.ones(component.modal, dtype=bool)])
-    K, M = K[np.ix_(there, there)], M[np.ix_(there, there)]
+    some = np.ix_(there, there)
+    K, M = (0.5 * (A + A.T)[some] for A in (component.stiffness, component.mass))
     index = np.flatnonzero(there)
     k, m = np.diagonal(K), np.diagonal(M)
     both = (k > 0.0) & (m > 0.0)
