@@ -1,6 +1,8 @@
 """Two superelements of NX Nastran, joined: its frequencies; from their bulk data its boundary stiffness."""
 
+import random
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +10,17 @@ import pytest
 
 import middeck as md
 from cli_runner import middeck
+from middeck.errors import MiddeckError
 from middeck.files.article_toml import document_text
+from middeck.files.nastran.assembly import convert_assembly
 from middeck.files.nastran.convert import convert_deck, read_deck
 from middeck.files.nastran.external import read_external
 from middeck.files.nastran.units import parse_units
-from middeck.structure.model.component import body_of
+from middeck.structure.model.component import body_of, component_doubts
 
 DATA = Path("data/nastran-superelement")
 UNITS = parse_units("mm-kg-s-mN")
+MARKS = " 0123456789.+-*,$EDeAGCB'\t\n/="
 BOUNDARY = ["g3", "g11", "g19", "g27"]
 
 
@@ -50,6 +55,71 @@ def test_each_component_is_a_body():
     inboard, outboard = external("inboard"), external("outboard")
     assert (inboard.modal, outboard.modal) == (8, 22)
     assert body_of(inboard).mass + body_of(outboard).mass == pytest.approx(3.345436, rel=1e-6)
+
+
+def slipped(text, seed):
+    """A few slips of the hand: letters, lines and lengths."""
+    rng = random.Random(seed)
+    for _ in range(rng.randint(1, 3)):
+        at, lines = rng.randrange(len(text)), text.split("\n")
+        match rng.randrange(5):
+            case 0 | 1:
+                text = text[:at] + rng.choice(MARKS) + text[at + 1 :]
+            case 2:
+                text = text[:at] + rng.choice(MARKS) + text[at:]
+            case 3:
+                text = text[:at] + text[at + rng.randint(1, 8) :]
+            case _:
+                i, j = rng.randrange(len(lines)), rng.randrange(len(lines))
+                lines[i], lines[j] = lines[j], lines[i]
+                text = "\n".join(lines)
+    return text
+
+
+def bits_flipped(content, seed):
+    """In the stiffness and the mass."""
+    rng, out = random.Random(seed), bytearray(content)
+    for _ in range(rng.randint(1, 2)):
+        out[rng.randrange(17000)] ^= 1 << rng.randrange(8)
+    return bytes(out)
+
+
+def test_damaged_files_are_refused_or_change_nothing(tmp_path, campaign):
+    """Cards and matrices; what may differ is a number that stands nowhere twice: a modal stiffness."""
+    for file in DATA.iterdir():
+        shutil.copy(file, tmp_path / file.name)
+    deck, good = tmp_path / "assemble.dat", None
+    for seed in (None, *campaign(240)):
+        name = random.Random(seed).choice(["assemble.dat", "inboard.asm", "outboard.pch", "inboard.op4"])
+        content = (DATA / name).read_bytes()
+        if seed is not None:
+            new = (
+                bits_flipped(content, seed)
+                if name.endswith("op4")
+                else slipped(content.decode(), seed).encode()
+            )
+            (tmp_path / name).write_bytes(new)
+        try:
+            parts = convert_assembly(deck, UNITS, "coupled", "a").components
+        except MiddeckError:
+            assert seed is not None
+            continue
+        finally:
+            (tmp_path / name).write_bytes(content)
+        good = good or parts
+        assert {p.grids for p in parts.values()} == {p.grids for p in good.values()}
+        for was, now in zip(good.values(), parts.values(), strict=True):
+            for key in ("stiffness", "mass"):
+                a, b = getattr(was, key), getattr(now, key)
+                size = np.sqrt(np.abs(np.diagonal(a)))
+                apart = np.abs(b - a) / np.outer(size, size) > 1e-3
+                first = 6 * len(was.grids)
+                assert not np.any(apart[:first, :first])
+                if np.any(apart):
+                    assert name == "inboard.op4"
+                    doubted = [*component_doubts(now)]
+                    alone = np.count_nonzero(apart) == np.count_nonzero(np.diagonal(apart))
+                    assert doubted or (alone and key == "stiffness")
 
 
 def reduced(tmp_path, name, text):

@@ -71,6 +71,14 @@ def convert_assembly(
         parts[file] = dataclasses.replace(part, frames=tuple(f"g{grid}" for grid in joined.values()))
         nodes = {grid: f"g{to}" for grid, to in joined.items()}
         tables.append({"name": f"se{number}", "file": file, "nodes": nodes})
+    if not parts:
+        raise ConfigError(
+            "no SEBULK in the bulk data", where=str(path), hint="does all of it stand behind BEGIN BULK?"
+        )
+    loose = [number for number in bulk.supers if not any(t["name"] == f"se{number}" for t in tables)]
+    if loose:
+        first = (bulk.supers[loose[0]] or bulk.main)[0]
+        raise_some([_fault(first, f"superelement {loose[0]} is joined by no SEBULK of the bulk data")])
     base = _base(path, bulk, units, formulation, name)
     document = dict(base.document)
     there = {node["name"] for node in document["node"]}

@@ -25,6 +25,8 @@ NEGATIVE, NEGATIVE_MASS = 1e-6, 1e-7
 BODY = 1e-6
 # Of the size: how far a grid may be from the point that it is fixed to.
 APART = 1e-6
+# Of the modal masses: so many that are not one are doubted where the others are.
+FEW = 0.25
 # Least weight of a turn in the best fit over the largest.
 UNFITTED = 1e-9
 # Weight of a grid's rotation in the component's frame, over that of its place at the mean arm.
@@ -157,6 +159,19 @@ def component_faults(component: Component) -> Iterator[str]:
         n + component.modal,
     ):
         yield f"{name}: {len(component.outputs)} outputs, a recovery of {len(component.recovery)} rows"
+
+
+def component_doubts(component: Component) -> Iterator[str]:
+    """What is no fault, but seldom meant: a few modal masses that are not one while all others are."""
+    first = 6 * len(component.grids)
+    k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
+    off = np.flatnonzero((np.abs(m - 1.0) > BODY) & (k > m))  # else the angle of a free joint
+    if 0 < len(off) <= FEW * component.modal:
+        at = coordinate_name(component, first + int(off[0]))
+        yield (
+            f"component {component.name!r} has a modal mass of {m[off[0]]:.6g} at {at} and of 1 at nearly "
+            "all others: is its file damaged?"
+        )
 
 
 def coordinate_name(component: Component, index: int) -> str:

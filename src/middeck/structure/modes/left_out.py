@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import component_states
-from middeck.structure.model.component import Component, body_of
+from middeck.structure.model.component import Component, body_of, component_doubts
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # Of a frequency: less is not said.
@@ -55,7 +55,7 @@ def component_warnings(
     parts = equilibrium.model.structure.components
     if not parts:
         return ()
-    found: list[str] = []
+    found = [doubt for part in parts for doubt in component_doubts(part)]
     for part, cost in zip(parts, left_out(equilibrium, lam, shapes), strict=True):
         worst = int(np.argmax(cost)) if len(cost) else 0
         if len(cost) and cost[worst] > FELT:
