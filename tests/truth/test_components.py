@@ -121,7 +121,7 @@ def test_weight_and_what_the_geometric_stiffness_costs(campaign):
         error = np.abs(modes.frequency_hz[:8] / full.frequency_hz[:8] - 1.0).max()
         cost = left_out(rest, modes.omega**2, modes.shapes).max()
         warned = any("no geometric stiffness" in w for w in modes.warnings)
-        assert error < 1e-3 or (warned and error < 2.0 * cost)
+        assert error < 1e-3 or (warned and error < 3.0 * cost)
 
 
 def test_a_stiff_article_has_no_warning():

@@ -54,9 +54,9 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Reduce ARTICLE, at rest in orbit, to its boundary nodes and modal coordinates.
+    """Reduce ARTICLE to a component: boundary nodes and modes.
 
-    By Craig and Bampton's method: static motions of the boundary, and the lowest modes with the boundary
+    By Craig and Bampton's method, at rest in orbit: static motions of the boundary, and the lowest modes with the boundary
     held; with --residual also what the modes left out answer statically to loads at a node. Modes up to three
     times the frequency of interest are usual. Angles of free joints remain, ahead of the modal coordinates.
     """

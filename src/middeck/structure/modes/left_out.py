@@ -16,6 +16,8 @@ LARGE = 0.1
 # The mean square slope over the mean square deflection of a beam, times its length squared: between clamped
 # ends, 12.3.
 SLOPE = 12.0
+# Of all forces over all of the length: what does not act along it works on twist and bending together.
+SHEAR = 0.4
 
 
 def left_out(
@@ -23,27 +25,26 @@ def left_out(
 ) -> Float[np.ndarray, "component mode"]:
     """Estimate of the part of each frequency that a component's geometric stiffness may change; zero at zero.
 
-    A force N inside a part of length L works by N L slope^2 / 2. N is the component's weight and the largest
-    force at its boundary, the slope that of its boundary grids in its frame, and of a beam with the kinetic
-    energy of its modal coordinates. So it is a bound by experience rather than proof: forces that pull and
-    push cancel in part.
+    Forces inside a part of length L work by N L slope^2 / 2. N L are the boundary forces along their arms and
+    the weight along the part's extent in its direction (Clausius' virial), without signs, and two fifths of
+    all forces over the length for what shear does with twist. The slope is that of the boundary grids in the
+    component's frame, and of a beam with the kinetic energy of its modal coordinates. So it is an estimate by
+    experience rather than a bound: forces that pull and push cancel in part.
     """
     parts = equilibrium.model.structure.components
     states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
-    g = float(np.linalg.norm(equilibrium.loads.gravity))
     out = np.zeros((len(parts), len(lam)))
     for k, (part, element, (state, rows)) in enumerate(
         zip(parts, equilibrium.model.components, states, strict=True)
     ):
         grids = 6 * len(part.grids)
         pull = (element.stiffness @ state.deformation)[:grids].reshape(-1, 6)[:, :3]
-        N = part.weight * g + float(np.linalg.norm(pull, axis=1).max())
-        L = _length(part)
+        work, length = _virial(part, pull @ part.axes, part.axes.T @ state.axes.T @ equilibrium.loads.gravity)
         strain = state.slope @ (rows @ shapes)
         slope = np.mean(np.sum(strain[:grids].reshape(-1, 6, len(lam))[:, 3:] ** 2, axis=1), axis=0)
         q = strain[grids:]
         moved = np.sum(q * (element.mass[grids:, grids:] @ q), axis=0)
-        works = N * L * slope + SLOPE * N / (L * part.weight) * np.maximum(moved, 0.0)
+        works = work * (slope + SLOPE / (length**2 * part.weight) * np.maximum(moved, 0.0))
         out[k] = np.divide(0.5 * works, lam, out=np.zeros(len(lam)), where=lam > 0.0)
     return out
 
@@ -76,9 +77,17 @@ def component_warnings(
     return tuple(found)
 
 
-def _length(part: Component) -> float:
-    """Its extent [m]: of its grids, and of a rod with its largest inertia about its centre."""
+def _virial(part: Component, pull: np.ndarray, gravity: np.ndarray) -> tuple[float, float]:
+    """Forces times lengths [N m] in the component's axes, and its length [m].
+
+    The length is that of its grids, and of a rod with its largest second moment of mass.
+    """
     m, centre, inertia = body_of(part)
-    rod = float(np.sqrt(12.0 * max(np.linalg.eigvalsh(inertia)[-1], 0.0) / m))
-    reach = float(np.linalg.norm(part.positions - centre, axis=1).max())
-    return max(rod, reach, float(np.finfo(float).tiny))
+    arms = part.positions - centre
+    second = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    rod = np.sqrt(12.0 / m * np.maximum(np.linalg.eigvalsh(second)[-1], 0.0))
+    length = max(float(rod), float(np.linalg.norm(arms, axis=1).max()), float(np.finfo(float).tiny))
+    along = np.sqrt(12.0 * m * max(float(gravity @ second @ gravity), 0.0))
+    force = m * float(np.linalg.norm(gravity)) + float(np.linalg.norm(pull, axis=1).max())
+    work = float(np.abs(np.sum(pull * arms, axis=1)).sum()) + 0.5 * along + SHEAR * force * length
+    return work, length
