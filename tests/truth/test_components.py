@@ -246,3 +246,71 @@ def test_mass_as_one_body():
     rigid = rigid_columns(model.tree, model.rest, np.zeros(3))
     M = mass_matrix(model, model.rest)
     np.testing.assert_allclose(rigid_mass(made), rigid.T @ (M @ rigid), atol=1e-12)
+
+
+def test_a_rigid_component_is_a_body_on_its_gimbal():
+    """The payload of a gimbal as six rows of a rigid mass matrix: the same rest, torques and modes in 1-g."""
+    article = md.load_structure("articles/mace-simple.toml")
+    lab = md.load_environment("environments/lab.toml")
+    joint = next(j for j in article.joints if j.name == "pri_z")
+    body, (x, y, z) = joint.body, joint.body.mass * joint.body.cg
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    about = body.inertia + body.mass * (body.cg @ body.cg * np.eye(3) - np.outer(body.cg, body.cg))
+    part = Component(
+        name="payload",
+        grids=("1",),
+        frames=("pri_z",),
+        positions=np.zeros((1, 3)),
+        stiffness=np.zeros((6, 6)),
+        mass=np.block([[body.mass * np.eye(3), -cross], [cross, about]]),
+        axes=_attitude(article, "pri_z"),
+    )
+    bare = dataclasses.replace(joint, body=dataclasses.replace(body, mass=0.0, inertia=np.zeros((3, 3))))
+    joints = tuple(bare if j.name == "pri_z" else j for j in article.joints)
+    hung = dataclasses.replace(article, joints=joints, components=(part,))
+    rests = [md.solve_equilibrium(one, lab) for one in (article, hung)]
+    np.testing.assert_allclose(rests[1].holding_torque, rests[0].holding_torque, atol=1e-7)
+    np.testing.assert_allclose(rests[1].suspension.reaction, rests[0].suspension.reaction, rtol=1e-9)
+    true, found = (md.solve_modes(rest).frequency_hz for rest in rests)
+    np.testing.assert_allclose(found[:30], true[:30], rtol=1e-7)
+
+
+def _attitude(article, frame):
+    model = mesh_structure(article)
+    return model.drawn.R[model.frames.index(frame)]
+
+
+def test_grids_with_some_coordinates_and_arms():
+    """Rows of zeros for what a grid has not, and a grid at an offset from its node."""
+    whole, part = bent_beam(np.random.default_rng(9))
+    good = with_component(whole, part, count=4)
+    made = good.components[0]
+    orbit = md.Environment.orbit()
+    true = md.solve_modes(md.solve_equilibrium(good, orbit)).frequency_hz[6:16]
+    shift = np.array([0.1, -0.05, 0.2])
+    moved = dataclasses.replace(made, positions=made.positions + 0.7)  # its own origin is anywhere
+    arms = dataclasses.replace(moved, offsets=np.array([np.zeros(3), shift]))
+    nodes = [dataclasses.replace(n, position=n.position - shift) if n.name == "b" else n for n in good.nodes]
+    member = dataclasses.replace(good.members[0], start_offset=shift)
+    offset = dataclasses.replace(good, nodes=tuple(nodes), members=(member,), components=(arms,))
+    found = md.solve_modes(md.solve_equilibrium(offset, orbit)).frequency_hz[6:16]
+    np.testing.assert_allclose(found, true, rtol=1e-9)
+    # A fifth grid with nothing but a translation, which has neither stiffness nor mass, is refused.
+    K, M = (np.zeros((len(made.mass) + 6,) * 2) for _ in range(2))
+    keep = np.r_[0:12, 18 : len(K)]
+    K[np.ix_(keep, keep)], M[np.ix_(keep, keep)] = made.stiffness, made.mass
+    more = dataclasses.replace(
+        made,
+        grids=("a", "b", "c"),
+        frames=("a", "b", "c"),
+        positions=np.vstack([made.positions, whole.nodes[3].position]),
+        stiffness=K,
+        mass=M,
+        present=np.array([[True] * 6, [True] * 6, [True] + [False] * 5]),
+    )
+    assert any("neither stiffness nor mass" in fault for fault in component_faults(more))
+    none = dataclasses.replace(more, present=np.array([[True] * 6, [True] * 6, [False] * 6]))
+    assert not [*component_faults(none)]
+    same = dataclasses.replace(good, components=(none,))
+    found = md.solve_modes(md.solve_equilibrium(same, orbit)).frequency_hz[6:16]
+    np.testing.assert_allclose(found, true, rtol=1e-9)
