@@ -15,7 +15,13 @@ from middeck.structure.elements.component import ComponentElement, component_sta
 from middeck.structure.elements.frames import move, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.clamps import Clamp
-from middeck.structure.model.component import Component, body_of, component_faults, rigid_mass
+from middeck.structure.model.component import (
+    Component,
+    body_of,
+    component_doubts,
+    component_faults,
+    rigid_mass,
+)
 from middeck.structure.modes.left_out import left_out
 from middeck.structure.sensitivity.parameters import list_parameters
 from middeck.structure.sensitivity.patches import make_patches
@@ -233,6 +239,17 @@ def test_derivatives_are_refused():
     rest = md.solve_equilibrium(article, md.Environment.orbit())
     with pytest.raises(ConfigError, match="no derivatives of an article with reduced components"):
         make_patches(rest.model, rest.environment, list_parameters(article, rest.environment)[:1])
+
+
+def test_what_is_seldom_meant_is_doubted():
+    good = with_component(*bent_beam(np.random.default_rng(1)), count=8).components[0]
+    assert not [*component_doubts(good)]
+    heavy = dataclasses.replace(good, mass=_pair(good.mass, 14, 14, 0.0625))
+    stiff = dataclasses.replace(good, stiffness=_pair(good.stiffness, 14, 14, 1e20))
+    for bad, said in ((heavy, "modal mass of 1.0625"), (stiff, "modal coordinate 3 at")):
+        assert not [*component_faults(bad)]
+        (doubt,) = component_doubts(bad)
+        assert said in doubt
 
 
 def test_mass_as_one_body():

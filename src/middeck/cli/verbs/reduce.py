@@ -57,9 +57,9 @@ def verb(
     """Reduce ARTICLE to a component: boundary nodes and modes.
 
     By Craig and Bampton's method, at rest in orbit: static motions of the boundary, and the lowest modes with
-    the boundary held; with --residual also what the modes left out answer statically to loads at a node. Modes
-    up to three times the frequency of interest are usual. Angles of free joints remain, ahead of the modal
-    coordinates.
+    the boundary held; with --residual also what the modes left out answer statically to loads at a node.
+    Modes up to three times the frequency of interest are usual. Angles of free joints remain, ahead of the
+    modal coordinates.
     """
     from middeck.cli.blame import reading
     from middeck.errors import ConfigError

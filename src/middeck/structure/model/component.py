@@ -27,6 +27,8 @@ BODY = 1e-6
 APART = 1e-6
 # Of the modal masses: so many that are not one are doubted where the others are.
 FEW = 0.25
+# Of a frequency of a modal coordinate over the next lower one.
+ABSURD = 1e3
 # Least weight of a turn in the best fit over the largest.
 UNFITTED = 1e-9
 # Weight of a grid's rotation in the component's frame, over that of its place at the mean arm.
@@ -162,7 +164,7 @@ def component_faults(component: Component) -> Iterator[str]:
 
 
 def component_doubts(component: Component) -> Iterator[str]:
-    """What is no fault, but seldom meant: a few modal masses that are not one while all others are."""
+    """What is no fault, but seldom meant: modal masses that are not one, a frequency beyond all others."""
     first = 6 * len(component.grids)
     k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
     off = np.flatnonzero((np.abs(m - 1.0) > BODY) & (k > m))  # else the angle of a free joint
@@ -171,6 +173,15 @@ def component_doubts(component: Component) -> Iterator[str]:
         yield (
             f"component {component.name!r} has a modal mass of {m[off[0]]:.6g} at {at} and of 1 at nearly "
             "all others: is its file damaged?"
+        )
+    square = np.divide(k, m, out=np.zeros(len(k)), where=m > NEGATIVE_MASS * m.max(initial=0.0))
+    rank = np.argsort(square)
+    if len(k) > 1 and square[rank[-1]] > ABSURD**2 * square[rank[-2]] > 0.0:
+        hz = np.sqrt(square[rank[-2:]]) / (2.0 * np.pi)
+        at = coordinate_name(component, first + int(rank[-1]))
+        yield (
+            f"component {component.name!r} has {at} at {hz[1]:.3g} Hz and the next at {hz[0]:.3g} Hz: is its "
+            "file damaged?"
         )
 
 
