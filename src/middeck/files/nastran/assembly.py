@@ -17,7 +17,7 @@ from middeck.files.nastran.convert import Conversion, Formulation, convert_deck
 from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.deck import Deck
 from middeck.files.nastran.entries import raise_some, read_entries
-from middeck.files.nastran.external import Bulk, component_of, geometry_of, read_bulk
+from middeck.files.nastran.external import Bulk, component_of, geometry_of, has_card, read_bulk
 from middeck.files.nastran.formats import IDLE, PARSED
 from middeck.files.nastran.numbers import integer, real
 from middeck.files.nastran.units import Units
@@ -41,7 +41,7 @@ class AssemblyConversion(NamedTuple):
 def has_superelements(path: str | Path) -> bool:
     """Whether a deck's main bulk data have SEBULK; false for what cannot be read."""
     try:
-        return any(card.name == "SEBULK" for card in read_bulk([path]).main)
+        return has_card(path, "SEBULK")
     except ConfigError:
         return False
 

@@ -78,6 +78,12 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     return Bulk(head, join_cards(main), {n: join_cards(found) for n, found in supers.items()}, missing)
 
 
+def has_card(path: str | Path, name: str) -> bool:
+    """Whether any line of a deck and its includes begins with ``name``; no card is cut up for that."""
+    lines = _lines(Path(path), Path(path).parent, [], 0)
+    return any(line[0].lstrip().upper().startswith(name) for line in lines)
+
+
 def _lines(path: Path, folder: Path, missing: list[str], depth: int) -> list[Line]:
     if depth > DEPTH:
         _refuse(path, "includes itself")
