@@ -62,6 +62,10 @@ from .control.shaping.sections import (
     shape_compensator as shape_compensator,
 )
 from .errors import MiddeckError as MiddeckError
+from .files.components import (
+    load_component as load_component,
+    write_component as write_component,
+)
 from .files.compensators import (
     load_compensator as load_compensator,
     write_compensator as write_compensator,
@@ -176,12 +180,15 @@ from .structure.model.article import (
     Structure as Structure,
 )
 from .structure.model.clamps import Clamp as Clamp
+from .structure.model.component import Component as Component
 from .structure.model.environment import Environment as Environment
+from .structure.modes.craig_bampton import reduce_structure as reduce_structure
 from .structure.modes.drawn import (
     Drawing as Drawing,
     draw_modes as draw_modes,
     draw_rest as draw_rest,
 )
+from .structure.modes.recovery import recover_outputs as recover_outputs
 from .structure.modes.solve import (
     Modes as Modes,
     solve_modes as solve_modes,

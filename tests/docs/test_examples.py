@@ -293,10 +293,18 @@ def see_the_shapes(names: Names) -> None:
     assert all(Path(name).stat().st_size > 5000 for name in drawn)
 
 
+def component(names: Names) -> None:
+    """From above, and small; `test_superelements` compares the assembly with NX Nastran."""
+    assert np.all(names["error"] > -1e-9)
+    assert np.max(names["error"]) < 1e-5
+    assert names["md"].recover_outputs(names["modes"], "bus").modes.shape == (6, len(names["modes"].omega))
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
     "docs/how-to/your-nastran-deck.md": deck,
+    "docs/how-to/your-reduced-component.md": component,
     "docs/how-to/your-own-article.md": your_own_article,
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/from-a-record-to-a-plant.md": from_a_record_to_a_plant,

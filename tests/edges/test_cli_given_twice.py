@@ -129,6 +129,7 @@ WRITES = {
     ("record", "--output"): options.RECORDS,
     ("convert", "--output"): options.ARTICLES,
     ("convert", "--environment"): options.ARTICLES,
+    ("reduce", "--output"): options.COMPONENTS,
 }
 ENDINGS = (
     ".json",

@@ -11,8 +11,9 @@ from middeck import __version__
 
 # In the order of the work.
 VERBS = (
-    *("new", "study", "convert", "check", "level", "modes", "compare", "budget", "path", "sensitivity"),
-    *("correlate", "response", "excite", "record", "identify", "impact", "drift", "design", "qualify"),
+    *("new", "study", "convert", "reduce", "check", "level", "modes", "compare", "budget", "path"),
+    *("sensitivity", "correlate", "response", "excite", "record", "identify", "impact", "drift"),
+    *("design", "qualify"),
 )
 
 EXAMPLES = """\

@@ -23,6 +23,7 @@ RESPONSES = (".uff", ".unv", ".uf", ".58")
 SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the inputs, unit/sqrt(Hz)."
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
+COMPONENTS = (".npz", ".mat")
 
 
 class Verb(click.Command):

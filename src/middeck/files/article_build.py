@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from middeck.files import article_form as forms
 from middeck.files.article_form import ArticleForm, DamperForm, DampingForm
 from middeck.files.boundary_form import build_bushing, build_load_cases
+from middeck.files.components import build_component
 from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
@@ -32,11 +34,15 @@ from middeck.structure.model.article import (
     Structure,
 )
 
+HERE = Path()
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 
 
-def build_structure(form: forms.ArticleForm) -> Structure:
-    """The value that a valid form describes; ports are those of `default_ports` and the listed ones."""
+def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
+    """The value that a valid form describes; ports are those of `default_ports` and the listed ones.
+
+    Files of components are sought in ``folder``.
+    """
     nodes = tuple(_node(n) for n in form.node)
     actuators, sensors = default_ports(form)
     listed_a = tuple(
@@ -74,6 +80,7 @@ def build_structure(form: forms.ArticleForm) -> Structure:
         damping=_damping(form),
         bushings=tuple(build_bushing(b) for b in form.bushing),
         load_cases=build_load_cases(form.load_case),
+        components=tuple(build_component(c, folder) for c in form.component),
     )
 
 

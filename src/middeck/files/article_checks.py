@@ -139,6 +139,9 @@ def _names(data: Table) -> Iterator[Finding]:
     yield from _twice(points, "attach point")
     cases = [(("load_case", i, "name"), t.get("name")) for i, t in tables(data, "load_case")]
     yield from _twice(cases, "load case")
+    yield from _twice(
+        [(("component", i, "name"), t.get("name")) for i, t in tables(data, "component")], "component"
+    )
     for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
         yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
@@ -186,6 +189,9 @@ def _references(data: Table) -> Iterator[Finding]:
         ("bushing", "from", points, "attach point"),
         ("bushing", "to", points, "attach point"),
     ]
+    for i, component in tables(data, "component"):
+        for grid, name in table_of(component, "nodes").items():
+            yield from _unknown(("component", i, "nodes", grid), name, frames, "frame")
     yield from _case_references(data, nodes, frames)
     for table, key, known, kind in wanted:
         for i, t in tables(data, table):
@@ -259,7 +265,7 @@ def _is_vector(value: Any) -> bool:
 
 
 def _unconnected(data: Table) -> Iterator[Finding]:
-    """Members and springs must join all nodes; what they leave out is named at its first node."""
+    """Members, springs and components must join all nodes; what they leave out is named at its first node."""
     place = {t["name"]: i for i, t in tables(data, "node") if isinstance(t.get("name"), str)}
     for part in separate_parts(list(place), _joined(data, set(place)))[1:]:
         path: Path = ("node", place[part[0]], "name")
@@ -282,6 +288,8 @@ def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
     ends = [(str(t.get("from")), str(t.get("to"))) for _, t in tables(data, "strut")]
     for _, t in (*tables(data, "spring"), *tables(data, "bushing")):
         ends.append((frame.get(str(t.get("from")), ""), frame.get(str(t.get("to")), "")))
+    for _, t in tables(data, "component"):
+        ends += itertools.pairwise(map(str, table_of(t, "nodes").values()))
     pairs = [(_carrier(start, carrier), _carrier(end, carrier)) for start, end in ends]
     used = [name for pair in pairs for name in pair]
     return pairs if nodes.issuperset(used) else list(itertools.pairwise(n for n in used if n in nodes))

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.files.boundary_form import BushingForm, LoadCaseForm
+from middeck.files.component_form import ComponentForm
 from middeck.files.form import (
     Finite,
     Form,
@@ -259,6 +260,7 @@ class ArticleForm(Form):
     attach: Annotated[tuple[AttachForm, ...], Field(strict=False)] = ()
     spring: Annotated[tuple[SpringForm, ...], Field(strict=False)] = ()
     bushing: Annotated[tuple[BushingForm, ...], Field(strict=False)] = ()
+    component: Annotated[tuple[ComponentForm, ...], Field(strict=False)] = ()
     load_case: Annotated[tuple[LoadCaseForm, ...], Field(strict=False)] = ()
     suspension: SuspensionForm | None = None
     actuator: Annotated[tuple[ActuatorForm, ...], Field(strict=False)] = ()

@@ -29,9 +29,16 @@ def document_text(document: Mapping[str, Any], head: str) -> str:
                 lines += ["", f"[{heading}]", *_keys(part)]
         elif isinstance(table, list):
             for row in table:
-                lines += ["", f"[[{name}]]", *_keys(row)]
-                for key, parts in row.items():
-                    for part in parts if isinstance(parts, list) else ():
+                inner = {
+                    k: v for k, v in row.items() if isinstance(v, list) and v and isinstance(v[0], Mapping)
+                }
+                lines += [
+                    "",
+                    f"[[{name}]]",
+                    *(f"{k} = {_value(v)}" for k, v in row.items() if k not in inner),
+                ]
+                for key, parts in inner.items():
+                    for part in parts:
                         lines += ["", f"[[{name}.{key}]]", *_keys(part)]
     return "\n".join(lines) + "\n"
 
@@ -41,6 +48,9 @@ def _keys(table: Mapping[str, Any]) -> list[str]:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{json.dumps(str(key))} = {_value(v)}" for key, v in value.items())
+        return f"{{ {inside} }}"
     if isinstance(value, np.ndarray):
         return json.dumps(value.tolist())
     if isinstance(value, np.generic):

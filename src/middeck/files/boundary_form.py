@@ -174,8 +174,13 @@ def _body(form: MassForm) -> Body:
 
 
 def build_axes(form: ClampForm | GroundBushingForm | BushingForm, where: str) -> Float[np.ndarray, "3 3"]:
+    """Unit vectors as columns, see `build_plane`."""
+    return build_plane(form.x_axis, form.y_axis, where)
+
+
+def build_plane(x_axis: Sequence[float], y_axis: Sequence[float], where: str) -> Float[np.ndarray, "3 3"]:
     """Unit vectors as columns, y in the plane of both; raises `ConfigError` where the two given are one."""
-    x, y = np.array(form.x_axis), np.array(form.y_axis)
+    x, y = np.array(x_axis), np.array(y_axis)
     across = np.cross(x, y)
     if not np.linalg.norm(across) > APART * np.linalg.norm(x) * np.linalg.norm(y):
         raise ConfigError(

@@ -46,10 +46,11 @@ class Source:
     lines: Any
 
 
-@record
+@record(kw_only=True)
 class Checked(Generic[F]):
-    """A document after its checks: the form (None if it is broken), its data and its faults."""
+    """A document after its checks: its file, the form (None if it is broken), its data and its faults."""
 
+    file: str
     form: F | None
     data: Any
     faults: tuple[Fault, ...]
@@ -146,7 +147,7 @@ def check(
     findings = [*findings, *more(data)]
     first = {f.path: f for f in reversed(findings)}  # one finding per key; the form speaks first
     faults = sorted((place(f) for f in first.values()), key=lambda f: (f.file, f.line))
-    return Checked(valid, data, tuple(faults), place)
+    return Checked(file=source.file, form=valid, data=data, faults=tuple(faults), place=place)
 
 
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
@@ -210,7 +211,7 @@ def _environment_file(given: str | Path) -> str | Path:
 
 
 def _structure(checked: Checked[Any]) -> Structure:
-    return build_structure(cast("ArticleForm", checked.form))
+    return build_structure(cast("ArticleForm", checked.form), Path(checked.file).parent)
 
 
 def _environment(checked: Checked[Any], attach: Sequence[str] = ()) -> Environment:

@@ -62,11 +62,14 @@ def verb(
     Bars, beams, rods, masses, springs, bushings, point loads and rigid links of all six components are
     converted; what holds the deck goes to the environment of --environment; what has no part in the
     modes is left out, listed and counted; what has, and cannot be converted, is an error with file, line,
-    card and field. Without --units their likeliest set is named, and nothing is written. --set takes units
-    and mass_formulation.
+    card and field. Superelements whose matrices are in OUTPUT4 or punched become components, in NPZ files
+    beside the article. Without --units their likeliest set is named, and nothing is written. --set takes
+    units and mass_formulation.
     """
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.cli.superelements import joined_superelements
+    from middeck.files.nastran.assembly import has_superelements
     from middeck.files.nastran.convert import convert_deck, read_deck
     from middeck.files.nastran.units import parse_units
     from middeck.structure.summary.summary import summarise
@@ -75,13 +78,15 @@ def verb(
         raise click.UsageError("--output and --environment name one file")
     given = {"units": units, "mass_formulation": mass_formulation}
     chosen = settle(ConvertSettings, given, overrides)
+    if has_superelements(deck):
+        document = joined_superelements(deck, chosen, article_name(deck), target)
+        show(as_json, document, *_blocks(document), *summary_lines(document), *measure_lines(document))
+        return
     source = read_deck(deck)
     if chosen.units is None:
         raise _no_units(source)
     known = parse_units(chosen.units)
-    name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
-    name = name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
-    made = convert_deck(source, known, chosen.mass_formulation, name)
+    made = convert_deck(source, known, chosen.mass_formulation, article_name(deck))
     if target and made.holds and not held_target:
         raise _not_held(source.path)
     structure = _written(made, source, known, chosen.mass_formulation, target, held_target)
@@ -112,6 +117,12 @@ def _not_held(path: str) -> Exception:
         where=path,
         hint="--environment FILE.toml for the clamps; without SPC in case control the deck is free",
     )
+
+
+def article_name(deck: str) -> str:
+    """A name that an article may have, after the deck's file."""
+    name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
+    return name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
 
 
 def _no_units(source: Deck) -> Exception:

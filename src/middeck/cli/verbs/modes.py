@@ -77,7 +77,8 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
 
     zeta, said = _damping(modes, count)
     rest = modes.equilibrium
-    suspension, environment, joints = rest.suspension, rest.environment, rest.model.structure.joints
+    suspension, environment = rest.suspension, rest.environment
+    joints = [j for j in rest.model.structure.joints if j.state.value in HELD_BY]  # no modal coordinates
     return {
         "schema": "middeck.modes/1",
         "article": rest.model.structure.title,
@@ -95,9 +96,9 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
         "gravity_m_s2": float(np.linalg.norm(environment.gravity)),
         **rest_numbers(rest),
         "holding_force_n": {
-            j.name: force for j, force in zip(joints, rest.holding_torque, strict=True) if j.slides
+            j.name: force for j, force in zip(joints, rest.holding_torque, strict=False) if j.slides
         },
-        "slide_travel_m": {j.name: at for j, at in zip(joints, rest.config.angle, strict=True) if j.slides},
+        "slide_travel_m": {j.name: at for j, at in zip(joints, rest.config.angle, strict=False) if j.slides},
         "held_by": {j.name: HELD_BY[j.state.value] for j in joints},
         "stiffness_n_per_m": dict(zip(suspension.name, suspension.stiffness, strict=True)),
         "tension_n": dict(zip(rest.devices, rest.tension, strict=True)),

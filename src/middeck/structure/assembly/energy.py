@@ -5,7 +5,7 @@ All of it is analytic in the configuration, the model and the loads: complex one
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field
 from typing import NamedTuple
 
@@ -24,6 +24,12 @@ from middeck.structure.elements.beam import (
 from middeck.structure.elements.beam_inertia import beam_mass
 from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
 from middeck.structure.elements.bushings import BushingState, bushing_state
+from middeck.structure.elements.component import (
+    ComponentElement,
+    ComponentState,
+    component_mass,
+    component_state,
+)
 from middeck.structure.elements.devices import (
     SpringLaw,
     SpringState,
@@ -190,9 +196,10 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
             model, loads.ground.point, _grounded(model, at, loads).geometric[:, 6:, 6:]
         )
     bare = model.pattern.matrix(J.data, forced)
+    bare = _with_components(bare, total.components, lambda state: state.geometric)
     if since is None or not since.carries:
         return bare
-    gradient = J.T @ total.gradient.ravel() + _sprung_joints(model, config)[1]
+    gradient = J.T @ total.gradient.ravel() + total.modal + _sprung_joints(model, config)[1]
     T, turning = transport(config, model.tree), _carried_turning(model, at, since, gradient)
     out = T.T @ bare @ T + turning
     for state, A, bent in _inside_parts(model, at, inside):
@@ -223,6 +230,8 @@ def strain_energies(
     out += spring_squares(loads.law, *hung, motion[loads.attach_point, :3])
     out += _own_bushings(model, at, inside=_inside(model, config.since_drawn)).squares(tied)
     out += _grounded(model, at, loads).squares(_on_ground(motion[loads.ground.point]))
+    for state, rows in component_states(model, config, loads):
+        out += state.squares(rows @ (transport(config, model.tree) @ shapes))
     hinges = _sprung_joints(model, config)[2]
     return out + shapes.T @ (hinges[:, None] * shapes)
 
@@ -364,8 +373,9 @@ def _assembled(
     blocks = {name: total.material[name] + part for name, part in total.geometric.items()}
     blocks |= {"attach": total.device, **_turning(model, at, gradient)}
     joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
-    g = J.T @ gradient.ravel() + joint_gradient
-    K = model.pattern.matrix(J.data, blocks, hinges)
+    g = J.T @ gradient.ravel() + total.modal + joint_gradient
+    bare = model.pattern.matrix(J.data, blocks, hinges)
+    K = _with_components(bare, total.components, lambda state: state.material + state.geometric)
     return Assembly(
         energy=total.energy + joint_energy, gradient=g, tangent=K, jacobian=J, tension=total.tension
     )
@@ -380,8 +390,9 @@ def energy_gradient(
 ) -> Inexact[np.ndarray, " coordinate"]:
     """The gradient of `assemble` alone."""
     at = _poses_at(model, config)
-    gradient = _gather(model, at, loads, None).gradient + point_load
-    return model.pose_map.jacobian(at.poses).T @ gradient.ravel() + _sprung_joints(model, config)[1]
+    total = _gather(model, at, loads, None)
+    gradient = model.pose_map.jacobian(at.poses).T @ (total.gradient + point_load).ravel()
+    return gradient + total.modal + _sprung_joints(model, config)[1]
 
 
 def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: Inner) -> TangentParts:
@@ -389,9 +400,11 @@ def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: In
     at = _poses_at(model, geometry)
     total = _gather(model, at, loads, inner)
     values = model.pose_map.jacobian_values(at.poses)
+    material = model.pattern.matrix(values, total.material, _sprung_joints(model, geometry)[2])
+    geometric = model.pattern.matrix(values, {**total.geometric, **_turning(model, at, total.gradient)})
     return TangentParts(
-        model.pattern.matrix(values, total.material, _sprung_joints(model, geometry)[2]),
-        model.pattern.matrix(values, {**total.geometric, **_turning(model, at, total.gradient)}),
+        _with_components(material, total.components, lambda state: state.material),
+        _with_components(geometric, total.components, lambda state: state.geometric),
         model.pattern.matrix(values, {"attach": total.device}),
     )
 
@@ -424,7 +437,51 @@ def mass_matrix(model: Model, config: Configuration, loads: Loads | None = None)
         along = span / np.sqrt(np.einsum("di,di->d", span, span))[:, None]
         moving = loads.mass[:, None, None] * along[:, :, None] * along[:, None, :]
         blocks["attach"] = _at_attach_points(model, loads, moving)
-    return model.pattern.matrix(model.pose_map.jacobian_values(at.poses), blocks)
+    mass = model.pattern.matrix(model.pose_map.jacobian_values(at.poses), blocks)
+    for part in model.components:
+        rows = _component_rows(model, model.pose_map.jacobian(at.poses), part)
+        own = component_mass(part, *_since(model, at, part.point))
+        mass = _symmetric(sp.csr_array(mass + rows.T @ own @ rows))
+    return mass
+
+
+def component_states(
+    model: Model, config: Configuration, loads: Loads
+) -> list[tuple[ComponentState, sp.csr_array]]:
+    """States of the components, and the rows that take coordinates to those of each."""
+    return _component_states(model, _poses_at(model, config), loads)
+
+
+def _component_states(model: Model, at: _At, loads: Loads) -> list[tuple[ComponentState, sp.csr_array]]:
+    if not model.components:
+        return []
+    J = model.pose_map.jacobian(at.poses)
+    out: list[tuple[ComponentState, sp.csr_array]] = []
+    for part in model.components:
+        shift, turn = _since(model, at, part.point)
+        modal = at.angle[part.joint]
+        state = component_state(part, at.world[part.point], shift, turn, modal, loads.gravity)
+        out.append((state, _component_rows(model, J, part)))
+    return out
+
+
+def _component_rows(model: Model, J: sp.csr_array, part: ComponentElement) -> sp.csr_array:
+    """Motions of the grids' poses and of the modal coordinates per coordinate."""
+    poses = (6 * part.point[:, None] + np.arange(6)).ravel()
+    count = len(part.joint)
+    unit = (np.ones(count), (np.arange(count), 6 * model.tree.roots + part.joint))
+    modal = sp.coo_array(unit, shape=(count, model.tree.size))
+    return sp.csr_array(sp.vstack([J[poses], modal]))
+
+
+def _with_components(
+    matrix: sp.csr_array,
+    parts: Sequence[tuple[ComponentState, sp.csr_array]],
+    of: Callable[[ComponentState], np.ndarray],
+) -> sp.csr_array:
+    for state, rows in parts:
+        matrix = _symmetric(sp.csr_array(matrix + rows.T @ of(state) @ rows))
+    return matrix
 
 
 def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.ndarray]:
@@ -433,19 +490,25 @@ def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.n
 
 
 class _At(NamedTuple):
-    """Poses; where known, the motion of the roots since drawn, and their shift and turn as seen from W."""
+    """Poses and angles; where known, motion of the roots since drawn, and shift and turn as seen from W."""
 
     poses: Poses
+    angle: np.ndarray
     world: np.ndarray
     since: SinceDrawn | None
     motion: tuple[np.ndarray, np.ndarray]
 
 
 class _Total(NamedTuple):
-    """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points."""
+    """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points.
+
+    ``modal`` is the part of the gradient that components have in their modal coordinates.
+    """
 
     energy: float
     gradient: np.ndarray
+    modal: np.ndarray
+    components: list[tuple[ComponentState, sp.csr_array]]
     inner: Inner
     tension: np.ndarray
     material: dict[str, np.ndarray]
@@ -456,7 +519,7 @@ class _Total(NamedTuple):
 def _poses_at(model: Model, config: Configuration) -> _At:
     poses, since = frame_poses(model.tree, config), config.since_drawn
     motion = (np.zeros((0, 3)), np.zeros((0, 3, 3))) if since is None else whole_motion(since)
-    return _At(poses, points_in_world(model.points, poses), since, motion)
+    return _At(poses, config.angle, points_in_world(model.points, poses), since, motion)
 
 
 def _gather(
@@ -510,10 +573,19 @@ def _gather(
         held = held + _at_poses(model, loads.ground.point, (ground.material + ground.geometric)[:, 6:, 6:])
     energy += np.sum(own.energy) + np.sum(device.energy)
     energy += np.sum(between.energy) + np.sum(ground.energy) + _push(model, at, loads, gradient)
+    forces_inside = Inner(np.concatenate(forces), own.tension, device.tension, between.force, ground.force)
+    modal, parts = np.zeros(model.tree.size, gradient.dtype), _component_states(model, at, loads)
+    for part, (state, _) in zip(model.components, parts, strict=True):
+        grids = 6 * len(part.point)
+        energy += state.energy
+        np.add.at(gradient, part.point, state.gradient[:grids].reshape(-1, 6))
+        modal[6 * model.tree.roots + part.joint] += state.gradient[grids:]
     return _Total(
         energy,
         gradient,
-        Inner(np.concatenate(forces), own.tension, device.tension, between.force, ground.force),
+        modal,
+        parts,
+        forces_inside,
         device.tension,
         {
             "element": np.concatenate(material),

@@ -9,17 +9,27 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from jaxtyping import Inexact, Int
 
+from middeck.errors import ConfigError
 from middeck.structure.assembly.carriers import bushing_stiffness, choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
-from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints, Poses, frame_poses
+from middeck.structure.elements.component import ComponentElement
+from middeck.structure.elements.frames import (
+    Configuration,
+    FrameTree,
+    PosePoints,
+    Poses,
+    frame_poses,
+    points_in_world,
+)
 from middeck.structure.elements.pose_map import PoseMap, map_points
 from middeck.structure.elements.since_drawn import as_drawn
 from middeck.structure.elements.trees import joint_chain
-from middeck.structure.model.article import Body, Structure, held_angle
+from middeck.structure.model.article import Body, Joint, JointState, Structure, held_angle
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.component import APART, Component, body_of, frame_weights
 from middeck.structure.model.member_mesh import cut_members, member_geometry
 from middeck.values import record
 
@@ -37,6 +47,7 @@ class Model:
         attach_names, attach_point: Attach points by name.
         spring_ends: Attach-point poses of the structure's own springs.
         bushing_ends, load_point: Attach-point poses of its bushings, and poses of its loads.
+        components: Reduced components.
         held: What clamps hold; None for a free article.
     """
 
@@ -57,6 +68,7 @@ class Model:
     spring_ends: Int[np.ndarray, "spring 2"]
     bushing_ends: Int[np.ndarray, "bushing 2"]
     load_point: Int[np.ndarray, " load"]
+    components: tuple[ComponentElement, ...] = ()
     held: Held | None = None
 
     @functools.cached_property
@@ -89,7 +101,8 @@ def mesh_structure(structure: Structure, clamps: Sequence[Clamp] = ()) -> Model:
     and for a clamp of no node or of what is held already.
     """
     check_structure(structure)
-    model = lay_out(structure)
+    model = lay_out(with_modal_coordinates(structure))
+    _check_placed(model)
     roots = {node.name: i for i, node in enumerate(structure.nodes)}
     held = hold_nodes(clamps, roots, model.tree.size, model.tree.roots)
     drawn = as_drawn(model.rest.x, _carriers(model, {roots[c.node] for c in clamps}))
@@ -126,8 +139,10 @@ def lay_out(structure: Structure) -> Model:
     ends = cut.frame.size
     attach = {a.name: ends + len(bodies) + i for i, a in enumerate(structure.attach_points)}
     at = (*structure.attach_points, *structure.loads)
+    parts = structure.components
     points = [*(frame for frame, _ in bodies), *(index[a.frame] for a in at)]
-    offsets = [*(b.cg for _, b in bodies), *(a.offset for a in at)]
+    points += [index[frame] for part in parts for frame in part.frames]
+    offsets = [*(b.cg for _, b in bodies), *(a.offset for a in at), *(o for p in parts for o in p.fixed_at)]
     spring_ends, bushing_ends = (
         np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
         for ties in (structure.springs, structure.bushings)
@@ -155,6 +170,80 @@ def lay_out(structure: Structure) -> Model:
         spring_ends=spring_ends,
         bushing_ends=bushing_ends,
         load_point=ends + len(bodies) + len(attach) + np.arange(len(structure.loads)),
+        components=_components(structure, ends + len(bodies) + len(at)),
+    )
+
+
+def with_modal_coordinates(structure: Structure) -> Structure:
+    """The structure with the modal coordinates of its components as massless slides that couple to nothing.
+
+    They stand behind its joints; what moves with them is in the matrices of their components alone.
+    """
+    none = Body(0.0, np.zeros(3), np.zeros((3, 3)))
+    modal = tuple(
+        Joint(
+            name=f"{part.name}/q{k + 1}",
+            parent=part.frames[0],
+            offset=np.zeros(3),
+            axis=np.array([1.0, 0.0, 0.0]),
+            angle=0.0,
+            body=none,
+            state=JointState.INTERNAL,
+            slides=True,
+        )
+        for part in structure.components
+        for k in range(part.modal)
+    )
+    return dataclasses.replace(structure, joints=(*structure.joints, *modal))
+
+
+def _components(structure: Structure, first: int) -> tuple[ComponentElement, ...]:
+    """Components in the axes of W as drawn; their grids are the points from ``first`` on."""
+    place = {joint.name: i for i, joint in enumerate(structure.joints)}
+    out: list[ComponentElement] = []
+    for part in structure.components:
+        joint = np.array([place[f"{part.name}/q{k + 1}"] for k in range(part.modal)], dtype=int)
+        out.append(_component(part, first + np.arange(len(part.grids)), joint))
+        first += len(part.grids)
+    return tuple(out)
+
+
+def _check_placed(model: Model) -> None:
+    """Grids stand where their frames are, up to a shift of all of them."""
+    for part, element in zip(model.structure.components, model.components, strict=True):
+        drawn = points_in_world(
+            PosePoints(model.points.frame[element.point], model.points.offset[element.point]), model.drawn
+        )
+        apart = (drawn - drawn[0]) - (element.arms - element.arms[0])
+        far = np.linalg.norm(apart, axis=1)
+        worst = int(np.argmax(far))
+        if far[worst] > APART * max(1.0, float(np.abs(element.arms).max())):
+            raise ConfigError(
+                f"grid {part.grids[worst]} stands {far[worst]:.4g} m from frame {part.frames[worst]!r} "
+                f"that it is fixed to, seen from grid {part.grids[0]}",
+                where=f"component {part.name!r}",
+                hint="check the nodes' places, the component's axes, and which grid is fixed to which frame",
+            )
+
+
+def _component(part: Component, point: np.ndarray, joint: np.ndarray) -> ComponentElement:
+    grids = 6 * len(point)
+    k, m = (np.abs(np.diagonal(matrix))[grids:] for matrix in (part.stiffness, part.mass))
+    # In metres of the whole component: modal coordinates come in any unit, steps and residuals in one.
+    turn = np.diag(np.concatenate([np.ones(grids), np.sqrt(part.weight / (m + k / (2.0 * np.pi) ** 2))]))
+    turn[:grids, :grids] = np.kron(np.eye(2 * len(point)), part.axes)
+    K, M = (turn @ (0.5 * (matrix + matrix.T)) @ turn.T for matrix in (part.stiffness, part.mass))
+    weights, whole = frame_weights(part), body_of(part)
+    centre = weights[:, 0] @ part.positions / weights[:, 0].sum()
+    return ComponentElement(
+        point=point,
+        joint=joint,
+        basis=turn.T,
+        stiffness=K,
+        mass=M,
+        arms=(part.positions - centre) @ part.axes.T,
+        weights=weights,
+        moment=whole.mass * part.axes @ (whole.cg - centre),
     )
 
 

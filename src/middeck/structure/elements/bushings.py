@@ -86,35 +86,60 @@ def bushing_state(
     ``turn`` are the rotations since drawn less the identity, which keeps the digits of small ones; ``axes``
     have the bushing's own axes as columns. ``force`` takes the place of their own.
     """
+    moved = relative_motion(span, change, turn)
+    own = np.zeros((len(span), 6, 6), np.result_type(stiffness, axes))
+    own[:, :3, :3] = own[:, 3:, 3:] = axes
+    K = own @ stiffness @ np.swapaxes(own, 1, 2)
+    own_force = _apply(K, moved.value)
+    force = own_force if force is None else force
+    down = np.swapaxes(moved.slope, 1, 2)
+    return BushingState(
+        energy=0.5 * np.einsum("bi,bi->b", moved.value, own_force),
+        strain=moved.value,
+        force=force,
+        gradient=_apply(down, force),
+        material=down @ K @ moved.slope,
+        geometric=moved.second_order(force),
+        slope=moved.slope,
+        stiffness=K,
+        angle=moved.phi.angle,
+    )
+
+
+class RelativeMotion(NamedTuple):
+    """What first frames see of second ones: displacement and rotation vector, and its slope in both poses."""
+
+    value: Inexact[np.ndarray, "pair 6"]
+    slope: Inexact[np.ndarray, "pair 6 12"]
+    span: Array
+    first: Array
+    between: Array
+    toward: Array
+    phi: _Turn
+
+    def second_order(self, force: Inexact[np.ndarray, "pair 6"]) -> Inexact[np.ndarray, "pair 12 12"]:
+        """Second derivatives of ``value``, weighted by the ``force`` on it."""
+        return _second_order(force, self.span, self.first, self.between, self.toward, self.phi)
+
+
+def relative_motion(
+    span: Inexact[np.ndarray, "pair 3"],
+    change: Inexact[np.ndarray, "pair 3"],
+    turn: Inexact[np.ndarray, "pair 2 3 3"],
+) -> RelativeMotion:
+    """Motion of points ``span`` apart, by ``change`` more than as drawn; ``turn`` as in `bushing_state`."""
     E = np.swapaxes(turn[:, 0], 1, 2)
     Q = np.eye(3) + turn[:, 0]
     phi = _relative_turn(E + turn[:, 1] + E @ turn[:, 1])
     G = (np.eye(3) + turn[:, 1]) @ (np.eye(3) + E)
-    dtype = np.result_type(stiffness, span, change, turn, axes)
-    slope = np.zeros((len(span), 6, 12), dtype)
+    slope = np.zeros((len(span), 6, 12), np.result_type(span, change, turn))
     back = np.swapaxes(Q, 1, 2)
     slope[:, :3, SHIFT_B], slope[:, :3, SHIFT_A], slope[:, :3, TURN_A] = back, -back, back @ skew(span)
     toward = np.stack([-_axial(_twisted(G, Q[:, :, i])) for i in range(3)], axis=1)
     steeper = phi.factor[0][:, None, None] * toward + _outer(phi.factor[1][:, None] * phi.axial, _axial(G))
     slope[:, 3:, TURN_B], slope[:, 3:, TURN_A] = steeper, -steeper
-    own = np.zeros((len(span), 6, 6), dtype)
-    own[:, :3, :3] = own[:, 3:, 3:] = axes
-    K = own @ stiffness @ np.swapaxes(own, 1, 2)
-    d = np.concatenate([_apply(E, span) + change, phi.vector], axis=1)
-    own_force = _apply(K, d)
-    force = own_force if force is None else force
-    down = np.swapaxes(slope, 1, 2)
-    return BushingState(
-        energy=0.5 * np.einsum("bi,bi->b", d, own_force),
-        strain=d,
-        force=force,
-        gradient=_apply(down, force),
-        material=down @ K @ slope,
-        geometric=_second_order(force, span, Q, G, toward, phi),
-        slope=slope,
-        stiffness=K,
-        angle=phi.angle,
-    )
+    value = np.concatenate([_apply(E, span) + change, phi.vector], axis=1)
+    return RelativeMotion(value, slope, span, Q, G, toward, phi)
 
 
 class _Turn(NamedTuple):

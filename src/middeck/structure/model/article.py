@@ -16,6 +16,7 @@ from jaxtyping import Float, Inexact
 
 from middeck.errors import ConfigError
 from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.component import Component
 from middeck.values import record
 
 
@@ -109,6 +110,7 @@ class JointState(Enum):
     SPRUNG = "sprung"  # a linear spring about its rest angle, in statics and dynamics; a hinge at stiffness 0
     LOCKED = "locked"  # welded at its nominal angle
     DRIVEN = "driven"  # held by a stiff servo at its commanded angle
+    INTERNAL = "internal"  # no joint: a modal coordinate of a component, free in statics and dynamics
 
 
 @record(kw_only=True)
@@ -402,11 +404,13 @@ class Structure:
     masses: tuple[AddedMass, ...] = ()
     loads: tuple[PointLoad, ...] = ()
     load_cases: tuple[LoadCase, ...] = ()
+    components: tuple[Component, ...] = ()
 
     @property
     def mass(self) -> float:
-        """Total mass [kg], members included."""
+        """Total mass [kg], members and components included."""
         rigid = sum(part.body.mass for part in (*self.nodes, *self.joints, *self.masses))
+        rigid += sum(component.weight for component in self.components)
         by_name = {n.name: n for n in self.nodes}
         return rigid + sum(m.section.rho_A * clear_length(m, by_name) for m in self.members)
 

@@ -10,6 +10,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.structure.model.article import Body, Structure, held_angle
 from middeck.structure.model.bushing_checks import bushing_faults
+from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import joined_nodes, separate_parts, some_names
 from middeck.structure.model.member_mesh import member_geometry
 
@@ -29,6 +30,7 @@ def check_structure(structure: Structure) -> None:
         *_axes(structure),
         *_travels(structure),
         *_ties_and_loads(structure),
+        *(fault for component in structure.components for fault in component_faults(component)),
     ]
     faults = faults or [*_members(structure), *_parts(structure)]  # these need the names to be right
     if faults:
@@ -50,6 +52,7 @@ def _twice(structure: Structure) -> Iterator[str]:
         "mass": structure.masses,
         "load": structure.loads,
         "load case": structure.load_cases,
+        "component": structure.components,
     }
     for kind, parts in groups.items():
         count = Counter(part.name for part in parts)
@@ -76,6 +79,7 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
     ]
     uses += [("mass", m.name, "frame", m.frame, carriers) for m in structure.masses]
     uses += [("load", p.name, "frame", p.frame, carriers) for p in structure.loads]
+    uses += [("component", c.name, "frame", f, carriers) for c in structure.components for f in c.frames]
     for port in (*structure.actuators, *structure.sensors):
         kind, known = ("joint", joints) if port.axis is None else ("frame", carriers)
         uses.append(("port", port.name, kind, port.frame, known))

@@ -183,6 +183,7 @@ def _in_one_piece(model: Model) -> bool:
     return (
         not structure.springs
         and not structure.bushings
+        and not structure.components
         and all(
             min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
         )

@@ -30,6 +30,7 @@ def strained_parts(
         *(f"spring {s.name}" for s in structure.springs),
         *(f"{'slide' if j.slides else 'joint'} {j.name}" for j in structure.joints),
         *(f"bushing {b.name}" for b in structure.bushings),
+        *(f"component {c.name}" for c in structure.components),
     ]
     parts = tuple(dict.fromkeys(names))
     share = np.zeros((len(parts), shapes.shape[1]))

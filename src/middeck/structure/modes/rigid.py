@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.elements.frames import rigid_columns
-from middeck.structure.model.article import Joint
+from middeck.structure.model.article import Joint, JointState
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.statics import dynamic_coordinates
 
@@ -27,7 +27,8 @@ def rigid_motions(
     roots = model.tree.roots
     about_origin = rigid_columns(model.tree, equilibrium.config, np.zeros(3))
     motions = rigid_columns(model.tree, equilibrium.config, _centre_of_mass(about_origin, M))
-    moving = np.flatnonzero(dynamic_coordinates(model)[6 * roots :])
+    own = np.array([joint.state is not JointState.INTERNAL for joint in model.structure.joints], dtype=bool)
+    moving = np.flatnonzero(dynamic_coordinates(model)[6 * roots :] & own)
     joints = np.zeros((model.tree.size, len(moving)))
     joints[6 * roots + moving, np.arange(len(moving))] = 1.0
     names = [f"translation {a}" for a in AXES] + [f"rotation {a}" for a in AXES]

@@ -23,6 +23,7 @@ from middeck.structure.modes.diagnosis import (
 from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
 from middeck.structure.modes.kind_warnings import kind_warnings
 from middeck.structure.modes.kinds import SMALL, find_kinds
+from middeck.structure.modes.left_out import component_warnings
 from middeck.structure.modes.naming import name_modes
 from middeck.structure.modes.rigid import rigid_basis
 from middeck.structure.modes.rounding import rounding, separate_rigid
@@ -99,6 +100,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
         *rest_warnings(equilibrium),
         *loose_motions(equilibrium, rigid_names),
         *moment_warnings(equilibrium, lam, shapes),
+        *component_warnings(equilibrium, lam, shapes),
         *kind_warnings(equilibrium, omega, kind, names, rigid_share, share),
     )
     return Modes(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Inexact
 
-from middeck.structure.assembly.energy import bushing_states, element_poses
+from middeck.structure.assembly.energy import bushing_states, component_states, element_poses
 from middeck.structure.elements.beam import beam_deformations, beam_stiffness
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.elements.devices import spring_state
@@ -23,6 +23,7 @@ PARTS = (
     "joint",
     "slide",
     "bushing",
+    "component",
 )
 BENDING = slice(2, 5)
 
@@ -36,16 +37,16 @@ def strain_energy(
     """
     changes = _pose_changes(equilibrium, shapes)
     bent = _member_energy(equilibrium, changes)
-    springs, joints, bushings = _tie_energies(equilibrium, shapes, changes)
+    springs, joints, bushings, components = _tie_energies(equilibrium, shapes, changes)
     slides = equilibrium.model.tree.slides
-    ties = (springs, joints[:, ~slides], joints[:, slides], bushings)
+    ties = (springs, joints[:, ~slides], joints[:, slides], bushings, components)
     return np.column_stack([bent, *(tie.sum(axis=1) for tie in ties)])
 
 
 def part_energy(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode part"]:
-    """The same by parts: members, springs, joints, bushings, each in the order of the structure; analytic."""
+    """The same by parts: members, springs, joints, bushings, components, in the order of the structure."""
     changes = _pose_changes(equilibrium, shapes)
     ties = _tie_energies(equilibrium, shapes, changes)
     return np.hstack([_each_member(equilibrium, changes), *ties])
@@ -60,8 +61,8 @@ def _pose_changes(equilibrium: Equilibrium, shapes: np.ndarray) -> Inexact[np.nd
 
 def _tie_energies(
     equilibrium: Equilibrium, shapes: np.ndarray, changes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Energy (mode, item) of each spring, of each joint and of each bushing."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Energy (mode, item) of each spring, of each joint, of each bushing and of each component."""
     model = equilibrium.model
     joints = model.structure.joints
     k = np.array([s.stiffness for s in model.structure.springs]) + 0.0
@@ -80,7 +81,14 @@ def _tie_energies(
         0.5 * (k[:, None] * stretch).T,
         0.5 * (of_joints[:, None] * shapes[6 * model.tree.roots :] ** 2).T,
         0.5 * np.einsum("bim,bij,bjm->mb", ends, between.material, ends),
+        _component_energies(equilibrium, shapes),
     )
+
+
+def _component_energies(equilibrium: Equilibrium, shapes: np.ndarray) -> np.ndarray:
+    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
+    each = [0.5 * np.diagonal(state.squares(rows @ shapes)) for state, rows in states]
+    return np.column_stack(each) if each else np.zeros((shapes.shape[1], 0))
 
 
 def strain_share(

@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact
 
 from middeck.errors import ConfigError
+from middeck.structure.assembly.energy import component_states
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
 from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable, JointState
 from middeck.structure.modes.kinds import is_held, kinds_by_rank
@@ -160,11 +161,24 @@ def material_ratios(
 def damper_matrix(
     equilibrium: Equilibrium, damping: Damping, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode mode"]:
-    """phi' C phi of all dampers [1/s]; analytic."""
+    """phi' C phi of all dampers and of components [1/s]; analytic."""
     none = np.zeros((0, shapes.shape[1]))
     rates = [np.sqrt(d.c) * (_damper_rows(equilibrium, d) @ shapes) for d in damping.dampers]
     rows = np.vstack([none, *rates])
-    return rows.T @ rows
+    return rows.T @ rows + _component_dampers(equilibrium, shapes)
+
+
+def _component_dampers(equilibrium: Equilibrium, shapes: np.ndarray) -> np.ndarray:
+    model = equilibrium.model
+    total = np.zeros((shapes.shape[1],) * 2)
+    states = component_states(model, equilibrium.config, equilibrium.loads)
+    for part, element, (state, rows) in zip(
+        model.structure.components, model.components, states, strict=True
+    ):
+        if part.damping is not None:
+            rate = element.basis @ state.seen(rows @ shapes)
+            total = total + rate.T @ part.damping @ rate
+    return total
 
 
 def _damper_rows(equilibrium: Equilibrium, damper: Damper) -> Float[np.ndarray, "line coordinate"]:

@@ -115,7 +115,7 @@ def solve_equilibrium(
     _check_pull(tuned, settled.assembly.tension)
     _check_turns(model, environment, settled.config, loads)
     if settled.residual < settled.enough:
-        check_travel(structure, settled.config.angle)
+        check_travel(model.structure, settled.config.angle)
     # At rest dE/d(angle) is the moment that the motor has to balance.
     holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
     return Equilibrium(

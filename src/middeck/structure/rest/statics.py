@@ -91,16 +91,16 @@ class Settled(NamedTuple):
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in statics: roots and sprung joints; what clamps and other joints hold does not.
+    """Coordinates that move in statics: roots, sprung joints and modal coordinates; what is held does not.
 
     Of a node that is held along axes of its clamp they are in those axes, see `static_freedom`.
     """
-    return _moving(model, (JointState.SPRUNG,))
+    return _moving(model, (JointState.SPRUNG, JointState.INTERNAL))
 
 
 def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in dynamics: roots, free and sprung joints."""
-    return _moving(model, (JointState.FREE, JointState.SPRUNG))
+    """Coordinates that move in dynamics: roots, free and sprung joints, modal coordinates."""
+    return _moving(model, (JointState.FREE, JointState.SPRUNG, JointState.INTERNAL))
 
 
 def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:

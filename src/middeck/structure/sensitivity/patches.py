@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import Loads
 from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
@@ -61,7 +62,17 @@ class _Whole(NamedTuple):
 def make_patches(
     model: Model, environment: Environment, parameters: Sequence[Parameter]
 ) -> tuple[Patch, ...]:
-    """The patch of every parameter of ``model`` in ``environment``."""
+    """The patch of every parameter of ``model`` in ``environment``.
+
+    Raises `ConfigError` for an article with components: their matrices are no parameters, and what moves or
+    loads them is not differentiated.
+    """
+    if model.components:
+        raise ConfigError(
+            "no derivatives of an article with reduced components",
+            where=f"component {model.structure.components[0].name!r}",
+            hint="vary the parameter and solve again, or take the part as members",
+        )
     whole = _survey(model, environment)
     return tuple(
         _patch(whole, *set_parameter(model.structure, environment, p, p.value + STEP * 1j))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.structure.model.article import JointState, Node, Section, Structure
+from middeck.structure.model.component import component_doubts
 
 BODY_DENSITY = (1e-3, 2.5e4)  # kg/m^3: from a solar sail with its box to solid osmium
 MATERIAL_DENSITY = (10.0, 2.5e4)  # kg/m^3: from a rigid foam to osmium
@@ -53,6 +54,7 @@ def doubt_measures(
         *_sections(structure),
         *_members(structure, length, radius),
         *_mesh(structure, of, length, elements),
+        *(doubt for component in structure.components for doubt in component_doubts(component)),
     )
 
 

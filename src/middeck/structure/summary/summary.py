@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.mesh import lay_out
-from middeck.structure.elements.frames import frame_poses, points_in_world
+from middeck.structure.elements.frames import Poses, frame_poses, points_in_world
 from middeck.structure.model.article import Structure
 from middeck.structure.model.article_checks import check_structure
+from middeck.structure.model.component import body_of
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.summary.doubts import Measures, doubt_measures
 from middeck.values import record
@@ -73,11 +74,11 @@ def summarise(structure: Structure) -> Summary:
     Costs no eigensolution and no mesh. Raises `ConfigError` for what `mesh_structure` refuses.
     """
     check_structure(structure)
-    model = lay_out(dataclasses.replace(structure, members=()))
+    model = lay_out(dataclasses.replace(structure, members=(), components=()))
     poses = frame_poses(model.tree, model.rest)
     points = points_in_world(model.points, poses)
     rods = _rods(structure)
-    mass, centre, inertia = _mass_properties(structure, rods, points[model.body_point], poses.R)
+    mass, centre, inertia = _mass_properties(structure, rods, points[model.body_point], poses)
     size = _size(structure, np.vstack([poses.p, points]))
     span, EI = _bending(rods, mass, np.linalg.eigh(inertia)[1][:, 0], poses.p)
     squared = FREE * EI / (mass * span**3) if EI > 0.0 and span > 0.0 and mass > 0.0 else 0.0
@@ -98,7 +99,9 @@ def summarise(structure: Structure) -> Summary:
         centre=centre,
         inertia=inertia,
         size=size,
-        coordinates=6 * (len(structure.nodes) + int(np.sum(rods.elements - 1))) + len(structure.joints),
+        coordinates=6 * (len(structure.nodes) + int(np.sum(rods.elements - 1)))
+        + len(structure.joints)
+        + sum(part.modal for part in structure.components),
         bending_hz=measures.bending_hz,
         slenderness=(float(slim.min()), float(slim.max())) if len(slim) else None,
         rounding=measures.rounding,
@@ -130,27 +133,37 @@ def _rods(structure: Structure) -> _Rods:
 
 
 def _mass_properties(
-    structure: Structure, rods: _Rods, bodies_at: np.ndarray, R: np.ndarray
+    structure: Structure, rods: _Rods, bodies_at: np.ndarray, poses: Poses
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """Bodies where they stand, and members as uniform rods with their rotary inertia."""
+    """Bodies where they stand, members as uniform rods with their rotary inertia, components as bodies."""
     frames = (*structure.nodes, *structure.joints)
     carried = [
         (i, part.body) for i, part in enumerate(frames) if part.body.mass != 0.0 or np.any(part.body.inertia)
     ]
     names = [part.name for part in frames]
     carried += [(names.index(added.frame), added.body) for added in structure.masses]
-    mass = np.concatenate([[body.mass for _, body in carried], rods.rho_A * rods.length])
+    wholes = [body_of(part) for part in structure.components]
+    mass = np.concatenate(
+        [[body.mass for _, body in carried], rods.rho_A * rods.length, [whole.mass for whole in wholes]]
+    )
     middle = rods.start + 0.5 * rods.length[:, None] * rods.along
-    x = np.vstack([bodies_at.reshape(-1, 3), middle])
+    parts = np.zeros((len(wholes), 3))
+    for k, (part, whole) in enumerate(zip(structure.components, wholes, strict=True)):
+        i = names.index(part.frames[0])
+        parts[k] = poses.p[i] + poses.R[i] @ part.fixed_at[0] + part.axes @ (whole.cg - part.positions[0])
+    x = np.vstack([bodies_at.reshape(-1, 3), middle, parts])
     total = float(mass.sum())
     centre = mass @ x / total if total > 0.0 else np.zeros(3)
     own = np.zeros((len(x), 3, 3))
     for row, (i, body) in enumerate(carried):
-        own[row] = R[i] @ body.inertia @ R[i].T
+        own[row] = poses.R[i] @ body.inertia @ poses.R[i].T
     bare = rods.rho_A * rods.length**3 / 12.0
     spin = rods.rho_I * rods.length[:, None]
-    own[len(carried) :] = bare[:, None, None] * (np.eye(3) - rods.along[:, :, None] * rods.along[:, None, :])
-    own[len(carried) :] += (rods.triad * spin[:, None, :]) @ np.swapaxes(rods.triad, 1, 2)
+    straight = slice(len(carried), len(carried) + len(middle))
+    own[straight] = bare[:, None, None] * (np.eye(3) - rods.along[:, :, None] * rods.along[:, None, :])
+    own[straight] += (rods.triad * spin[:, None, :]) @ np.swapaxes(rods.triad, 1, 2)
+    for k, (part, whole) in enumerate(zip(structure.components, wholes, strict=True)):
+        own[straight.stop + k] = part.axes @ whole.inertia @ part.axes.T
     r = x - centre
     second = (mass[:, None] * r).T @ r
     return total, centre, own.sum(axis=0) + np.trace(second) * np.eye(3) - second

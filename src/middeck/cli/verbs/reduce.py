@@ -1,0 +1,134 @@
+"""``middeck reduce``: an article as a reduced component."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.structure.modes.craig_bampton import Reduced
+
+EPILOG = """\
+\b
+Examples:
+  middeck reduce articles/mace-simple.toml --boundary n1,n5 --modes 12
+  middeck reduce articles/mace-simple.toml --boundary n1 --upto-hz 150 \\
+    --residual n3 -o bus.npz --json
+"""
+
+
+@click.command("reduce", cls=options.Verb, epilog=EPILOG)
+@options.article
+@click.option("--boundary", multiple=True, metavar="NODES", help="Nodes that remain; may be repeated.")
+@click.option("--modes", "count", type=click.IntRange(min=0), help="How many fixed-interface modes.")
+@click.option("--upto-hz", type=float, help="Or all up to this frequency.")
+@click.option(
+    "--residual",
+    multiple=True,
+    metavar="NODES",
+    help="Nodes with residual attachment modes; may be repeated.",
+)
+@click.option("--recover", multiple=True, metavar="NODES", help="Nodes whose motion the file gives back.")
+@options.written(
+    "-o",
+    "--output",
+    "target",
+    endings=options.COMPONENTS,
+    metavar="COMPONENT.npz|mat",
+    help="Write the component; beside it OUTPUT4 and cards, .op4, .pch and .asm.",
+)
+@options.common
+def verb(
+    article: str,
+    boundary: tuple[str, ...],
+    count: int | None,
+    upto_hz: float | None,
+    residual: tuple[str, ...],
+    recover: tuple[str, ...],
+    target: str | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Reduce ARTICLE to a component: boundary nodes and modes.
+
+    By Craig and Bampton's method, at rest in orbit: static motions of the boundary, and the lowest modes with
+    the boundary held; with --residual also what the modes left out answer statically to loads at a node.
+    Modes up to three times the frequency of interest are usual. Angles of free joints remain, ahead of the
+    modal coordinates.
+    """
+    from middeck.cli.blame import reading
+    from middeck.errors import ConfigError
+    from middeck.files.components import write_component
+    from middeck.files.documents import find_document, load_structure
+    from middeck.files.nastran.external_write import write_external
+    from middeck.structure.modes.craig_bampton import reduce_structure
+
+    path = find_document(article, "article")
+    structure = load_structure(path, overrides)
+    nodes = options.separate_names(boundary)
+    if not nodes or (count is None) == (upto_hz is None):
+        raise ConfigError(
+            "a reduction needs a boundary and how many modes", hint="--boundary, and --modes or --upto-hz"
+        )
+    name = "component" if target is None else Path(target).stem
+    with reading(path):
+        made = reduce_structure(
+            structure,
+            nodes,
+            count=count,
+            upto_hz=upto_hz,
+            residual=options.separate_names(residual),
+            recover=options.separate_names(recover),
+            name=name,
+        )
+    written: list[str] = []
+    if target is not None:
+        files = write_external(Path(target).with_suffix(""), made.component)
+        write_component(target, made.component)
+        written = [target, *map(str, files.values())]
+    document = {**describe(made), "article": structure.title, "written": written}
+    show(as_json, document, *_blocks(document))
+
+
+def describe(made: Reduced) -> dict[str, Any]:
+    """The JSON document."""
+    import numpy as np
+
+    from middeck.structure.model.component import body_of
+
+    whole = body_of(made.component)
+    return {
+        "schema": "middeck.reduce/1",
+        "name": made.component.name,
+        "boundary": made.component.grids,
+        "fixed_hz": made.fixed_hz,
+        "next_hz": made.next_hz if np.isfinite(made.next_hz) else None,
+        "residual_vectors": made.residual,
+        "free_joints": made.component.modal - len(made.fixed_hz) - made.residual,
+        "coordinates": len(made.component.stiffness),
+        "mass_kg": whole.mass,
+        "centre_m": whole.cg,
+        "inertia_kg_m2": whole.inertia,
+        "warnings": (),
+    }
+
+
+def _blocks(document: dict[str, Any]) -> list[str | Table]:
+    after = document["next_hz"]
+    rows = [[str(i + 1), f"{f:.4f}"] for i, f in enumerate(document["fixed_hz"])]
+    return [
+        f"article      {document['article']}",
+        f"boundary     {', '.join(document['boundary'])}",
+        f"coordinates  {document['coordinates']}: {6 * len(document['boundary'])} of the boundary, "
+        f"{document['free_joints']} free joints, {len(rows)} modes, "
+        f"{document['residual_vectors']} residual vectors",
+        f"left out     modes from {after:.4f} Hz on" if after is not None else "left out     nothing",
+        f"mass         {document['mass_kg']:.6g} kg",
+        Table("modes with the boundary held", ["", "frequency Hz"], rows),
+        *(f"wrote {file}" for file in document["written"]),
+    ]

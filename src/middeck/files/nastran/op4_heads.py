@@ -1,0 +1,35 @@
+"""What text and binary OUTPUT4 files have in common: their headers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, NoReturn
+
+SYMMETRIC = 6
+COMPLEX = (3, 4)
+DOUBLE = (2, 4)
+# Nastran's: square, rectangular, diagonal, lower, upper, symmetric, row, identity, and those of factors.
+FORMS = (*range(1, 16),)
+# Rows from here on do not fit beside a length into 32 bits.
+BIG = 65536
+
+
+class Head(NamedTuple):
+    """Header of a matrix: ``kind`` is 1 to 4, real or complex in single or double precision."""
+
+    columns: int
+    rows: int
+    big: bool
+    form: int
+    kind: int
+    name: str
+
+
+def head_of(numbers: tuple[int, ...], name: str, fail: Callable[[str], NoReturn]) -> Head:
+    """A header whose numbers make sense."""
+    columns, rows, form, kind = numbers
+    if not (columns > 0 and rows != 0 and form in FORMS and 1 <= kind <= 4):
+        fail(f"a header of {columns} columns, {rows} rows, form {form} and type {kind}, which is no matrix's")
+    if not (name.isascii() and name.isprintable()):
+        fail(f"a header with the name {name!r}")
+    return Head(columns, abs(rows), rows < 0 or rows >= BIG, form, kind, name)

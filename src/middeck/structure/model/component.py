@@ -1,0 +1,316 @@
+"""A reduced component: matrices of boundary grids and modal coordinates in place of a part's members."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from middeck.errors import ConfigError
+from middeck.values import record
+
+WAYS = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
+# Of the geometric mean of two diagonals: digits that were printed; and of the largest entry, see `op4`.
+UNEQUAL, ROUNDED = 1e-7, 1e-7
+# Of the sum of the terms of a row: what it may leave in a motion as one body.
+RESISTS = 1e-6
+# The same as energy over the kinetic energy of that motion at the lowest elastic frequency.
+RESISTS_WHOLE = 1e-8
+# Of the lowest elastic omega^2, and of the largest share of mass: negative by more is not rounding.
+NEGATIVE, NEGATIVE_MASS = 1e-6, 1e-7
+# Of the mass and of the inertia: what a rigid body has of neither.
+BODY = 1e-6
+# Of the size: how far a grid may be from the point that it is fixed to.
+APART = 1e-6
+# Of the modal masses: so many that are not one are doubted where the others are.
+FEW = 0.25
+# Of a frequency of a modal coordinate over the next lower one.
+ABSURD = 1e3
+# Least weight of a turn in the best fit over the largest.
+UNFITTED = 1e-9
+# Weight of a grid's rotation in the component's frame, over that of its place at the mean arm.
+LITTLE = 1e-4
+
+
+@record(kw_only=True)
+class Component:
+    """A part of an article by its reduced matrices (Craig-Bampton or another basis with modal coordinates).
+
+    Coordinates are shift [m] and rotation vector [rad] of each boundary grid, six each, then modal ones.
+
+    Attributes:
+        name: Its name.
+        grids: Names of the boundary grids.
+        frames, offsets: Frame of the article that each grid is fixed to, and where, in the frame's axes [m].
+        positions: Places of the grids in the component's own axes [m].
+        axes: Unit vectors of these axes in W as drawn, as columns.
+        stiffness, mass: In SI units; modal coordinates may have any scale.
+        damping: Viscous damping in the same coordinates, None for none.
+        present: Which of the six coordinates of each grid the component has; the others have zeros.
+        outputs, recovery: Names of further results and their rows: results per coordinate.
+    """
+
+    name: str
+    grids: tuple[str, ...]
+    frames: tuple[str, ...]
+    positions: Float[np.ndarray, "grid 3"]
+    stiffness: Float[np.ndarray, "n n"]
+    mass: Float[np.ndarray, "n n"]
+    offsets: Float[np.ndarray, "grid 3"] | None = None
+    axes: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    damping: Float[np.ndarray, "n n"] | None = None
+    present: Bool[np.ndarray, "grid 6"] | None = None
+    outputs: tuple[str, ...] = ()
+    recovery: Float[np.ndarray, "output n"] | None = None
+
+    @property
+    def modal(self) -> int:
+        """Number of modal coordinates."""
+        return len(self.stiffness) - 6 * len(self.grids)
+
+    @property
+    def has(self) -> Bool[np.ndarray, "grid 6"]:
+        """``present``, all of them by default."""
+        return np.ones((len(self.grids), 6), dtype=bool) if self.present is None else self.present
+
+    @property
+    def fixed_at(self) -> Float[np.ndarray, "grid 3"]:
+        """``offsets``, none by default."""
+        return np.zeros((len(self.grids), 3)) if self.offsets is None else self.offsets
+
+    @property
+    def weight(self) -> float:
+        """Mass [kg]."""
+        return float(rigid_mass(self)[0, 0])
+
+
+def rigid_vectors(positions: Float[np.ndarray, "grid 3"], size: int) -> Float[np.ndarray, "size 6"]:
+    """Unit translations, and unit rotations about the origin; modal coordinates take no part."""
+    out = np.zeros((size, 6))
+    for i, (x, y, z) in enumerate(positions):
+        out[6 * i : 6 * i + 6] = np.eye(6)
+        out[6 * i : 6 * i + 3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return out
+
+
+def rigid_mass(component: Component) -> Float[np.ndarray, "6 6"]:
+    """Mass matrix of the component as one body, about the origin of its axes."""
+    R = rigid_vectors(component.positions, len(component.mass))
+    return R.T @ component.mass @ R
+
+
+class Whole(NamedTuple):
+    """A component as one body, in its own axes: mass, centre of mass, inertia about it."""
+
+    mass: float
+    cg: Float[np.ndarray, "3"]
+    inertia: Float[np.ndarray, "3 3"]
+
+
+def body_of(component: Component) -> Whole:
+    """Mass, centre and inertia of the component."""
+    rigid = rigid_mass(component)
+    m = float(np.trace(rigid[:3, :3])) / 3.0
+    r = np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / m
+    return Whole(m, r, rigid[3:, 3:] - m * (r @ r * np.eye(3) - np.outer(r, r)))
+
+
+def frame_weights(component: Component) -> Float[np.ndarray, "grid 2"]:
+    """How much place and rotation of each grid count for the component's frame."""
+    has = component.has
+    place, turn = np.all(has[:, :3], axis=1).astype(float), np.all(has[:, 3:], axis=1).astype(float)
+    if not np.any(place):
+        place = np.ones(len(has))
+    arms = component.positions - place @ component.positions / place.sum()
+    square = float(place @ np.sum(arms**2, axis=1))
+    return np.column_stack([place, turn * (LITTLE * square / len(has) if square > 0.0 else 1.0)])
+
+
+def component_faults(component: Component) -> Iterator[str]:
+    """What is wrong with the matrices of a component: the first fault of each kind, with its place."""
+    name, n = f"component {component.name!r}", 6 * len(component.grids)
+    sizes = (len(component.grids), len(component.frames), len(component.positions), len(component.has))
+    if len(set(sizes)) > 1 or component.modal < 0 or not component.grids:
+        yield (
+            f"{name} has matrices of {len(component.stiffness)} rows for {sizes[0]} grids of six "
+            f"coordinates, {sizes[1]} frames and {sizes[2]} places"
+        )
+        return
+    named = {"stiffness": component.stiffness, "mass": component.mass}
+    named |= {} if component.damping is None else {"damping": component.damping}
+    faults = [fault for what, matrix in named.items() for fault in _unsymmetric(component, what, matrix)]
+    if faults:
+        yield from (f"{name}: {fault}" for fault in faults)
+        return
+    yield from (f"{name}: {fault}" for fault in _no_body(component))
+    if not np.any(component.has[:n]):
+        yield f"{name} has no boundary"
+        return
+    yield from (f"{name}: {fault}" for fault in (*_loose_frame(component), *_indefinite(component)))
+    if component.damping is not None:
+        size = np.sqrt(np.abs(np.diagonal(component.damping)))
+        size[size == 0.0] = 1.0
+        least, *_, most = np.linalg.eigvalsh(component.damping / np.outer(size, size))
+        if least < -NEGATIVE * most:
+            yield f"{name}: its damping is indefinite: some motion would be driven by it"
+    if component.recovery is not None and component.recovery.shape != (
+        len(component.outputs),
+        n + component.modal,
+    ):
+        yield f"{name}: {len(component.outputs)} outputs, a recovery of {len(component.recovery)} rows"
+
+
+def component_doubts(component: Component) -> Iterator[str]:
+    """What is no fault, but seldom meant: modal masses that are not one, a frequency beyond all others."""
+    first = 6 * len(component.grids)
+    k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
+    off = np.flatnonzero((np.abs(m - 1.0) > BODY) & (k > m))  # else the angle of a free joint
+    if 0 < len(off) <= FEW * component.modal:
+        at = coordinate_name(component, first + int(off[0]))
+        yield (
+            f"component {component.name!r} has a modal mass of {m[off[0]]:.6g} at {at} and of 1 at nearly "
+            "all others: is its file damaged?"
+        )
+    square = np.divide(k, m, out=np.zeros(len(k)), where=m > NEGATIVE_MASS * m.max(initial=0.0))
+    rank = np.argsort(square)
+    if len(k) > 1 and square[rank[-1]] > ABSURD**2 * square[rank[-2]] > 0.0:
+        hz = np.sqrt(square[rank[-2:]]) / (2.0 * np.pi)
+        at = coordinate_name(component, first + int(rank[-1]))
+        yield (
+            f"component {component.name!r} has {at} at {hz[1]:.3g} Hz and the next at {hz[0]:.3g} Hz: is its "
+            "file damaged?"
+        )
+
+
+def coordinate_name(component: Component, index: int) -> str:
+    """What a row of the matrices is: grid and way, or the number of a modal coordinate."""
+    if index < 6 * len(component.grids):
+        return f"grid {component.grids[index // 6]} {WAYS[index % 6]}"
+    return f"modal coordinate {index - 6 * len(component.grids) + 1}"
+
+
+def _unsymmetric(component: Component, what: str, matrix: np.ndarray) -> Iterator[str]:
+    if not np.all(np.isfinite(matrix)):
+        i, j = np.argwhere(~np.isfinite(matrix))[0].tolist()
+        yield f"its {what} is not finite at {coordinate_name(component, i)}, {coordinate_name(component, j)}"
+        return
+    size = np.sqrt(np.abs(np.diagonal(matrix)))
+    allowed = UNEQUAL * np.outer(size, size) + ROUNDED * np.abs(matrix).max(initial=0.0)
+    apart = np.abs(matrix - matrix.T) - allowed
+    i, j = divmod(int(np.argmax(apart)), len(apart))
+    if apart[i, j] > 0.0:
+        yield (
+            f"its {what} is not symmetric: {matrix[i, j]:g} at {coordinate_name(component, i)}, "
+            f"{coordinate_name(component, j)} and {matrix[j, i]:g} across the diagonal"
+        )
+    missing = np.flatnonzero(~component.has.ravel()).tolist()
+    used = [k for k in missing if np.any(matrix[k]) or np.any(matrix[:, k])]
+    if used:
+        yield f"its {what} has entries at {coordinate_name(component, used[0])}, which it is said not to have"
+
+
+def _no_body(component: Component) -> Iterator[str]:
+    """As one body it must have the mass matrix of one."""
+    rigid = rigid_mass(component)
+    m = float(np.trace(rigid[:3, :3])) / 3.0
+    if not m > 0.0:
+        yield f"its mass is {m:g} kg"
+        return
+    if np.abs(rigid[:3, :3] - m * np.eye(3)).max() > BODY * m:
+        by = ", ".join(f"{x:.6g}" for x in np.diagonal(rigid[:3, :3]))
+        yield f"its mass differs by direction: {by} kg along x, y and z; do its grids and their axes fit?"
+        return
+    _, (x, y, z), inertia = body_of(component)
+    cross = m * np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+    scale = max(float(np.abs(rigid[3:, 3:]).max()), m * float(np.abs(component.positions).max()) ** 2)
+    least, middle, most = np.linalg.eigvalsh(inertia)
+    length = np.sqrt(scale / m) or 1.0
+    if np.abs(rigid[:3, 3:] - cross).max() > BODY * m * length or least < -BODY * scale:
+        yield "turned as one body it has no body's moments of mass; do the places of its grids fit?"
+    elif least + middle < most - BODY * scale:
+        yield (
+            f"its inertia is none that a body has: {least:.4g} + {middle:.4g} < {most:.4g} kg m^2; "
+            "do the places of its grids fit?"
+        )
+
+
+def _loose_frame(component: Component) -> Iterator[str]:
+    weights, x = frame_weights(component), component.positions
+    arms = x - weights[:, 0] @ x / weights[:, 0].sum()
+    resists = weights[:, 0] * np.sum(arms**2, axis=1) @ np.ones(len(x)) * np.eye(3)
+    resists = resists - (weights[:, :1] * arms).T @ arms + 2.0 * weights[:, 1].sum() * np.eye(3)
+    least, _, most = np.linalg.eigvalsh(resists)
+    if not least > UNFITTED * most:
+        yield "its boundary does not say how it is turned: one grid with rotations, or three out of line"
+
+
+def _indefinite(component: Component) -> Iterator[str]:
+    """Neither a negative stiffness nor a negative mass, nor resistance to motions as one body."""
+    import scipy.linalg as sla  # articles are read without it
+
+    there = np.concatenate([component.has.ravel(), np.ones(component.modal, dtype=bool)])
+    some = np.ix_(there, there)
+    K, M = (0.5 * (A + A.T)[some] for A in (component.stiffness, component.mass))
+    index = np.flatnonzero(there)
+    k, m = np.diagonal(K), np.diagonal(M)
+    both = (k > 0.0) & (m > 0.0)
+    shift = float(np.median(k[both] / m[both])) if np.any(both) else 1.0
+    whole = K + shift * M
+    size = np.sqrt(np.abs(np.diagonal(whole)))
+    if not np.all(size > 0.0):
+        lost = coordinate_name(component, int(index[np.argmin(size)]))
+        yield f"{lost} has neither stiffness nor mass"
+        return
+    scaled = np.outer(size, size)
+    try:
+        share, shapes = sla.eigh(M / scaled, whole / scaled)
+    except sla.LinAlgError:
+        yield "its stiffness or mass is indefinite"
+        return
+    if share[0] < -NEGATIVE_MASS * share[-1]:
+        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, 0]))]))
+        yield f"its mass is indefinite: a motion, most of it {worst}, has a negative mass"
+        return
+    with np.errstate(divide="ignore"):
+        squared = np.where(share > NEGATIVE_MASS * share[-1], 1.0 / share - shift, np.inf)
+    elastic = squared[squared > 1e-8 * shift]
+    lowest = float(elastic.min(initial=np.inf)) if np.isfinite(elastic.min(initial=np.inf)) else shift
+    if squared.min() < -NEGATIVE * lowest:
+        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, np.argmin(squared)]))]))
+        yield f"its stiffness is indefinite: a motion, most of it {worst}, has a negative stiffness"
+        return
+    yield from _resists(component, K, M, there, lowest)
+
+
+def _resists(
+    component: Component, K: np.ndarray, M: np.ndarray, there: np.ndarray, lowest: float
+) -> Iterator[str]:
+    """What a motion as one body meets of stiffness, row by row, or else as energy."""
+    R = rigid_vectors(component.positions - component.positions.mean(axis=0), len(there))[there]
+    left, terms = K @ R, np.abs(K) @ np.abs(R)
+    if np.all(np.abs(left) <= RESISTS * terms):
+        return
+    held = K + lowest * M
+    size = np.sqrt(np.abs(np.diagonal(held)))
+    own = left / size[:, None]
+    cost = own.T @ np.linalg.solve(held / np.outer(size, size), own)
+    moved = lowest * (R.T @ M @ R)
+    worst = np.diagonal(cost) / np.diagonal(moved)
+    if worst.max() > RESISTS_WHOLE:
+        way = int(np.argmax(worst))
+        row = int(np.flatnonzero(there)[np.argmax(np.abs(left[:, way]) / size)])
+        yield (
+            f"its stiffness resists a motion as one body ({WAYS[way]}), most at "
+            f"{coordinate_name(component, row)}: is it grounded, or do the places of its grids not fit?"
+        )
+
+
+def require_component(component: Component) -> Component:
+    """The component; raises `ConfigError` with all that is wrong with it."""
+    faults = [*component_faults(component)]
+    if faults:
+        raise ConfigError("; ".join(faults), where=f"component {component.name!r}")
+    return component

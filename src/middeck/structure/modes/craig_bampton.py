@@ -1,0 +1,210 @@
+"""Reduction of an article to a component: constraint, fixed-interface and residual attachment modes.
+
+With the boundary b, the interior i and the article at rest in orbit,
+
+    [u_b]   [ I      0    0   ] [u_b]
+    [u_i] = [ Psi   Phi   Chi ] [ q ]
+
+Psi = -K_ii^-1 K_ib are the static motions of the boundary, Phi the lowest modes of the interior with the
+boundary held (Craig and Bampton 1968, AIAA J. 6), Chi what the modes left out answer statically to unit loads
+at some nodes (residual attachment modes: MacNeal 1971, Computers and Structures 1; Rubin 1975, AIAA J. 13).
+Psi and Phi keep the stiffness and the mass as one body exactly. Phi and Chi together are brought to modal
+form, so that K_qq is diagonal and M_qq one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, NumericalError
+from middeck.structure.assembly.energy import assemble, mass_matrix
+from middeck.structure.assembly.factorisation import Factor, order, positive_factor
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.component import WAYS, Component, require_component
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.eigen import solve_all, solve_lowest
+from middeck.structure.modes.kinds import SMALL
+from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.rest.statics import dynamic_coordinates
+
+# Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
+# rounding.
+DEPENDENT = 1e-10
+# Modes asked for at first where a frequency limits them.
+FIRST = 16
+
+
+class Reduced(NamedTuple):
+    """A component; frequencies [Hz] of its fixed-interface modes, and how many coordinates residuals added.
+
+    ``next_hz`` is the first frequency left out: infinite where none is.
+    """
+
+    component: Component
+    fixed_hz: Float[np.ndarray, " mode"]
+    residual: int
+    next_hz: float
+
+
+def reduce_structure(
+    structure: Structure,
+    boundary: Sequence[str],
+    *,
+    count: int | None = None,
+    upto_hz: float | None = None,
+    residual: Sequence[str] = (),
+    recover: Sequence[str] = (),
+    name: str = "",
+) -> Reduced:
+    """The article in orbit as a component on the nodes ``boundary``, by Craig and Bampton's method.
+
+    Args:
+        structure: The article. Angles of its free joints remain too, ahead of the modal coordinates.
+        boundary: Its nodes that remain.
+        count: How many fixed-interface modes are kept.
+        upto_hz: Or the frequency up to which they are; three times that of interest is usual.
+        residual: Nodes with six residual attachment modes each.
+        recover: Nodes whose motion the component's outputs give.
+        name: Of the component; by default ``component``.
+
+    The component's own axes are those of W. Raises `ConfigError` for what the article does not have, and for
+    both or none of ``count`` and ``upto_hz``.
+    """
+    if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
+        raise ConfigError(
+            f"{count} modes up to {upto_hz} Hz",
+            where="reduction",
+            hint="give one of count and upto_hz, from 0 on",
+        )
+    nodes = [node.name for node in structure.nodes]
+    _check_nodes(structure, nodes, boundary, residual, recover)
+    at = solve_equilibrium(structure, Environment.orbit())
+    model = at.model
+    K = assemble(model, at.config, at.loads).tangent
+    M = mass_matrix(model, at.config, at.loads)
+    rows = (6 * np.array([nodes.index(b) for b in boundary])[:, None] + np.arange(6)).ravel()
+    free = [i for i, joint in enumerate(model.structure.joints) if joint.state is JointState.FREE]
+    rows = np.concatenate([rows, 6 * model.tree.roots + np.array(free, dtype=int)])
+    inside = dynamic_coordinates(model)
+    inside[rows] = False
+    interior = np.flatnonzero(inside)
+    psi, vectors, fixed, added, above = _basis(K, M, rows, interior, nodes, count, upto_hz, residual)
+    T = np.zeros((model.tree.size, len(rows) + vectors.shape[1]))
+    T[rows, np.arange(len(rows))] = 1.0
+    T[interior, : len(rows)], T[interior, len(rows) :] = psi, vectors
+    stiffness, mass = T.T @ (K @ T), T.T @ (M @ T)
+    # Static motions of the boundary do no work on motions of the interior alone: what is left is rounding.
+    stiffness[: len(rows), len(rows) :] = stiffness[len(rows) :, : len(rows)] = 0.0
+    seen = (6 * np.array([nodes.index(r) for r in recover], dtype=int)[:, None] + np.arange(6)).ravel()
+    component = Component(
+        name=name or "component",
+        grids=tuple(boundary),
+        frames=tuple(boundary),
+        positions=at.config.x[[nodes.index(b) for b in boundary]],
+        stiffness=0.5 * (stiffness + stiffness.T),
+        mass=0.5 * (mass + mass.T),
+        outputs=tuple(f"{node} {way}" for node in recover for way in WAYS),
+        recovery=T[seen] if recover else None,
+    )
+    return Reduced(require_component(component), fixed, added, above)
+
+
+def _check_nodes(
+    structure: Structure,
+    nodes: Sequence[str],
+    boundary: Sequence[str],
+    residual: Sequence[str],
+    recover: Sequence[str],
+) -> None:
+    if not boundary or len(set(boundary)) < len(boundary):
+        raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
+    for what, names in (("boundary", boundary), ("residual", residual), ("recover", recover)):
+        unknown = [name for name in names if name not in nodes]
+        if unknown:
+            raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
+
+
+def _basis(
+    K: sp.csr_array,
+    M: sp.csr_array,
+    rows: np.ndarray,
+    interior: np.ndarray,
+    nodes: Sequence[str],
+    count: int | None,
+    upto_hz: float | None,
+    residual: Sequence[str],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, float]:
+    """Static motions, interior vectors, fixed frequencies [Hz], how many residuals, the next [Hz]."""
+    if not len(interior):
+        return np.zeros((0, len(rows))), np.zeros((0, 0)), np.zeros(0), 0, np.inf
+    Kii, Mii = (sp.csr_array(A[interior][:, interior]) for A in (K, M))
+    factor = positive_factor(Kii)
+    if factor is None:
+        raise NumericalError(
+            "with its boundary held the article is still loose, or unstable",
+            where="boundary",
+            hint="more boundary nodes, or springs at its joints",
+        )
+    psi = -factor.solve(K[interior][:, rows].toarray())
+    lam, shapes, above = _fixed_modes(Kii, Mii, count, upto_hz)
+    chi = _residuals(factor, lam, shapes, interior, [nodes.index(r) for r in residual])
+    vectors, added = _modal_form(Kii, Mii, shapes, chi)
+    return psi, vectors, np.sqrt(lam) / (2.0 * np.pi), added, above
+
+
+def _fixed_modes(
+    K: sp.csr_array, M: sp.csr_array, count: int | None, upto_hz: float | None
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """The lowest modes with the boundary held, and the frequency [Hz] of the one after them."""
+    wanted = FIRST if count is None else count + 1
+    while True:
+        few = order(K) > max(SMALL, 4 * wanted)
+        pairs = solve_lowest(K, M, wanted) if few else solve_all(K, M)
+        if pairs is None:
+            raise NumericalError("a motion inside has neither mass nor stiffness", where="reduction")
+        hz = np.sqrt(np.maximum(pairs.lam, 0.0)) / (2.0 * np.pi)
+        kept = count if count is not None else int(np.sum(hz <= (upto_hz or 0.0)))
+        if not few or kept < len(hz):
+            kept = min(kept, len(hz))
+            return pairs.lam[:kept], pairs.shapes[:, :kept], float(hz[kept]) if kept < len(hz) else np.inf
+        wanted *= 2
+
+
+def _residuals(
+    factor: Factor, lam: np.ndarray, shapes: np.ndarray, interior: np.ndarray, nodes: Sequence[int]
+) -> np.ndarray:
+    """Static answers to unit loads less those of the modes kept, over the root of the energy of the whole."""
+    place = np.full(int(interior.max()) + 1, -1)
+    place[interior] = np.arange(len(interior))
+    loaded = [place[6 * node + k] for node in nodes for k in range(6) if 6 * node + k < len(place)]
+    loaded = [i for i in loaded if i >= 0]
+    loads = np.zeros((len(interior), len(loaded)))
+    loads[loaded, np.arange(len(loaded))] = 1.0
+    whole = factor.solve(loads)
+    size = np.sqrt(np.einsum("im,im->m", whole, loads))
+    return (whole - shapes @ ((shapes.T @ loads) / lam[:, None])) / size
+
+
+def _modal_form(
+    K: sp.csr_array, M: sp.csr_array, shapes: np.ndarray, chi: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """Modes and residuals as modes of the space that they span; how many the residuals added."""
+    if not chi.shape[1]:
+        return shapes, 0
+    for _ in range(2):  # apart from the modes to the last digit
+        chi = chi - shapes @ (shapes.T @ (M @ chi))
+    share, turn = np.linalg.eigh(chi.T @ (K @ chi))
+    chi = chi @ turn[:, share > DEPENDENT]
+    if not chi.shape[1]:
+        return shapes, 0
+    k, m = chi.T @ (K @ chi), chi.T @ (M @ chi)
+    mu, turn = sla.eigh(0.5 * (m + m.T), 0.5 * (k + k.T))
+    moved = mu > len(mu) * np.finfo(float).eps * max(mu[-1], 1e-300)
+    own = chi @ turn[:, moved] / np.sqrt(mu[moved])
+    return np.hstack([shapes, own[:, ::-1]]), int(np.sum(moved))

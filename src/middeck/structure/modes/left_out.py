@@ -1,0 +1,93 @@
+"""What the geometric stiffness of components, which their matrices do not have, would make of each mode."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import component_states
+from middeck.structure.model.component import Component, body_of, component_doubts
+from middeck.structure.rest.equilibrium import Equilibrium
+
+# Of a frequency: less is not said.
+FELT = 1e-3
+# Turn [rad] of a boundary grid in its component's frame beyond which linear matrices are a poor picture.
+LARGE = 0.1
+# The mean square slope over the mean square deflection of a beam, times its length squared: between clamped
+# ends, 12.3.
+SLOPE = 12.0
+# Of all forces over all of the length: what does not act along it works on twist and bending together.
+SHEAR = 0.4
+
+
+def left_out(
+    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+) -> Float[np.ndarray, "component mode"]:
+    """Estimate of the part of each frequency that a component's geometric stiffness may change; zero at zero.
+
+    Forces inside a part of length L work by N L slope^2 / 2. N L are the boundary forces along their arms and
+    the weight along the part's extent in its direction (Clausius' virial), without signs, and two fifths of
+    all forces over the length for what shear does with twist. The slope is that of the boundary grids in the
+    component's frame, and of a beam with the kinetic energy of its modal coordinates. So it is an estimate by
+    experience rather than a bound: forces that pull and push cancel in part.
+    """
+    parts = equilibrium.model.structure.components
+    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
+    out = np.zeros((len(parts), len(lam)))
+    for k, (part, element, (state, rows)) in enumerate(
+        zip(parts, equilibrium.model.components, states, strict=True)
+    ):
+        grids = 6 * len(part.grids)
+        pull = (element.stiffness @ state.deformation)[:grids].reshape(-1, 6)[:, :3]
+        work, length = _virial(part, pull @ part.axes, part.axes.T @ state.axes.T @ equilibrium.loads.gravity)
+        strain = state.slope @ (rows @ shapes)
+        slope = np.mean(np.sum(strain[:grids].reshape(-1, 6, len(lam))[:, 3:] ** 2, axis=1), axis=0)
+        q = strain[grids:]
+        moved = np.sum(q * (element.mass[grids:, grids:] @ q), axis=0)
+        works = work * (slope + SLOPE / (length**2 * part.weight) * np.maximum(moved, 0.0))
+        out[k] = np.divide(0.5 * works, lam, out=np.zeros(len(lam)), where=lam > 0.0)
+    return out
+
+
+def component_warnings(
+    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+) -> tuple[str, ...]:
+    """Components whose geometric stiffness a frequency feels, and those whose boundary bends too far."""
+    parts = equilibrium.model.structure.components
+    if not parts:
+        return ()
+    found = [doubt for part in parts for doubt in component_doubts(part)]
+    for part, cost in zip(parts, left_out(equilibrium, lam, shapes), strict=True):
+        worst = int(np.argmax(cost)) if len(cost) else 0
+        if len(cost) and cost[worst] > FELT:
+            hz = np.sqrt(lam[worst]) / (2.0 * np.pi)
+            found.append(
+                f"component {part.name!r} has no geometric stiffness: by an estimate the forces inside it "
+                f"change the frequency of mode {worst} ({hz:.4g} Hz) by up to {100.0 * cost[worst]:.2g} %"
+            )
+    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
+    for part, (state, _) in zip(parts, states, strict=True):
+        turns = state.deformation[: 6 * len(part.grids)].reshape(-1, 6)[:, 3:]
+        bent = np.linalg.norm(turns, axis=1)
+        if bent.max() > LARGE:
+            at = part.grids[int(np.argmax(bent))]
+            found.append(
+                f"component {part.name!r} bends by {bent.max():.2g} rad at grid {at}: its matrices are linear"
+            )
+    return tuple(found)
+
+
+def _virial(part: Component, pull: np.ndarray, gravity: np.ndarray) -> tuple[float, float]:
+    """Forces times lengths [N m] in the component's axes, and its length [m].
+
+    The length is that of its grids, and of a rod with its largest second moment of mass.
+    """
+    m, centre, inertia = body_of(part)
+    arms = part.positions - centre
+    second = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    rod = np.sqrt(12.0 / m * np.maximum(np.linalg.eigvalsh(second)[-1], 0.0))
+    length = max(float(rod), float(np.linalg.norm(arms, axis=1).max()), float(np.finfo(float).tiny))
+    along = np.sqrt(12.0 * m * max(float(gravity @ second @ gravity), 0.0))
+    force = m * float(np.linalg.norm(gravity)) + float(np.linalg.norm(pull, axis=1).max())
+    work = float(np.abs(np.sum(pull * arms, axis=1)).sum()) + 0.5 * along + SHEAR * force * length
+    return work, length

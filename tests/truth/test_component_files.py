@@ -1,0 +1,280 @@
+"""Components in files: NPZ, MAT, OUTPUT4 with cards, punched DMIG; what does not fit is named."""
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from reduced import bent_beam, with_component
+
+import middeck as md
+from cli_runner import middeck
+from middeck.errors import ConfigError, DataError
+from middeck.files.components import load_component, write_component
+from middeck.files.nastran.external import read_external
+from middeck.files.nastran.external_write import write_external
+from middeck.files.nastran.op4 import Op4Matrix, op4_by_name, write_op4
+from middeck.files.nastran.units import parse_units
+
+SI = parse_units("m-kg-s-N")
+DATA = Path("data/nastran-superelement").resolve()
+
+
+@pytest.fixture(scope="module")
+def component():
+    part = with_component(*bent_beam(np.random.default_rng(4)), count=3, recover=["m"], residual=["m"])
+    made = part.components[0]
+    return dataclasses.replace(made, damping=2e-5 * made.stiffness)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_there_and_back(tmp_path, component, ending):
+    write_component(tmp_path / f"a.{ending}", component)
+    back = load_component(tmp_path / f"a.{ending}")
+    for key in ("grids", "positions", "stiffness", "mass", "damping", "outputs", "recovery"):
+        assert np.array_equal(getattr(back, key), getattr(component, key)), key
+
+
+def test_there_and_back_as_a_superelement(tmp_path, component):
+    write_external(tmp_path / "part", component)
+    back = read_external([tmp_path / "part.pch"], tmp_path / "part.op4", SI)
+    assert back.grids == ("1", "2")
+    np.testing.assert_array_equal(back.stiffness, component.stiffness)
+    np.testing.assert_array_equal(back.mass, component.mass)
+    np.testing.assert_array_equal(back.damping, component.damping)
+    np.testing.assert_allclose(back.positions, component.positions, atol=1e-9)  # ten digits
+    deck = (
+        "ASSIGN INPUTT4='part.op4',\n  UNIT=101\nSOL 103\nCEND\nBEGIN BULK\nINCLUDE 'part.asm'\n"
+        "CONM2,5,2,,0.25\nINCLUDE 'part.pch'\nENDDATA\n"
+    )
+    (tmp_path / "join.dat").write_text(deck.replace("CONM2,5,2,,0.25\n", ""))
+    from middeck.files.nastran.assembly import convert_assembly
+
+    made, parts = convert_assembly(tmp_path / "join.dat", SI, "consistent", "join")
+    assert [node["name"] for node in made.document["node"]] == ["g1", "g2"]
+    np.testing.assert_array_equal(parts["join-se101.npz"].stiffness, component.stiffness)
+
+
+def punch(name, matrix, points):
+    """Nastran's DMIG of a symmetric matrix: one triangle, large fields."""
+    lines = [f"DMIG    {name:8}{0:8d}{6:8d}{2:8d}{0:8d}"]
+    for j, (g, c) in enumerate(points):
+        rows = [(i, *points[i]) for i in range(j, len(points)) if matrix[i, j]]
+        if rows:
+            lines.append(f"DMIG*   {name:16}{g:16d}{c:16d}")
+            lines += [f"*       {p:16d}{d:16d}{matrix[i, j]:16.9E}".replace("E", "D") for i, p, d in rows]
+    return lines
+
+
+def test_punched_matrices(tmp_path, component):
+    """In the component's own units, and with a grid whose coordinates are turned (CD)."""
+    x = component.positions[1] * 1e3
+    points = [(g, c) for g in (7, 9) for c in range(1, 7)] + [(100 + k, 0) for k in range(component.modal)]
+    # A right-handed system with x' = y, y' = z, z' = x, for grid 9 alone.
+    turn = np.eye(len(points))
+    turn[6:12, 6:12] = np.kron(np.eye(2), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
+    unit = np.diag(np.concatenate([np.tile(np.repeat([1e-3, 1.0], 3), 2), np.ones(component.modal)])) * 1e3
+    K, M = (turn @ unit @ A @ unit @ turn.T for A in (component.stiffness, component.mass))
+    cards = [
+        "GRID,7,,0.,0.,0.",
+        f"GRID*,9,,{x[0]:.9f},{x[1]:.9f}\n*,{x[2]:.9f},4",
+        "CORD2R,4,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.",
+        *punch("KAAX", K, points),
+        *punch("MAAX", M, points),
+    ]
+    (tmp_path / "part.pch").write_text("\n".join(["BEGIN SUPER=3", *cards, ""]))
+    back = read_external([tmp_path / "part.pch"], None, parse_units("mm-kg-s-mN"))
+    assert (back.grids, back.modal) == (("7", "9"), component.modal)
+    size = np.sqrt(np.diagonal(component.stiffness))
+    assert np.abs((back.stiffness - component.stiffness) / np.outer(size, size)).max() < 1e-8
+    np.testing.assert_allclose(back.mass, component.mass, atol=1e-8 * np.abs(component.mass).max())
+
+
+def article(folder, text=""):
+    (folder / "a.toml").write_text(
+        'schema = 1\nname = "a"\n[[node]]\nname = "a"\nx_m = 0.0\n[[node]]\nname = "b"\n'
+        f'POSITION\n[[component]]\nname = "part"\nfile = "part.npz"\nnodes = {{ a = "a", b = "b" }}\n{text}'
+    )
+    return folder / "a.toml"
+
+
+def with_positions(path, x):
+    keys = "\n".join(f"{axis}_m = {float(value)!r}" for axis, value in zip("xyz", x, strict=True))
+    path.write_text(path.read_text().replace("POSITION", keys))
+    return path
+
+
+def test_an_article_finds_its_component_beside_itself(tmp_path, component, capfd):
+    write_component(tmp_path / "part.npz", component)
+    path = with_positions(article(tmp_path), component.positions[1])
+    structure = md.load_structure(path)
+    assert structure.mass == pytest.approx(component.weight)
+    modes = md.solve_modes(md.solve_equilibrium(structure, md.Environment.orbit()))
+    assert modes.kind[:7] == (*["rigid"] * 6, "flexible")
+    ended = middeck(capfd, "modes", str(path), "--environment", "orbit", "--count", "8", "--json")
+    assert ended.code == 0
+    # Damping in proportion to stiffness: the ratio grows with frequency.
+    from middeck.structure.plants.damping import estimate_damping
+
+    found = estimate_damping(modes, count=8)
+    np.testing.assert_allclose(found.device[6:8], 1e-5 * modes.omega[6:8], rtol=1e-9)
+    out = md.recover_outputs(modes, "part")
+    assert out.names[0] == "m x"
+    assert np.abs(out.rest).max() < 1e-12
+    assert out.modes.shape == (6, len(modes.omega))
+
+
+def test_recovered_motion_is_that_of_the_whole():
+    whole, part = bent_beam(np.random.default_rng(4))
+    orbit = md.Environment.orbit()
+    full = md.solve_modes(md.solve_equilibrium(whole, orbit))
+    made = md.solve_modes(md.solve_equilibrium(with_component(whole, part, count=500, recover=["m"]), orbit))
+    seen = md.recover_outputs(made, "part").modes[:, 6:10]
+    true = full.shapes[6:12, 6:10]
+    signs = np.sign(np.sum(seen * true, axis=0))
+    np.testing.assert_allclose(seen * signs, true, atol=1e-6 * np.abs(true).max())
+
+
+def test_residual_modes_make_the_flexibility_at_their_nodes_exact():
+    """With the boundary held, the reduced part answers a load at m as the whole does (MacNeal 1971)."""
+    _, part = bent_beam(np.random.default_rng(5))
+    errors = []
+    for residual in ((), ("m",)):
+        flexibility = []
+        for count in (2, 500):
+            made = md.reduce_structure(
+                part, ["a", "b"], count=count, residual=residual, recover=["m"]
+            ).component
+            T = made.recovery[:, 12:]
+            flexibility.append(T @ np.linalg.solve(made.stiffness[12:, 12:], T.T))
+        errors.append(np.abs(flexibility[0] - flexibility[1]).max() / np.abs(flexibility[1]).max())
+    assert errors[0] > 1e-3
+    assert errors[1] < 1e-9
+
+
+def test_reduce_from_the_command_line(tmp_path, capfd):
+    target = tmp_path / "bus.npz"
+    arguments = (
+        "reduce",
+        "articles/mace-simple.toml",
+        "--boundary",
+        "n1,n5",
+        "--modes",
+        "6",
+        "-o",
+        str(target),
+    )
+    ended = middeck(capfd, *arguments)
+    assert ended.code == 0
+    assert {p.name for p in tmp_path.iterdir()} == {"bus.npz", "bus.op4", "bus.pch", "bus.asm"}
+    back = load_component(target)
+    assert back.weight == pytest.approx(md.load_structure("articles/mace-simple.toml").mass)
+    assert middeck(capfd, "reduce", "articles/mace-simple.toml", "--boundary", "n9", "--modes", "6").code == 2
+    assert middeck(capfd, "reduce", "articles/mace-simple.toml", "--boundary", "n1").code == 2
+
+
+# ---- what does not fit
+# ---------------------------------------------------------------------------------------
+
+UNITS = parse_units("mm-kg-s-mN")
+
+
+def read(folder, name="inboard", units=UNITS):
+    return read_external([folder / f"{name}.pch"], folder / f"{name}.op4", units)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("inboard.pch", "inboard.op4", "outboard.op4"):
+        shutil.copy(DATA / name, tmp_path / name)
+    return tmp_path
+
+
+def test_matrices_of_another_component(folder):
+    shutil.copy(folder / "outboard.op4", folder / "inboard.op4")
+    with pytest.raises(DataError, match="46 rows for 32 coordinates") as error:
+        read(folder)
+    assert "inboard.op4" in error.value.where
+
+
+def test_places_of_other_grids(folder):
+    text = (
+        (folder / "inboard.pch")
+        .read_text()
+        .replace("0.600000000E+03 0.300000000E+03", "0.600000000E+03 0.400000000E+03")
+    )
+    (folder / "inboard.pch").write_text(text)
+    with pytest.raises(DataError, match=r"resists a motion as one body|differs by direction|moments of mass"):
+        read(folder)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("EXTRN          3  123456", "EXTRN          3     123", "32 rows for 29 coordinates"),
+        ("EXTRN          3  123456", "EXTRN          3  123457", "no grid and components"),
+        ("      27  123456\n         2995001", "      29  123456\n         2995001", "no GRID 29"),
+        ("EXTRN ", "OMIT1 ", "no EXTRN card"),
+        ("          11               0 0.6", "          11               9 0.6", "coordinate system 9"),
+    ],
+)  # fmt: skip
+def test_cards_that_do_not_fit(folder, old, new, said):
+    text = (folder / "inboard.pch").read_text()
+    assert old in text
+    (folder / "inboard.pch").write_text(text.replace(old, new))
+    with pytest.raises((DataError, ConfigError), match=said):
+        read(folder)
+
+
+def test_damaged_stiffness_is_not_taken(folder, campaign):
+    """Any entry of the boundary that is off by a thousandth of its diagonal, mirrored or not, is refused."""
+    found = op4_by_name(folder / "inboard.op4")
+    K = found["KXX"].value.toarray()
+    for seed in campaign(400):
+        rng = np.random.default_rng(seed)
+        i, j = rng.integers(24), rng.integers(32)
+        by = 1e-3 * np.sqrt(K[i, i] * K[j, j])
+        bad = K.copy()
+        bad[i, j] += by
+        if rng.random() < 0.7:
+            bad[j, i] = bad[i, j]
+        write_op4(folder / "inboard.op4", [Op4Matrix("KXX", 2, sp.csc_array(bad)), found["MXX"]])
+        with pytest.raises(DataError):
+            read(folder)
+        write_op4(folder / "inboard.op4", [Op4Matrix("KXX", 6, sp.csc_array(K)), found["MXX"]])
+    read(folder)
+
+
+def test_files_that_hold_no_component(tmp_path, component):
+    arrays = {"stiffness": component.stiffness, "mass": component.mass}
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(DataError, match="no grids, positions"):
+        load_component(tmp_path / "a.npz")
+    np.savez(tmp_path / "b.npz", **arrays, grids=["a", "b", "c"], positions=component.positions)
+    with pytest.raises(DataError, match="3 grids of six coordinates"):
+        load_component(tmp_path / "b.npz")
+    (tmp_path / "c.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:200])
+    for name, said in (("c.npz", "truncated"), ("d.npz", "no such file"), ("e.txt", "no ending")):
+        with pytest.raises(DataError, match=said):
+            load_component(tmp_path / name)
+    with pytest.raises(ConfigError, match=r"name it .npz or .mat"):
+        write_component(tmp_path / "f.txt", component)
+    assert not (tmp_path / "f.txt").exists()
+
+
+def test_articles_name_what_their_component_lacks(tmp_path, component):
+    write_component(tmp_path / "part.npz", component)
+    path = with_positions(article(tmp_path), component.positions[1])
+    good = path.read_text()
+    for old, new, said in (
+        ('b = "b" }', 'c = "b" }', "no grid c"),
+        (', b = "b" }', " }", "an unconnected node"),
+        ('b = "b" }', 'b = "z" }', "no frame of this name"),
+        ('file = "part.npz"', 'file = "part.op4"', "do not state their units"),
+        ('name = "part"\n', "", "missing"),
+    ):
+        path.write_text(good.replace(old, new))
+        with pytest.raises((ConfigError, DataError), match=said):
+            md.load_structure(path)

@@ -1,0 +1,333 @@
+"""Reduced components: exact force and tangent, no strain as one body, weight, and what they came from."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from reduced import bent_beam, with_component
+
+import middeck as md
+from middeck.errors import ConfigError
+from middeck.structure.assembly.energy import assemble, mass_matrix, no_loads
+from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.elements.component import ComponentElement, component_state
+from middeck.structure.elements.frames import move, rigid_columns
+from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.component import (
+    Component,
+    body_of,
+    component_doubts,
+    component_faults,
+    rigid_mass,
+)
+from middeck.structure.modes.left_out import left_out
+from middeck.structure.sensitivity.parameters import list_parameters
+from middeck.structure.sensitivity.patches import make_patches
+from middeck.structure.summary.summary import summarise
+from repeats import repeats
+from structure_builders import GRAVITY
+
+
+def _element(rng, grids, modal):
+    size = 6 * grids + modal
+    K, M, X = rng.normal(size=(size, size)), rng.normal(size=(size, size)), rng.normal(size=(grids, 3))
+    return ComponentElement(
+        point=np.arange(grids),
+        joint=np.arange(modal),
+        basis=np.eye(size),
+        stiffness=K @ K.T,
+        mass=M @ M.T,
+        arms=X - X.mean(axis=0),
+        weights=np.column_stack([np.ones(grids), np.full(grids, 0.1)]),
+        moment=rng.normal(size=3),
+    )
+
+
+@pytest.mark.parametrize(("grids", "modal"), [(3, 2), (2, 1), (1, 2)])
+def test_force_and_tangent_are_the_differences_of_the_energy(grids, modal):
+    """At a state turned and strained by as much as one likes."""
+    rng = np.random.default_rng(grids)
+    part, size = _element(rng, grids, modal), 6 * grids + modal
+    turned = rotation_exp(1.5 * rng.normal(size=3))
+    x0 = (part.arms + 0.3 * rng.normal(size=part.arms.shape)) @ turned.T
+    R0 = turned @ rotation_exp(0.3 * rng.normal(size=(grids, 3)))
+    q0, gravity = rng.normal(size=modal), rng.normal(size=3)
+
+    def at(step):
+        s = step[: 6 * grids].reshape(grids, 6)
+        x, R = x0 + s[:, :3], rotation_exp(s[:, 3:]) @ R0
+        return component_state(part, x, x - part.arms, R - np.eye(3), q0 + step[6 * grids :], gravity)
+
+    here, axes = at(np.zeros(size)), np.eye(size)
+    g = np.array([(at(1e-5 * e).energy - at(-1e-5 * e).energy) / 2e-5 for e in axes])
+    np.testing.assert_allclose(here.gradient, g, atol=1e-8 * np.abs(g).max())
+    # Differences of the gradient have half of the commutator of two turns too, which is antisymmetric.
+    H = np.array([(at(1e-5 * e).gradient - at(-1e-5 * e).gradient) / 2e-5 for e in axes])
+    K = here.material + here.geometric
+    np.testing.assert_allclose(K, 0.5 * (H + H.T), atol=1e-7 * np.abs(K).max())
+
+
+def test_nothing_strains_as_one_body(campaign):
+    for seed in campaign(60):
+        rng = np.random.default_rng(seed)
+        article = with_component(*bent_beam(rng), count=4)
+        model = mesh_structure(article)
+        turn = rng.normal(size=3)
+        step = np.zeros(model.tree.size)
+        x = model.rest.x - model.rest.x[0]
+        roots = step[: 6 * model.tree.roots].reshape(-1, 6)
+        roots[:, 3:], shift = turn, rng.normal(size=3)
+        roots[:, :3] = x @ (rotation_exp(turn) - np.eye(3)).T + shift
+        here = assemble(model, move(model.tree, model.rest, step), no_loads())
+        drawn = assemble(model, model.rest, no_loads())
+        assert here.energy < 1e-20 * abs(drawn.tangent).max()
+        assert np.abs(here.gradient).max() < 1e-12 * abs(drawn.tangent).max()
+
+
+@pytest.mark.parametrize("seed", repeats(range(3)))
+def test_the_error_falls_with_the_modes_kept(seed):
+    """From above (Rayleigh and Ritz), to nothing where all are kept."""
+    whole, part = bent_beam(np.random.default_rng(seed))
+    orbit = md.Environment.orbit()
+    full = md.solve_modes(md.solve_equilibrium(whole, orbit)).frequency_hz[6:14]
+    errors = []
+    for count in (0, 4, 10, 1000):
+        modes = md.solve_modes(md.solve_equilibrium(with_component(whole, part, count=count), orbit))
+        assert modes.kind[:6] == ("rigid",) * 6
+        errors.append(modes.frequency_hz[6:14] / full - 1.0)
+    assert np.all(np.min(errors, axis=1) > -1e-9)
+    assert np.all(np.diff(np.array(errors), axis=0) < 1e-9)
+    assert np.abs(errors[-1]).max() < 1e-9
+    assert np.abs(errors[2][:4]).max() < 1e-3 < np.abs(errors[0]).max()
+
+
+def _environments(rng):
+    clamps = (
+        (Clamp(node="a"),),
+        (Clamp(node="a"), Clamp(node="b", about="")),
+        (Clamp(node="a", about="x"), Clamp(node="c", about="")),
+    )
+    held = clamps[rng.integers(3)]
+    return md.Environment(title="held", gravity=GRAVITY, clamps=held)
+
+
+def test_weight_and_what_the_geometric_stiffness_costs(campaign):
+    """Soft beams sag by centimetres: where a frequency is off by a thousandth, a warning has the number."""
+    for seed in campaign(60):
+        rng = np.random.default_rng(seed)
+        whole, part = bent_beam(rng, 10.0 ** rng.uniform(1.0, 3.0))
+        environment = _environments(rng)
+        full = md.solve_modes(md.solve_equilibrium(whole, environment))
+        rest = md.solve_equilibrium(with_component(whole, part, count=20), environment)
+        modes = md.solve_modes(rest)
+        pulled = sum(r.force for r in rest.reactions)
+        np.testing.assert_allclose(pulled, -whole.mass * GRAVITY, atol=1e-6)
+        error = np.abs(modes.frequency_hz[:8] / full.frequency_hz[:8] - 1.0).max()
+        cost = left_out(rest, modes.omega**2, modes.shapes).max()
+        warned = any("no geometric stiffness" in w for w in modes.warnings)
+        assert error < 1e-3 or (warned and error < 3.0 * cost)
+
+
+def test_a_stiff_article_has_no_warning():
+    rng = np.random.default_rng(3)
+    whole, part = bent_beam(rng, 1e5)
+    environment = _environments(rng)
+    rest = md.solve_equilibrium(with_component(whole, part, count=20), environment)
+    full = md.solve_equilibrium(whole, environment)
+    modes = md.solve_modes(rest)
+    assert modes.warnings == ()
+    np.testing.assert_allclose(modes.frequency_hz[:6], md.solve_modes(full).frequency_hz[:6], rtol=2e-4)
+    sag = full.config.x[2] - full.model.rest.x[2]
+    found = rest.config.x[1] - rest.model.rest.x[1]
+    np.testing.assert_allclose(found, sag, atol=1e-3 * np.abs(sag).max() + 1e-12)
+
+
+def test_frequencies_do_not_depend_on_how_the_laboratory_is_turned():
+    rng = np.random.default_rng(7)
+    whole, part = bent_beam(rng, 60.0)
+    article = with_component(whole, part, count=6)
+    R = rotation_exp(np.array([2.0, -1.0, 0.7]))
+    first = dataclasses.replace(article.members[0], up=R @ article.members[0].up)
+    nodes = [dataclasses.replace(n, position=R @ n.position, body=_turned(n.body, R)) for n in article.nodes]
+    turned = dataclasses.replace(
+        article,
+        nodes=tuple(nodes),
+        members=(first,),
+        components=(dataclasses.replace(article.components[0], axes=R),),
+    )
+    found = []
+    for one, gravity in ((article, GRAVITY), (turned, R @ GRAVITY)):
+        environment = md.Environment(title="held", gravity=gravity, clamps=(Clamp(node="a"),))
+        found.append(md.solve_modes(md.solve_equilibrium(one, environment)).frequency_hz)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-8)
+    measures = [summarise(one) for one in (article, turned, whole)]
+    assert [m.mass for m in measures] == pytest.approx([whole.mass] * 3)
+    np.testing.assert_allclose(measures[0].centre, measures[2].centre, atol=1e-12)
+    np.testing.assert_allclose(measures[0].inertia, measures[2].inertia, rtol=1e-3)
+    np.testing.assert_allclose(measures[1].inertia, R @ measures[0].inertia @ R.T, atol=1e-9)
+
+
+def _turned(part, R):
+    return dataclasses.replace(part, cg=R @ part.cg, inertia=np.round(R @ part.inertia @ R.T, 15))
+
+
+def _good():
+    return with_component(*bent_beam(np.random.default_rng(1)), count=3).components[0]
+
+
+def _pair(matrix, i, j, by):
+    out = matrix.copy()
+    out[i, j] += by
+    if i != j:
+        out[j, i] += by
+    return out
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda c: {"stiffness": c.stiffness + np.triu(c.stiffness, 1)}, "is not symmetric: .* grid a"),
+        (lambda c: {"stiffness": _pair(c.stiffness, 0, 0, 10.0)}, "resists a motion as one body .*grid a x"),
+        (lambda c: {"stiffness": _pair(c.stiffness, 13, 2, 10.0)}, "resists a motion|indefinite"),
+        (lambda c: {"stiffness": _pair(c.stiffness, 12, 12, -1e6)}, "negative stiffness|indefinite"),
+        (lambda c: {"mass": _pair(c.mass, 1, 1, 0.1)}, "mass differs by direction"),
+        (lambda c: {"mass": _pair(c.mass, 12, 12, -3.0)}, "indefinite"),
+        (lambda c: {"mass": -c.mass}, "its mass is -"),
+        (lambda c: {"positions": 1.1 * c.positions}, "do the places of its grids"),
+        (lambda c: {"positions": c.positions[:1], "grids": ("a",)}, "matrices of 15 rows|resists|2 frames"),
+        (lambda c: {"mass": c.mass * np.nan}, "not finite at grid a x"),
+    ],
+)  # fmt: skip
+def test_what_no_component_can_be_is_named(change, said):
+    good = _good()
+    assert not [*component_faults(good)]
+    bad = dataclasses.replace(good, **change(good))
+    faults = "; ".join(component_faults(bad))
+    assert re.search(said, faults), faults
+
+
+def test_places_and_frames_must_fit():
+    article = with_component(*bent_beam(np.random.default_rng(1)), count=1)
+    swapped = dataclasses.replace(article.components[0], frames=("b", "a"))
+    with pytest.raises(ConfigError, match=r"grid b stands .* m from frame 'a'"):
+        mesh_structure(dataclasses.replace(article, components=(swapped,)))
+    lost = dataclasses.replace(article.components[0], frames=("a", "z"))
+    with pytest.raises(ConfigError, match="names frame 'z'"):
+        mesh_structure(dataclasses.replace(article, components=(lost,)))
+
+
+def test_modal_mass_that_is_rounding():
+    """Residual vectors without mass: their coordinates are static, and the frequencies those without them."""
+    article = with_component(*bent_beam(np.random.default_rng(1)), count=3)
+    part = article.components[0]
+    n = len(part.mass)
+    K, M = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n + 2))
+    K[:n, :n], M[:n, :n] = part.stiffness, part.mass
+    K[n:, n:], M[n:, n:] = np.diag([1e6, 3e9]), 1e-17 * np.array([[1.0, 2.0], [2.0, -1.0]])
+    more = dataclasses.replace(part, stiffness=K, mass=M)
+    orbit = md.Environment.orbit()
+    both = [dataclasses.replace(article, components=(c,)) for c in (part, more)]
+    found = [md.solve_modes(md.solve_equilibrium(one, orbit)).frequency_hz for one in both]
+    assert len(found[0]) == len(found[1])
+    np.testing.assert_allclose(found[1][6:], found[0][6:], rtol=1e-9)
+
+
+def test_derivatives_are_refused():
+    article = with_component(*bent_beam(np.random.default_rng(1)), count=1)
+    rest = md.solve_equilibrium(article, md.Environment.orbit())
+    with pytest.raises(ConfigError, match="no derivatives of an article with reduced components"):
+        make_patches(rest.model, rest.environment, list_parameters(article, rest.environment)[:1])
+
+
+def test_what_is_seldom_meant_is_doubted():
+    good = with_component(*bent_beam(np.random.default_rng(1)), count=8).components[0]
+    assert not [*component_doubts(good)]
+    heavy = dataclasses.replace(good, mass=_pair(good.mass, 14, 14, 0.0625))
+    stiff = dataclasses.replace(good, stiffness=_pair(good.stiffness, 14, 14, 1e20))
+    for bad, said in ((heavy, "modal mass of 1.0625"), (stiff, "modal coordinate 3 at")):
+        assert not [*component_faults(bad)]
+        (doubt,) = component_doubts(bad)
+        assert said in doubt
+
+
+def test_mass_as_one_body():
+    whole, part = bent_beam(np.random.default_rng(2))
+    made = with_component(whole, part, count=2).components[0]
+    summary = summarise(part)
+    assert body_of(made).mass == pytest.approx(summary.mass, rel=1e-12)
+    np.testing.assert_allclose(body_of(made).cg, summary.centre, atol=1e-12)
+    assert isinstance(made, Component)
+    model = mesh_structure(part)
+    rigid = rigid_columns(model.tree, model.rest, np.zeros(3))
+    M = mass_matrix(model, model.rest)
+    np.testing.assert_allclose(rigid_mass(made), rigid.T @ (M @ rigid), atol=1e-12)
+
+
+def test_a_rigid_component_is_a_body_on_its_gimbal():
+    """The payload of a gimbal as six rows of a rigid mass matrix: the same rest, torques and modes in 1-g."""
+    article = md.load_structure("articles/mace-simple.toml")
+    lab = md.load_environment("environments/lab.toml")
+    joint = next(j for j in article.joints if j.name == "pri_z")
+    body, (x, y, z) = joint.body, joint.body.mass * joint.body.cg
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    about = body.inertia + body.mass * (body.cg @ body.cg * np.eye(3) - np.outer(body.cg, body.cg))
+    part = Component(
+        name="payload",
+        grids=("1",),
+        frames=("pri_z",),
+        positions=np.zeros((1, 3)),
+        stiffness=np.zeros((6, 6)),
+        mass=np.block([[body.mass * np.eye(3), -cross], [cross, about]]),
+        axes=_attitude(article, "pri_z"),
+    )
+    bare = dataclasses.replace(joint, body=dataclasses.replace(body, mass=0.0, inertia=np.zeros((3, 3))))
+    joints = tuple(bare if j.name == "pri_z" else j for j in article.joints)
+    hung = dataclasses.replace(article, joints=joints, components=(part,))
+    rests = [md.solve_equilibrium(one, lab) for one in (article, hung)]
+    np.testing.assert_allclose(rests[1].holding_torque, rests[0].holding_torque, atol=1e-7)
+    np.testing.assert_allclose(rests[1].suspension.reaction, rests[0].suspension.reaction, rtol=1e-9)
+    true, found = (md.solve_modes(rest).frequency_hz for rest in rests)
+    np.testing.assert_allclose(found[:30], true[:30], rtol=1e-7)
+
+
+def _attitude(article, frame):
+    model = mesh_structure(article)
+    return model.drawn.R[model.frames.index(frame)]
+
+
+def test_grids_with_some_coordinates_and_arms():
+    """Rows of zeros for what a grid has not, and a grid at an offset from its node."""
+    whole, part = bent_beam(np.random.default_rng(9))
+    good = with_component(whole, part, count=4)
+    made = good.components[0]
+    orbit = md.Environment.orbit()
+    true = md.solve_modes(md.solve_equilibrium(good, orbit)).frequency_hz[6:16]
+    shift = np.array([0.1, -0.05, 0.2])
+    moved = dataclasses.replace(made, positions=made.positions + 0.7)  # its own origin is anywhere
+    arms = dataclasses.replace(moved, offsets=np.array([np.zeros(3), shift]))
+    nodes = [dataclasses.replace(n, position=n.position - shift) if n.name == "b" else n for n in good.nodes]
+    member = dataclasses.replace(good.members[0], start_offset=shift)
+    offset = dataclasses.replace(good, nodes=tuple(nodes), members=(member,), components=(arms,))
+    found = md.solve_modes(md.solve_equilibrium(offset, orbit)).frequency_hz[6:16]
+    np.testing.assert_allclose(found, true, rtol=1e-9)
+    # A fifth grid with nothing but a translation, which has neither stiffness nor mass, is refused.
+    K, M = (np.zeros((len(made.mass) + 6,) * 2) for _ in range(2))
+    keep = np.r_[0:12, 18 : len(K)]
+    K[np.ix_(keep, keep)], M[np.ix_(keep, keep)] = made.stiffness, made.mass
+    more = dataclasses.replace(
+        made,
+        grids=("a", "b", "c"),
+        frames=("a", "b", "c"),
+        positions=np.vstack([made.positions, whole.nodes[3].position]),
+        stiffness=K,
+        mass=M,
+        present=np.array([[True] * 6, [True] * 6, [True] + [False] * 5]),
+    )
+    assert any("neither stiffness nor mass" in fault for fault in component_faults(more))
+    none = dataclasses.replace(more, present=np.array([[True] * 6, [True] * 6, [False] * 6]))
+    assert not [*component_faults(none)]
+    same = dataclasses.replace(good, components=(none,))
+    found = md.solve_modes(md.solve_equilibrium(same, orbit)).frequency_hz[6:16]
+    np.testing.assert_allclose(found, true, rtol=1e-9)
