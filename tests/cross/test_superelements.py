@@ -51,6 +51,20 @@ def test_the_assembly_has_nastrans_frequencies(tmp_path, capfd, answer):
     assert structure.mass == pytest.approx(3.345436, rel=1e-6)
 
 
+def test_a_held_assembly_is_refused(tmp_path, capfd):
+    """Its clamps would be lost, and its modes be those of another structure."""
+    for name in ("inboard.asm", "outboard.asm", "inboard.pch", "outboard.pch", "inboard.op4", "outboard.op4"):
+        shutil.copy(DATA / name, tmp_path)
+    text = (DATA / "assemble.dat").read_text()
+    held = text.replace("BEGIN BULK", "SPC = 7\nBEGIN BULK", 1).replace("ENDDATA", "SPC1,7,123456,3\nENDDATA")
+    assert held.count("SPC") == text.count("SPC") + 2
+    (tmp_path / "held.dat").write_text(held)
+    ended = middeck(capfd, "convert", str(tmp_path / "held.dat"), "--units", "mm-kg-s-mN")
+    assert ended.code == 2
+    assert "the ground holds" in ended.err
+    assert "held.dat" in ended.err
+
+
 def test_each_component_is_a_body():
     inboard, outboard = external("inboard"), external("outboard")
     assert (inboard.modal, outboard.modal) == (8, 22)

@@ -34,7 +34,7 @@ def growth_limit(period_s: float | None = None) -> float:
     >>> growth_limit(1e-3) == GROWTH_LIMIT, growth_limit(1e-8) > GROWTH_LIMIT
     (True, True)
     """
-    return max(GROWTH_LIMIT, ROUNDINGS * np.finfo(float).eps / period_s) if period_s else GROWTH_LIMIT
+    return max(GROWTH_LIMIT, ROUNDINGS * float(np.finfo(float).eps) / period_s) if period_s else GROWTH_LIMIT
 
 
 def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:

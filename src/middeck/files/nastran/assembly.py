@@ -12,7 +12,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.files.faults import Fault
 from middeck.files.nastran.cards import Card
-from middeck.files.nastran.case_control import read_selection
+from middeck.files.nastran.case_control import Selection, read_selection
 from middeck.files.nastran.convert import Conversion, Formulation, convert_deck
 from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.deck import Deck
@@ -201,16 +201,24 @@ def _joined(
     return out
 
 
+def _check_free(cards: list[Card], selection: Selection) -> None:
+    """A clamp would stand at grids that the components share, which have no place in `convert_deck`."""
+    hint = "leave it out, and clamp the nodes of the article in an environment"
+    sets = [card for card in cards if card.name in ("SPC", "SPC1", "SPCADD")]
+    held = [card for card in sets if selection.selects("SPC", integer(card.fields[0]) or 0)]
+    held += [c for c in cards if c.name in ("GRID", "GRDSET") and "".join(c.fields[6:7]).strip()]
+    message = "a deck of superelements that the ground holds is not read"
+    raise_some([_fault(card, message, hint) for card in held])
+
+
 def _base(path: str | Path, bulk: Bulk, units: Units, formulation: Formulation, name: str) -> Conversion:
     """What stands beside the superelements; without elements, none of it is part of an article."""
     cards = [card for card in bulk.main if card.name not in OWN]
+    cend = next((i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head))
+    selection = read_selection(bulk.head[cend + 1 :])
+    _check_free(cards, selection)
     if any(card.name in ELEMENTS or (card.name not in PARSED and card.name not in IDLE) for card in cards):
-        entries = read_entries(cards)
-        cend = next(
-            (i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head)
-        )
-        selection = read_selection(bulk.head[cend + 1 :])
-        deck = Deck(str(path), selection, entries, (), not bulk.head, len(cards))
+        deck = Deck(str(path), selection, read_entries(cards), (), not bulk.head, len(cards))
         return convert_deck(deck, units, formulation, name)
     names = dict.fromkeys(card.name for card in cards)
     left = tuple(
@@ -230,4 +238,5 @@ def _base(path: str | Path, bulk: Bulk, units: Units, formulation: Formulation, 
         {},
         left,
         (),
+        {},
     )
