@@ -159,6 +159,7 @@ from .signals.record import (
 from .structure.correlation.correlate import correlate_modes as correlate_modes
 from .structure.correlation.frequencies import compare_frequencies as compare_frequencies
 from .structure.correlation.measured_modes import (
+    MeasuredModes as MeasuredModes,
     MeasurementNoise as MeasurementNoise,
     measure_modes as measure_modes,
 )
