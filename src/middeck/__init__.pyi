@@ -163,7 +163,9 @@ from .signals.record import (
     Record as Record,
 )
 from .structure.correlation.correlate import correlate_modes as correlate_modes
+from .structure.correlation.frequencies import compare_frequencies as compare_frequencies
 from .structure.correlation.measured_modes import (
+    MeasuredModes as MeasuredModes,
     MeasurementNoise as MeasurementNoise,
     measure_modes as measure_modes,
 )

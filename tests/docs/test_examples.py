@@ -300,6 +300,14 @@ def component(names: Names) -> None:
     assert names["md"].recover_outputs(names["modes"], "bus").modes.shape == (6, len(names["modes"].omega))
 
 
+def your_python_control_plant(names: Names) -> None:
+    """The delay is exact on the way in, and an approximation on the way back."""
+    np.testing.assert_allclose(names["ours"], names["theirs"], rtol=1e-12)
+    same = names["md"].evaluate_plant(names["same"], names["hz"]).H[:, 0, 0]
+    np.testing.assert_allclose(same, names["theirs"], rtol=1e-4)
+    np.testing.assert_allclose(names["back"](2j * np.pi * names["hz"]), names["theirs"], rtol=1e-6)
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -320,6 +328,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/design-a-controller.md": design_a_controller,
     "docs/how-to/test-on-the-simulated-rig.md": experiments_on_the_simulated_rig,
     "docs/how-to/qualify-a-compensator.md": qualify_a_compensator,
+    "docs/how-to/your-python-control-plant.md": your_python_control_plant,
     "docs/explanation/margins.md": margins,
     "docs/explanation/pointing-budgets.md": pointing_budgets,
     "docs/explanation/reduction.md": reduction,

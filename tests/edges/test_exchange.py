@@ -35,6 +35,7 @@ from middeck.files.exchange import (
 from middeck.signals.ports import Channel, Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, delay_plant, group_ports, name_states
+from middeck.systems.response import evaluate_plant
 from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.sampling import tustin
 from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
@@ -451,3 +452,18 @@ def test_its_transfer_functions_come_over() -> None:
         from_control(control.tf([1.0, 0.0, 0.0], [1.0, 1.0]))
     with pytest.raises(ConfigError, match="time base is open"):
         from_control(control.ss(-1.0, 1.0, 1.0, 0.0, None))
+
+
+def test_a_delay_beside_a_plant_of_theirs_is_exact() -> None:
+    matrices = [[-1.0, 2.0], [-2.0, -1.0]], np.eye(2), np.eye(2), np.zeros((2, 2))
+    delay_s = np.array([[0.1, 0.2], [0.3, 0.0]])
+    theirs = scipy.signal.StateSpace(*matrices)
+    omega = 2.0 * np.pi * np.array([0.2, 3.0])
+    G = np.array([np.linalg.inv(1j * w * np.eye(2) - theirs.A) * np.exp(-1j * w * delay_s) for w in omega])
+    found = evaluate_plant(from_scipy(theirs, delay_s=delay_s), omega / (2.0 * np.pi)).H
+    np.testing.assert_allclose(found, G, rtol=1e-12)
+    for wrong in (-0.1, np.nan, np.zeros((1, 2))):
+        with pytest.raises(ConfigError, match="delay"):
+            from_scipy(theirs, delay_s=wrong)
+    with pytest.raises(ConfigError, match="sampled"):
+        from_scipy(scipy.signal.StateSpace(*matrices, dt=0.1), delay_s=0.2)

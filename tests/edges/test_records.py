@@ -172,7 +172,7 @@ def test_rounded_time_stamps_are_even(tmp_path: Path) -> None:
         ("time [s],y:a [rad]\n0.0,1\n0.1,2\n", "r.csv", "no input channels"),
         ("time [s],torque [N m]\n0.0,1\n0.1,2\n", "r.csv", "nothing says which channels are inputs"),
         ("time [s],u:torque\n0.0,1\n", ":1", "column 2 is headed 'u:torque'"),
-        ("time [ms],u:t [V],y:a [V]\n0,1,2\n", ":1", "not time [s]"),
+        ("time [min],u:t [V],y:a [V]\n0,1,2\n", ":1", "not time [s]"),
         ("time [s],u:t [V],y:a [V],y:a [V]\n0,1,2,3\n1,2,3,4\n", "r.csv", "two channels are named 'a'"),
     ],
 )

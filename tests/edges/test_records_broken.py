@@ -81,12 +81,12 @@ CASES: dict[str, tuple[Builder, str]] = {
         "1 time functions"),
     # units
     "no unit in csv": (text("time [s],u:torque,y:angle [rad]\n0,1,2\n"), "column 2 is headed 'u:torque'"),
-    "time in ms": (text("time [ms],u:torque [V],y:angle [rad]\n0,1,2\n1,2,3\n"), "not time [s]"),
+    "time in minutes": (text("time [min],u:torque [V],y:angle [rad]\n0,1,2\n1,2,3\n"), "not time [s]"),
     "no unit in uff": (
         uff_rows(lambda rows: [r.replace("middeck 1", "bench   1").replace("rad", "") for r in rows]),
         "does not say its unit"),
     # decimal commas, marks and encodings
-    "decimal commas": (text("time [s];u:torque [N m];y:angle [rad]\n0,0;1,5;2\n"), "could not convert"),
+    "decimal commas": (text("time [s];u:torque [N m];y:angle [rad]\n0,0;1.001,5;2\n"), "no number"),
     "decimal commas between commas": (text(HEADER + "0,0,1,5,2,0\n0,1,3,0,4,0\n"), "mismatched lengths"),
     "utf-16": (text(HEADER + "0.0,1,2\n", encoding="utf-16"), "not CSV text"),
     # byte order

@@ -4,26 +4,35 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
 from middeck.files.json_input import json_numbers, read_json
 from middeck.files.json_output import write_json
+from middeck.files.records import UFF
 from middeck.structure.correlation.measured_modes import MeasuredModes
+
+if TYPE_CHECKING:
+    from middeck.structure.model.article import Structure
 
 MEASURED_SCHEMA = "middeck.measured-modes/1"
 REQUIRED = ("frequency_hz", "damping", "node", "direction", "shape")
-OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std")
+OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std", "position_m")
 
 
 def load_measured_modes(path: str | Path) -> MeasuredModes:
-    """The measured modes in the JSON file ``path`` (docs/reference/files.md).
+    """The measured modes in the file ``path``: JSON, a universal file (.unv, .uff) or CSV, by its ending.
+
+    docs/reference/files.md describes each. What a reader finds odd is in ``warnings`` of the modes.
 
     Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
     or inconsistent, if a key is unknown, or if a number is not finite or out of range.
     """
+    ending = Path(path).suffix.lower()
+    if ending in (*UFF, ".csv"):
+        return _load_other(Path(path), ending)
     data = read_json(path, MEASURED_SCHEMA, "docs/reference/files.md describes it")
     _check_keys(data, str(path))
     values = {k: _numbers(data[k], f"{path}, {k}") for k in ("frequency_hz", "damping")}
@@ -39,8 +48,28 @@ def load_measured_modes(path: str | Path) -> MeasuredModes:
         raise DataError(f"{error.where}: {error.what}", where=str(path), hint=advice) from None
 
 
-def write_measured_modes(path: str | Path, measured: MeasuredModes) -> None:
-    """Write ``measured`` whole or not at all; a real shape as rows of numbers, a complex one as re and im."""
+def _load_other(path: Path, ending: str) -> MeasuredModes:
+    from middeck.files.survey_csv import load_csv
+    from middeck.files.survey_uff import load_uff
+
+    try:
+        return load_csv(path) if ending == ".csv" else load_uff(path)
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="check the path") from None
+
+
+def write_measured_modes(
+    path: str | Path, measured: MeasuredModes, structure: Structure | None = None
+) -> None:
+    """Write ``measured`` whole or not at all: as a universal file (.unv, .uff), else as JSON.
+
+    JSON has a real shape as rows of numbers, a complex one as re and im. A universal file has nodes, shapes
+    with six digits, and the members of ``structure`` as trace lines; see `write_uff` for what it cannot hold.
+    """
+    if Path(path).suffix.lower() in UFF:
+        from middeck.files.survey_uff_write import write_uff
+
+        return write_uff(Path(path), measured, structure)
     shape = np.real(measured.shape) if measured.is_real else measured.shape
     stated = {k: v for k in OPTIONAL if (v := getattr(measured, k)) is not None}
     required = {k: getattr(measured, k) for k in REQUIRED} | {"shape": shape}

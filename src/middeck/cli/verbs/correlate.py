@@ -12,6 +12,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
+    from middeck.structure.correlation.frequencies import FrequencyComparison
 
 EPILOG = """\
 \b
@@ -41,7 +42,7 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 
 @click.command("correlate", cls=options.Verb, epilog=EPILOG)
 @options.article
-@click.argument("test", metavar="MODES.json")
+@click.argument("test", metavar="MODES")
 @options.environment
 @click.option(
     "--profile",
@@ -100,6 +101,8 @@ def verb(
 ) -> None:
     """Judge the modes of ARTICLE by measured ones.
 
+    MODES is JSON, a universal file (.unv, .uff) or CSV; a survey of frequencies alone is judged by frequency.
+
     Frequency error, cross- and self-orthogonality, MAC, COMAC, effective mass; each criterion of the profile
     with the probability that a correct model would meet it, given the noise of the test.
     """
@@ -109,6 +112,7 @@ def verb(
     from middeck.cli.cases import solve_case
     from middeck.files.measured_modes import load_measured_modes
     from middeck.structure.correlation.correlate import correlate_modes
+    from middeck.structure.correlation.frequencies import compare_frequencies
     from middeck.structure.correlation.measured_modes import MeasurementNoise
     from middeck.structure.correlation.profiles import Quantity, change_limit, find_profile
     from middeck.structure.correlation.reduction import Reduction
@@ -120,6 +124,14 @@ def verb(
         quantity = Quantity[name.replace("-", "_").upper()]
         criteria = change_limit(criteria, quantity, limit, "--limit of the command line")
     modes = solve_case(article, environment, overrides)
+    if not measured.node:
+        with reading(test):
+            alone = compare_frequencies(modes, measured, criteria)
+        document = {**describe_frequencies(alone), "test": test}
+        show(as_json, document, *_frequency_tables(document))
+        if require and not alone.passed:
+            click.get_current_context().exit(1)
+        return
     with reading(test):
         found = correlate_modes(
             modes,
@@ -180,6 +192,73 @@ def describe(found: Correlation) -> dict[str, Any]:
         "unmeasured": found.unmeasured,
         "warnings": (*modes.warnings, *found.warnings),
     }
+
+
+def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
+    """The JSON document of a survey of frequencies alone."""
+    modes, measured = found.modes, found.measured
+    ours, theirs = found.pairs.T
+    return {
+        "schema": "middeck.correlate-frequencies/1",
+        "article": modes.equilibrium.model.structure.title,
+        "environment": modes.equilibrium.environment.title,
+        "profile": found.profile.name,
+        "passed": found.passed,
+        "criteria": [
+            {
+                "quantity": f.criterion.quantity,
+                "group": f.criterion.group,
+                "limit": f.criterion.limit,
+                "worst": f.worst,
+                "met": f.met,
+            }
+            for f in found.findings
+        ],
+        "unjudged": [str(c) for c in found.unjudged],
+        "pairs": found.pairs,
+        "name": [modes.name[i] for i in ours],
+        "frequency_hz": modes.frequency_hz[ours],
+        "measured_hz": measured.frequency_hz[theirs],
+        "frequency_error": found.frequency_error,
+        "undecided": found.undecided,
+        "unpaired": found.unpaired,
+        "unmeasured": found.unmeasured,
+        "warnings": (*modes.warnings, *found.warnings),
+    }
+
+
+def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
+    keys = ("measured_hz", "frequency_hz", "frequency_error", "name")
+    rows = [
+        [
+            str(i),
+            f"{t:.4f}",
+            f"{m:.4f}",
+            f"{100.0 * e:+.2f}",
+            "no" if j in document["undecided"] else "yes",
+            n,
+        ]
+        for (i, j), t, m, e, n in zip(document["pairs"], *(document[k] for k in keys), strict=True)
+    ]
+    judged = [
+        [
+            f"{c['quantity'].value}, {c['group'].value}",
+            f"<= {c['limit']:g}",
+            "no mode" if c["worst"] is None else f"{c['worst']:.4f}",
+            "-" if c["worst"] is None else "yes" if c["met"] else "NO",
+        ]
+        for c in document["criteria"]
+    ]
+    missed = any(not c["met"] for c in document["criteria"])
+    verdict = "does not pass" if missed else "passes" if document["passed"] else "open: see the warnings"
+    return [
+        f"article      {document['article']}",
+        f"environment  {document['environment']}",
+        f"profile      {document['profile']}",
+        f"verdict      {verdict}",
+        Table("pairs by frequency alone", ["", "test Hz", "model Hz", "error %", "only one", "name"], rows),
+        Table("criteria on frequencies", ["criterion", "limit", "worst", "met"], judged),
+    ]
 
 
 def _probability(probability: Any) -> dict[str, Any]:

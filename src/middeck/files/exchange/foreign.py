@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.systems.plant import Plant, delay_plant
 from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system, series
 
 
@@ -20,6 +21,18 @@ def build_foreign(matrices: Mapping[str, Any], period_s: float | None, what: str
         return SampledStateSpace(**real, period_s=period_s)
     except ConfigError as error:
         raise ConfigError(f"the matrices do not fit: {error.where}: {error.what}", where=what) from None
+
+
+def with_delay(plant: Plant, delay_s: Any) -> Plant:
+    """``plant`` with one delay [s] for all paths, or one for each; no row or column stands for others."""
+    delays = np.asarray(delay_s, dtype=float)
+    if delays.ndim and delays.shape != plant.delay_s.shape:
+        raise ConfigError(
+            f"delays of shape {delays.shape} for {plant.delay_s.shape} outputs and inputs",
+            where="delay_s",
+            hint="one number, or a row for each output and a column for each input",
+        )
+    return delay_plant(plant, delays)
 
 
 def real_matrix(value: Any, where: str) -> np.ndarray:

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from middeck.errors import ConfigError, MissingExtraError
-from middeck.files.exchange.foreign import build_foreign, realise_ratio, settle_period
+from middeck.files.exchange.foreign import build_foreign, realise_ratio, settle_period, with_delay
 from middeck.files.exchange.named import Exchangeable, exchanged, known_ports, matrices_of
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
@@ -44,15 +47,23 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
     )
 
 
-def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | None = None) -> Plant:
+def from_control(
+    system: Any,
+    *,
+    like: Sequence[Port] = (),
+    period_s: float | None = None,
+    delay_s: float | Float[np.ndarray, "output input"] = 0.0,
+) -> Plant:
     """A state space, or a transfer function of one input and output, of python-control, with its names.
 
     Args:
         system: ``control.StateSpace`` or ``control.TransferFunction``.
         like: Ports whose namesakes here get their units and transducers.
         period_s: For a system whose dt is None or True; 0 for a continuous one.
+        delay_s: Delay [s] of all paths, or of each, which python-control has no place for; kept exact.
 
-    Raises `ConfigError` for a complex or improper system, an open time base, a transfer function with several
+    Raises `ConfigError` for a complex or improper system, an open time base, a negative delay, the delay of a
+    sampled system, a transfer function with several
     inputs or outputs, or an object that is neither.
     """
     what = f"{type(system).__name__} {getattr(system, 'name', '') or ''}".strip()
@@ -68,7 +79,8 @@ def from_control(system: Any, *, like: Sequence[Port] = (), period_s: float | No
     states = getattr(system, "state_labels", ()) if hasattr(system, "A") else ()
     own = tuple(f"x[{i}]" for i in range(len(found.A)))
     names = () if tuple(states) == own else _without_numbers(states)
-    return Plant(dynamics=found, inputs=inputs, outputs=outputs, state_names=names)
+    plant = Plant(dynamics=found, inputs=inputs, outputs=outputs, state_names=names)
+    return with_delay(plant, delay_s)
 
 
 def _library() -> Any:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.files.exchange import foreign
@@ -41,14 +42,16 @@ def from_scipy(
     outputs: Sequence[Port] = (),
     state_names: Sequence[str] = (),
     period_s: float | None = None,
+    delay_s: float | Float[np.ndarray, "output input"] = 0.0,
 ) -> Plant:
     """A `StateSpace`, `TransferFunction` or `ZerosPolesGain` of scipy.signal, continuous or sampled.
 
     Ports without a name are u1, u2 ... and y1, y2 ... Poles and zeros become a chain of sections of second
-    order, not coefficients of high order. ``period_s`` is for a ``dlti`` whose dt is True.
+    order, not coefficients of high order. ``period_s`` is for a ``dlti`` whose dt is True;
+    ``delay_s`` [s] is that of all paths of a continuous system, or of each, and is kept exact.
 
-    Raises `ConfigError` for a complex or improper system, an open sampling period, names that are not as many
-    as the ports, or an object that is none of these.
+    Raises `ConfigError` for a complex or improper system, an open sampling period, a delay that is negative
+    or of a sampled system, names that are not as many as the ports, or an object that is none of these.
     """
     import scipy.signal
 
@@ -61,7 +64,8 @@ def from_scipy(
     found = _matrices(system, period, what)
     rows, columns = found.D.shape
     ports = tuple(inputs) or name_ports("u", columns), tuple(outputs) or name_ports("y", rows)
-    return Plant(dynamics=found, inputs=ports[0], outputs=ports[1], state_names=tuple(state_names))
+    plant = Plant(dynamics=found, inputs=ports[0], outputs=ports[1], state_names=tuple(state_names))
+    return foreign.with_delay(plant, delay_s)
 
 
 def _matrices(system: Any, period: float | None, what: str) -> LinearSystem:

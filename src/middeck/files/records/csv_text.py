@@ -18,6 +18,7 @@ from middeck.errors import DataError
 from middeck.files.atomic import replacing
 from middeck.files.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
+from middeck.files.records.decimals import separator_of, with_points
 from middeck.files.records.ending import cut_short
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
 from middeck.files.records.stamps import JITTER, is_even, last_digit, mean_step, open_share, rate_of
@@ -26,6 +27,7 @@ from middeck.signals.ports import Channel
 from middeck.signals.record import RecordStream
 from middeck.values import record
 
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
 # Lines read at once.
 LINES = 8192
 AGAIN = "copy or record it again"
@@ -37,8 +39,8 @@ Row = tuple[int, list[str]]
 class Opening:
     """What stands before the numbers.
 
-    ``names`` of the columns (empty if there is no such line), whether the first of them is the time,
-    ``periods``, ``samples`` and ``channels`` as told in comments, and the separator.
+    ``names`` of the columns (empty if there is no such line), whether the first of them is the time and its
+    unit, ``periods``, ``samples`` and ``channels`` as told in comments, and the separator.
     """
 
     line: int
@@ -47,6 +49,7 @@ class Opening:
     periods: int | None
     separator: str
     samples: int | None = None
+    second: float = 1.0  # of the unit of the times
 
     def check_samples(self, count: int, file: Path) -> None:
         """Raise `DataError` where the file has fewer or more lines than it says."""
@@ -62,7 +65,8 @@ def read_csv(file: Path, variable: str) -> Raw:
     tables = [table for _, table in _tables(file, opening, LINES)]
     table = np.concatenate(tables) if tables else np.empty((0, len(opening.heads) + opening.timed))
     opening.check_samples(len(table), file)
-    rate, faults, share = None, cut_short(file, opening.heads, opening.separator), SAME_RATE
+    rate, share = None, SAME_RATE
+    faults = (*_said(file, opening), *cut_short(file, opening.heads, opening.separator))
     if opening.timed:
         digit = _last_digit(file, opening)
         rate, table, gaps = _on_one_grid(table, file, opening.heads, digit)
@@ -161,13 +165,13 @@ def _comment(line: str, where: str) -> dict[str, Any]:
 
 def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Opening:
     where = f"{file}:{number}"
-    separator = next((s for s in ("\t", ";") if s in line), ",")
+    separator = separator_of(line)
     cells = [c.strip() for c in next(csv.reader([line], delimiter=separator))]
     periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
     named = not all(map(_is_number, cells))
     heads = [_head(cell, k, told, where) if named else Head("", None, "") for k, cell in enumerate(cells)]
     timed = heads[0].name.lower() in ("time", "t")
-    if heads[0].unit not in ("s", None) if timed else any(h.side for h in heads):
+    if heads[0].unit not in (*SECONDS, None) if timed else any(h.side for h in heads):
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
     return Opening(
         line=number if named else number - 1,
@@ -176,7 +180,25 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
         periods=periods,
         separator=separator,
         samples=samples,
+        second=SECONDS.get(heads[0].unit or "s", 1.0) if timed else 1.0,
     )
+
+
+def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
+    """How numbers were read that others write otherwise: decimal commas, times that are not in seconds."""
+    said: list[str] = []
+    if opening.separator != "," and any("," in c for cells in _first_rows(file, opening) for c in cells):
+        said.append("decimal commas are read as points")
+    if opening.second != 1.0:
+        said.append(f"times are read in units of {opening.second:g} s, as the heading says")
+    hint = "nothing, if the file means it so"
+    return (channel_fault("format", "note", opening.heads[0], "; ".join(said), hint),) if said else ()
+
+
+def _first_rows(file: Path, opening: Opening) -> list[list[str]]:
+    with _opened(file) as text:
+        lines = itertools.islice(text, opening.line, opening.line + LINES)
+        return [row for row in csv.reader(lines, delimiter=opening.separator) if row and row[0][:1] != "#"]
 
 
 def _whole(told: dict[str, Any], key: str, where: str) -> int | None:
@@ -212,13 +234,17 @@ def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.n
             if cells and any(cells) and not cells[0].startswith("#")
         )
         while block := list(itertools.islice(rows, size)):
-            yield block[0][0], _numbers(block, width, file)
+            table = _numbers(block, width, file, opening.separator)
+            table[:, : int(opening.timed)] *= opening.second
+            yield block[0][0], table
 
 
-def _numbers(block: list[Row], width: int, file: Path) -> Float[np.ndarray, "line column"]:
+def _numbers(block: list[Row], width: int, file: Path, separator: str) -> Float[np.ndarray, "line column"]:
     try:
         table = np.array([cells for _, cells in block], dtype=float)
     except ValueError:
+        if separator != ",":
+            block = [(n, with_points(cells, f"{file}:{n}")) for n, cells in block]
         table = np.array([_line(row, width, file) for row in block])
     if table.shape[1] != width:
         _line(block[0], width, file)
@@ -232,7 +258,7 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     cut = "the file may be truncated here; cut or mend the line"
     if len(cells) != width:
         what = f"mismatched lengths: {len(cells)} values for {width} columns"
-        commas = "decimal commas? write numbers with a decimal point"
+        commas = "decimal commas? part the columns with semicolons, or write decimal points"
         raise DataError(what, where=where, hint=commas if len(cells) == 2 * width else cut)
     empty = next((k for k, c in enumerate(cells, 1) if not c.strip()), None)
     if empty is not None:
@@ -241,19 +267,12 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     try:
         return [float(c) for c in cells]
     except ValueError as error:
-        hint = "numbers with a decimal point only"
-        if any("," in c for c in cells):
-            hint = "decimal commas: write numbers with a decimal point"
-        raise DataError(str(error), where=where, hint=hint) from None
+        raise DataError(str(error), where=where, hint="numbers with a decimal point only") from None
 
 
 def _last_digit(file: Path, opening: Opening) -> float:
     """A unit of the last digit [s] with which the first stamps are printed."""
-    with _opened(file) as text:
-        rows = csv.reader(
-            itertools.islice(text, opening.line, opening.line + LINES), delimiter=opening.separator
-        )
-        return last_digit(row[0] for row in rows if row and not row[0].startswith("#"))
+    return opening.second * last_digit(row[0].replace(",", ".") for row in _first_rows(file, opening))
 
 
 def _on_one_grid(

@@ -13,13 +13,15 @@ from scipy.io.matlab import MatlabOpaque, MatReadError
 
 from middeck.errors import DataError
 from middeck.files.atomic import replacing
+from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.layout import build_raw, contents_of, is_own
-from middeck.files.records.raw import Raw, raw_matrix
+from middeck.files.records.raw import SAME_RATE, Head, Raw, raw_matrix
 from middeck.signals.record import Record
 
 # Of a system in state space, as `write_mat` and others write one.
 SYSTEM = frozenset("ABCD")
+SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 # Version 5 counts bytes in 32 bits.
 MOST_BYTES = 2**31
 BROKEN = (
@@ -29,7 +31,7 @@ BROKEN = (
 
 
 def read_mat(file: Path, variable: str) -> Raw:
-    """A record of the package's layout, or the matrix ``variable``, of either version.
+    """A record of the package's layout, u and y with fs or Ts, or the matrix ``variable``, of either version.
 
     A field of a structure is named with it: ``run.force``.
     """
@@ -42,7 +44,31 @@ def read_mat(file: Path, variable: str) -> Raw:
             where=str(file),
             hint="`qualify` takes one as plant or law; for the other verbs keep models and laws as JSON",
         )
+    if {"u", "y"} <= set(arrays) and not variable:
+        return _sides(arrays, file)
     return raw_matrix(arrays[pick(arrays, variable, file)], file)
+
+
+def _sides(arrays: dict[str, np.ndarray], file: Path) -> Raw:
+    """One run in the variables u and y [sample, channel], with the rate fs [Hz] or the period Ts [s]."""
+    rates = {n: float(arrays[n].item()) for n in ("fs", "Fs", "Ts") if n in arrays and arrays[n].size == 1}
+    told = [1.0 / v if n == "Ts" and v else v for n, v in rates.items()]
+    if not all(np.isfinite(r) and r > 0.0 and abs(r / told[0] - 1.0) <= SAME_RATE for r in told):
+        said = ", ".join(f"{n} = {v:g}" for n, v in rates.items())
+        raise DataError(f"no one sampling rate: {said}", where=str(file), hint="fs [Hz], or Ts = 1 / fs [s]")
+    heads: list[Head] = []
+    columns: list[np.ndarray] = []
+    for name, side in SIDES.items():
+        value = arrays[name]
+        matrix = raw_matrix(value.reshape(-1, 1) if value.ndim == 2 and len(value) == 1 else value, file)
+        width = len(matrix.x)
+        heads += [Head(name if width == 1 else f"{name}{k}", "", side) for k in range(1, width + 1)]
+        columns += matrix.x
+    lengths = sorted({x.size for x in columns})
+    if len(lengths) > 1:
+        what = f"u and y have {lengths[0]} and {lengths[-1]} samples"
+        raise DataError(what, where=str(file), hint="samples in rows, as many of each")
+    return Raw(sample_hz=told[0] if told else None, heads=tuple(heads), x=tuple(columns))
 
 
 def mat_arrays(file: Path) -> dict[str, np.ndarray]:

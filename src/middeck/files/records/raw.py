@@ -160,6 +160,11 @@ def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: 
 
 def _port(head: Head, column: NamedColumn, where: str) -> Port:
     unit = head.unit if column.unit is None else column.unit
+    if head.unit and unit != head.unit:
+        raise DataError(
+            f"is in {head.unit!r}; {unit!r} was stated", where=f"{where}, channel {head.name}",
+            hint="leave the unit out: the file says it; nothing is converted",
+        )  # fmt: skip
     if unit is None and not column.side and head.side:
         raise DataError(
             "the file does not say its unit", where=f"{where}, channel {head.name}",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Literal
@@ -109,12 +109,29 @@ class _Cursor:
         return 0 <= size <= self.left()
 
 
+@record
+class TextSet:
+    """A data set other than 58: its number, the line on which its content begins, and its lines."""
+
+    number: int
+    line: int
+    lines: tuple[str, ...]
+
+
 def scan(file: Path) -> list[Dataset]:
     """All data sets 58 of ``file``; others are passed over.
 
     Raises `DataError`, with the line, if the file is cut.
     """
-    found: list[Dataset] = []
+    return [found for found in _sets(file, ()) if isinstance(found, Dataset)]
+
+
+def scan_texts(file: Path, wanted: Collection[int]) -> list[TextSet]:
+    """The data sets of ``file`` whose numbers are ``wanted``, line by line; raises `DataError` as `scan`."""
+    return [found for found in _sets(file, wanted) if isinstance(found, TextSet)]
+
+
+def _sets(file: Path, wanted: Collection[int]) -> Iterator[Dataset | TextSet]:
     size = file.stat().st_size
     with open(file, "rb") as stream:
         cursor = _Cursor(stream, file)
@@ -128,11 +145,20 @@ def scan(file: Path) -> list[Dataset]:
                     where=cursor.where(), hint="a data set begins with -1 in columns 5 and 6",
                 )  # fmt: skip
             head = cursor.line("the number of a data set").decode("ascii", "replace")
-            if head[:6].strip() == "58":
-                found.append(_scan_58(cursor, head))
+            number = head[:6].strip()
+            if number == "58":
+                yield _scan_58(cursor, head)
+            elif number in map(str, wanted):
+                yield _scan_text(cursor, int(number))
             else:
                 _to_mark(cursor)
-    return found
+
+
+def _scan_text(cursor: _Cursor, number: int) -> TextSet:
+    begin, lines = cursor.number + 1, list[str]()
+    while (line := cursor.line("the end of a data set")).rstrip() != MARK:
+        lines.append(line.decode("utf-8", "replace").rstrip("\r\n"))
+    return TextSet(number, begin, tuple(lines))
 
 
 def _to_mark(cursor: _Cursor) -> int:

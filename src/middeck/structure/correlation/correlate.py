@@ -24,6 +24,7 @@ from middeck.structure.correlation.pass_probability import (
     run_correct_model,
     stated_noise,
 )
+from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
 from middeck.structure.correlation.units import doubt_units
@@ -114,6 +115,11 @@ def correlate_modes(
     Raises `ConfigError` for a channel that the model does not have, a test without stated noise, no mode in
     common, or channels that the reduction cannot work with.
     """
+    if not measured.node:
+        raise ConfigError(
+            "the test has frequencies alone", where="measured modes", hint="compare_frequencies judges these"
+        )
+    measured = place_channels(modes.equilibrium.model, measured)
     spread = stated_noise(measured, noise)
     if spread is None:
         raise ConfigError(
@@ -148,7 +154,11 @@ def correlate_modes(
         unpaired=unpaired,
         unmeasured=unmeasured,
         probability=correct.overall,
-        warnings=(*units, *_warnings(modes, measured, profile, findings, unpaired, unmeasured)),
+        warnings=(
+            *measured.warnings,
+            *units,
+            *_warnings(modes, measured, profile, findings, unpaired, unmeasured),
+        ),
     )
 
 

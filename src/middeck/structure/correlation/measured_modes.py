@@ -29,13 +29,17 @@ class MeasuredModes:
     """Modes identified in a test.
 
     Attributes:
-        frequency_hz, damping: Natural frequencies [Hz] and damping ratios.
+        frequency_hz, damping: Natural frequencies [Hz] and damping ratios, NaN where none is stated.
         node, direction: Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along
             the world axes), "rx", "ry", "rz" (rotation about them) or, of a joint relative to its carrier,
             "angle" or, where it slides, "travel".
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
+        position_m: Where each channel is, in world axes, where the test states it.
+        warnings: What the reader of a file found odd.
+
+    A survey of frequencies alone has no channels.
 
     Raises `DataError` for what no test can have measured: a frequency that is not positive, a shape that is
     zero or not finite, an unknown direction, two channels alike.
@@ -49,6 +53,8 @@ class MeasuredModes:
     frequency_std_hz: Float[np.ndarray, " mode"] | None = None
     damping_std: Float[np.ndarray, " mode"] | None = None
     shape_std: Float[np.ndarray, "channel mode"] | None = None
+    position_m: Float[np.ndarray, "channel 3"] | None = None
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _check_channels(self.node, self.direction, len(self.shape))
@@ -110,11 +116,12 @@ def _check_channels(node: tuple[str, ...], direction: tuple[str, ...], rows: int
 
 def _check_numbers(measured: MeasuredModes) -> None:
     optional = ("frequency_std_hz", "damping_std", "shape_std")
-    if not measured.shape.size:
-        raise DataError(f"shapes of {measured.shape.shape} channels and modes", where="measured modes")
-    for name in ("frequency_hz", "damping", "shape", *optional):
+    if not len(measured.frequency_hz):
+        raise DataError("no modes", where="measured modes")
+    for name in ("frequency_hz", "damping", "shape", *optional, "position_m"):
         value = getattr(measured, name)
-        if value is not None and not np.isfinite(value).all():
+        # A damping that no one stated is not a number.
+        if value is not None and not (np.isfinite(value) | ((name == "damping") & np.isnan(value))).all():
             raise DataError(f"{name} holds a number that is not finite", where="measured modes")
         if name in optional and value is not None and np.any(value < 0.0):
             raise DataError(f"{name} holds a negative number", where="measured modes")
@@ -125,7 +132,7 @@ def _check_numbers(measured: MeasuredModes) -> None:
             hint="must be > 0 Hz; leave rigid-body modes out",
         )
     still = np.flatnonzero(~np.any(measured.shape, axis=0))
-    if len(still):
+    if len(still) and len(measured.shape):
         raise DataError(f"the shape of mode {still[0]} is zero", where="measured modes")
 
 
@@ -151,12 +158,17 @@ def measure_modes(
     shape = np.asarray(sensor_rows(modes, node, direction) @ modes.shapes[:, index])
     damping = estimate_damping(modes, count=int(index.max(initial=0)) + 1).zeta[index]
     hz = modes.frequency_hz[index]
+    model = modes.equilibrium.model
+    at_m = model.drawn.p[[_frame(model, name) for name in node]]
     if noise is None:
-        return MeasuredModes(frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape)
+        return MeasuredModes(
+            frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m
+        )
     if rng is None:
         raise ConfigError("noise without a random generator", hint="rng=np.random.default_rng(seed)")
     hz_std, shape_std = noise.frequency * hz, noise.shape * sort_rms(direction, shape)
     return MeasuredModes(
+        position_m=at_m,
         frequency_hz=hz + hz_std * rng.standard_normal(hz.shape),
         damping=damping,
         node=node,

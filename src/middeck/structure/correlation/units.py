@@ -99,7 +99,7 @@ def _frequency(ratio: np.ndarray) -> list[str]:
 
 
 def _damping(modes: Modes, measured: MeasuredModes, ours: np.ndarray, theirs: np.ndarray) -> list[str]:
-    if len(ours) < FEWEST:
+    if len(ours) < FEWEST or not np.isfinite(measured.damping).all():
         return []
     zeta = estimate_damping(modes, count=int(ours.max()) + 1).zeta[ours]
     ratio = np.median(measured.damping[theirs]) / max(float(np.median(zeta)), 1e-12)

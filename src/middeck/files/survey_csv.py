@@ -1,0 +1,105 @@
+"""Modal surveys as CSV, one line a mode: frequency, damping and shapes, or frequencies alone."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.records.decimals import separator_of, with_points
+from middeck.structure.correlation.measured_modes import DIRECTIONS, STRAIGHT, MeasuredModes
+
+ADVICE = "the first line must read like: frequency [Hz],damping,n1.x,n1.y,n2.x"
+FREQUENCY = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi}
+DAMPING = {"": 1.0, "1": 1.0, "-": 1.0, "%": 0.01}
+LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+ANGLE = {"": 1.0, "rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0}
+TOLD = {
+    "frequency": ("frequency", FREQUENCY), "damping": ("damping", DAMPING),
+    "frequency std": ("frequency_std_hz", FREQUENCY), "damping std": ("damping_std", DAMPING),
+}  # fmt: skip
+
+
+def load_csv(path: Path) -> MeasuredModes:
+    """The survey in a CSV file; without columns of shapes, one of frequencies alone.
+
+    Columns are ``frequency [Hz]``, ``damping`` (a ratio, or ``[%]``), ``frequency std [Hz]``, ``damping std``
+    and real shapes headed node.direction, as ``n1.x [mm]``. A damping that is not there is not a number.
+
+    Raises `DataError`, with file and line, for headings that are not these, for units that are not known, and
+    for cells that are not numbers.
+    """
+    rows = _rows(path)
+    head, body = rows[0], rows[1:]
+    keys = [_key(cell, f"{path}:{head[0]}") for cell in head[1]]
+    twice = sorted({name for name, _ in keys if [n for n, _ in keys].count(name) > 1})
+    if twice or "frequency" not in dict(keys):
+        what = f"two columns {twice[0]!r}" if twice else "no column of frequencies"
+        raise DataError(what, where=f"{path}:{head[0]}", hint=ADVICE)
+    table = np.array([_numbers(cells, len(keys), f"{path}:{n}") for n, cells in body])
+    table = table.reshape(-1, len(keys)) * np.array([scale for _, scale in keys])
+    columns = dict(zip([name for name, _ in keys], table.T, strict=True))
+    plain = {field: columns.pop(name) for name, (field, _) in TOLD.items() if name in columns}
+    hz = plain.pop("frequency")
+    places = [name.rsplit(".", 1) for name in columns]
+    try:
+        return MeasuredModes(
+            frequency_hz=hz,
+            damping=plain.pop("damping", np.full(len(hz), np.nan)),
+            node=tuple(node for node, _ in places),
+            direction=tuple(way for _, way in places),
+            shape=np.array(list(columns.values())).reshape(len(places), len(hz)),
+            **plain,
+        )
+    except DataError as error:
+        raise DataError(error.what, where=str(path), hint=error.hint or ADVICE) from None
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Line number and cells of each line that says something."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        told = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+        mark = separator_of(told[0][1]) if told else ","
+        found = [(n, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for n, line in told]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataError(f"not CSV text: {error}", where=str(path), hint="save it as UTF-8 CSV") from None
+    if len(found) < 2:
+        raise DataError("no modes" if found else "the file has no lines", where=str(path), hint=ADVICE)
+    return found if mark == "," else [found[0], *((n, with_points(c, f"{path}:{n}")) for n, c in found[1:])]
+
+
+def _key(cell: str, where: str) -> tuple[str, float]:
+    """Name of a column in small letters, or node.direction; the factor that makes SI of it."""
+    found = re.fullmatch(r"([^\[\]]+?)\s*(?:\[([^\]]*)\])?", cell)
+    if found is None:
+        raise DataError(f"a column is headed {cell!r}", where=where, hint=ADVICE)
+    name, unit = found[1], (found[2] or "").strip()
+    plain = name.lower().replace("_", " ")
+    if plain in TOLD:
+        scales = TOLD[plain][1]
+        plain_unit = unit or ("Hz" if scales is FREQUENCY else "")
+    else:
+        node, _, way = name.rpartition(".")
+        if not node or way not in DIRECTIONS:
+            hint = f"{ADVICE}; directions are {', '.join(DIRECTIONS)}"
+            raise DataError(f"a column is headed {cell!r}", where=where, hint=hint)
+        plain, scales, plain_unit = name, LENGTH if way in STRAIGHT else ANGLE, unit
+    if plain_unit not in scales:
+        known = ", ".join(u for u in scales if u)
+        raise DataError(f"{name} is in {unit!r}", where=where, hint=f"one of {known}")
+    return plain, scales[plain_unit]
+
+
+def _numbers(cells: list[str], width: int, where: str) -> list[float]:
+    if len(cells) != width:
+        raise DataError(f"{len(cells)} cells for {width} columns", where=where, hint="one number a column")
+    try:
+        return [float(c) for c in cells]
+    except ValueError as error:
+        raise DataError(
+            str(error), where=where, hint="a number in each cell; leave columns with gaps out"
+        ) from None

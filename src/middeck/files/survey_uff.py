@@ -1,0 +1,244 @@
+"""Modal surveys in universal files: shapes in data sets 55 or 2414, nodes in 15 or 2411, units in 164.
+
+Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
+file formats). Header (151), trace lines (82) and functions (58) of the same file are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.records.uff58 import AGAIN, TextSet, fortran, scan_texts
+from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
+
+NODES, SHAPES, UNITS = (15, 2411), (55, 2414), 164
+NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an eigenvalue
+# Derivatives of displacement by the specific data type; of unknown and general data none.
+DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
+# Units of length in a metre by the code of units; 9 is the user's own.
+LENGTHS = {1: 1.0, 2: 3.28084, 3: 1.0, 4: 3.28084, 5: 1e3, 6: 1e2, 7: 39.3701, 8: 1e3, 10: 1e3}
+
+
+class Shape(NamedTuple):
+    """One mode: frequency [Hz], damping ratio, complex motions by node number, what is odd about it."""
+
+    hz: float
+    damping: float
+    rows: dict[int, np.ndarray]
+    is_complex: bool
+    warnings: tuple[str, ...]
+
+
+def load_uff(path: Path) -> MeasuredModes:
+    """The survey in a universal file, in SI; nodes are named by their numbers until an article is known.
+
+    Directions that no mode moves count as not measured, as the format has it (data set 55, note 15).
+
+    Raises `DataError`, with the line, for a file that is cut or holds no modes, for nodes with displacement
+    axes of their own, units that contradict themselves, and shapes that are not motions.
+    """
+    sets = scan_texts(path, (*NODES, *SHAPES, UNITS))
+    shapes = [mode for s in sets if s.number in SHAPES if (mode := _shape(s, path)) is not None]
+    if not shapes:
+        hint = "export mode shapes as data set 55 (normal mode, complex eigenvalue) or 2414"
+        raise DataError("no mode shapes", where=str(path), hint=hint)
+    factor = _metre([s for s in sets if s.number == UNITS], path)
+    places = {n: at for s in sets if s.number in NODES for n, at in _nodes(s, path).items()}
+    numbers = sorted({n for shape in shapes for n in shape.rows})
+    table = np.array([[_six(s.rows.get(n)) for s in shapes] for n in numbers]).reshape(-1, len(shapes), 6)
+    table[:, :, :3] /= factor or 1.0
+    moved = [(k, a) for k in range(len(numbers)) for a in range(6) if table[k, :, a].any()]
+    located = bool(places) and all(n in places for n in numbers)
+    said = dict.fromkeys(w for s in shapes for w in s.warnings)
+    if factor is None and (places or any(a > 2 for _, a in moved)):
+        said["no units (data set 164): lengths are taken as metres"] = None
+    if places and not located:
+        said["some nodes have no coordinates: nodes are known by their numbers only"] = None
+    value = np.array([table[k, :, a] for k, a in moved]).reshape(-1, len(shapes))
+    try:
+        return MeasuredModes(
+            frequency_hz=np.array([s.hz for s in shapes]),
+            damping=np.array([s.damping for s in shapes]),
+            node=tuple(str(numbers[k]) for k, _ in moved),
+            direction=tuple(AXES[a] for _, a in moved),
+            shape=value if any(s.is_complex for s in shapes) else np.real(value),
+            position_m=np.array([places[numbers[k]] for k, _ in moved]) / (factor or 1.0)
+            if located
+            else None,
+            warnings=tuple(said),
+        )
+    except DataError as error:
+        raise DataError(error.what, where=str(path), hint=error.hint) from None
+
+
+def _six(row: np.ndarray | None) -> np.ndarray:
+    """Six motions of a node; zeros where a mode leaves the node out, as the format allows."""
+    found = np.zeros(6, dtype=complex)
+    if row is not None:
+        found[: len(row)] = row
+    return found
+
+
+class _Lines:
+    """Walks through the lines of a data set and knows on which line of the file it is."""
+
+    def __init__(self, found: TextSet, path: Path) -> None:
+        self.lines, self.first, self.path, self.at = found.lines, found.line, path, 0
+
+    def where(self) -> str:
+        return f"{self.path}:{self.first + self.at - 1}"
+
+    def more(self) -> bool:
+        return any(line.strip() for line in self.lines[self.at :])
+
+    def line(self) -> str:
+        self.at += 1
+        if self.at > len(self.lines):
+            raise DataError("truncated: the data set ends early", where=self.where(), hint=AGAIN)
+        return self.lines[self.at - 1]
+
+    def whole(self, count: int) -> list[int]:
+        """The first ``count`` whole numbers of a line, ten columns each."""
+        text = self.line()
+        try:
+            found = [int(text[k : k + 10]) for k in range(0, len(text.rstrip()), 10)]
+        except ValueError:
+            found = []
+        if len(found) < count:
+            raise DataError(f"{text[:40]!r} is not {count} whole numbers", where=self.where(), hint=AGAIN)
+        return found[:count]
+
+    def real(self, count: int, width: int = 13, on_line: int = 6) -> np.ndarray:
+        """``count`` numbers, in fixed columns or parted by blanks."""
+        found: list[float] = []
+        while len(found) < count:
+            text, due = self.line().rstrip(), min(on_line, count - len(found))
+            parts = text.split()
+            if len(parts) != due:
+                parts = [text[k : k + width] for k in range(0, len(text), width)]
+            try:
+                values = [float(fortran(p.strip())) for p in parts]
+            except ValueError:
+                values = []
+            if len(values) != due or not np.isfinite(values).all():
+                raise DataError(f"{text[:60]!r} is not {due} numbers", where=self.where(), hint=AGAIN)
+            found += values
+        return np.array(found)
+
+
+def _metre(sets: list[TextSet], path: Path) -> float | None:
+    """Units of length in a metre; None where nothing says so."""
+    stated = {_length(s, path) for s in sets}
+    if len(stated) > 1:
+        raise DataError("several data sets 164 that differ", where=str(path), hint="export one unit system")
+    return next(iter(stated), None)
+
+
+def _length(found: TextSet, path: Path) -> float:
+    lines = _Lines(found, path)
+    text = lines.line()
+    if not text[:10].strip().isdigit():
+        raise DataError(f"{text[:10]!r} is no code of units", where=lines.where(), hint=AGAIN)
+    code = int(text[:10])
+    factor = float(lines.real(3, 25, 3)[0])
+    known = LENGTHS.get(code, factor)
+    if not factor > 0.0 or abs(factor / known - 1.0) > 1e-3:
+        raise DataError(
+            f"a length factor of {factor:g} with the units code {code}",
+            where=lines.where(),
+            hint=f"this code has {known:g} units of length in a metre; mend data set 164",
+        )
+    return factor
+
+
+def _nodes(found: TextSet, path: Path) -> dict[int, np.ndarray]:
+    lines, places = _Lines(found, path), dict[int, np.ndarray]()
+    while lines.more():
+        if found.number == 15:
+            text = lines.line()
+            inner = _Lines(TextSet(15, found.line + lines.at - 1, (text[:40], text[40:])), path)
+            number, _, axes, *_ = inner.whole(4)
+            at = inner.real(3)
+        else:
+            number, _, axes, *_ = lines.whole(4)
+            at = lines.real(3, 25, 3)
+        if axes > 1:
+            raise DataError(
+                f"node {number} has displacement axes of its own, system {axes}",
+                where=lines.where(),
+                hint="export shapes and nodes in global axes",
+            )
+        if number in places and not np.array_equal(places[number], at):
+            raise DataError(f"node {number} stands at two places", where=lines.where(), hint=AGAIN)
+        places[number] = at
+    return places
+
+
+def _shape(found: TextSet, path: Path) -> Shape | None:
+    """The mode in a data set 55 or 2414; None for what is no mode (static, transient, response)."""
+    lines = _Lines(found, path)
+    for _ in range(5 if found.number == 55 else 2):
+        lines.line()
+    if found.number == 2414:
+        if lines.whole(1)[0] != 1:
+            return None  # at elements
+        for _ in range(5):
+            lines.line()
+    _, analysis, characteristic, quantity, kind, per_node = lines.whole(6)
+    if analysis != NORMAL and analysis not in COMPLEX:
+        return None
+    sound = (characteristic, per_node) in ((2, 3), (3, 6)) and kind in (2, 4, 5, 6) and quantity in DERIVATIVE
+    if not sound:
+        raise DataError(
+            f"data characteristic {characteristic}, specific type {quantity}, data type {kind}, "
+            f"{per_node} values a node",
+            where=lines.where(),
+            hint="motions (0, 1, 8, 11 or 12) of 3 or 6 degrees of freedom, real or complex, are read",
+        )
+    hz, damping, root, said = _eigenvalue(lines, found.number, analysis)
+    is_complex = kind in (5, 6)
+    scale = 1.0 / root ** DERIVATIVE[quantity] if root else 1.0
+    rows = {n: scale * v for n, v in _rows(lines, per_node, is_complex)}
+    return Shape(hz=hz, damping=damping, rows=rows, is_complex=is_complex, warnings=said)
+
+
+def _eigenvalue(lines: _Lines, number: int, analysis: int) -> tuple[float, float, complex, tuple[str, ...]]:
+    """Frequency, damping ratio, the root that differentiates, what is odd."""
+    if number == 55:
+        ints = lines.whole(2)
+        real = lines.real(ints[1] if 1 <= ints[1] <= 12 else 1)
+        normal = real[[0, 2, 3]] if len(real) >= 4 else np.full(3, np.nan)
+        root = complex(*real[:2]) if len(real) >= 2 else complex(np.nan)
+    else:
+        lines.whole(8)
+        lines.whole(2)
+        first, second = lines.real(6), lines.real(6)
+        normal, root = first[[1, 4, 5]], complex(*second[:2])
+    if not np.isfinite(normal if analysis == NORMAL else root).all():
+        raise DataError("the mode states too few numbers", where=lines.where(), hint=AGAIN)
+    if analysis != NORMAL:
+        hz, ratio = abs(root) / (2.0 * np.pi), -root.real / abs(root) if root else 0.0
+        grows = (f"the mode of {hz:.6g} Hz has an eigenvalue with positive real part",) if ratio < 0.0 else ()
+        return hz, ratio, root, grows
+    hz, viscous, hysteretic = map(float, normal)
+    if viscous and hysteretic and abs(hysteretic / (2.0 * viscous) - 1.0) > 0.01:
+        said = (f"the mode of {hz:.6g} Hz states two dampings: the viscous ratio {viscous:g} is taken",)
+    else:
+        said = ()
+    return hz, viscous or 0.5 * hysteretic, complex(2.0 * np.pi * hz), said
+
+
+def _rows(lines: _Lines, per_node: int, is_complex: bool) -> Iterator[tuple[int, np.ndarray]]:
+    seen = set[int]()
+    while lines.more():
+        (number, *_) = lines.whole(1)
+        values = lines.real(per_node * (1 + is_complex))
+        if number in seen:
+            raise DataError(f"node {number} occurs twice in one mode", where=lines.where(), hint=AGAIN)
+        seen.add(number)
+        yield number, values[0::2] + 1j * values[1::2] if is_complex else values.astype(complex)

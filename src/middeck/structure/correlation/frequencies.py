@@ -1,0 +1,166 @@
+"""A model against a survey of frequencies alone: what they can tell, and where they leave open which mode is
+meant."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from middeck.errors import ConfigError
+from middeck.structure.correlation.effective_mass import measure_effective_mass
+from middeck.structure.correlation.evaluation import WINDOW, Candidates, Evaluation, criterion_values
+from middeck.structure.correlation.measured_modes import MeasuredModes
+from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
+from middeck.structure.modes.solve import Modes
+from middeck.values import record
+
+
+@record(kw_only=True)
+class FrequencyFinding:
+    """One criterion on frequencies: the worst error of the pairs that it applies to, None where to none."""
+
+    criterion: Criterion
+    worst: float | None
+    met: bool
+
+
+@record(kw_only=True)
+class FrequencyComparison:
+    """Frequencies of a model and a test, paired by nearness.
+
+    Attributes:
+        pairs: (mode, measured mode), one to one.
+        frequency_error: Of each pair, model over test less one.
+        findings: Of the criteria on frequencies.
+        unjudged: Criteria of the profile that need shapes.
+        unpaired, unmeasured: Measured modes without a partner within an octave, and modes of the model within
+            the test's band that have none.
+        undecided: Measured modes that another mode of the model fits within the limit, or nearly as well.
+    """
+
+    modes: Modes
+    measured: MeasuredModes
+    profile: Profile
+    pairs: Int[np.ndarray, "pair 2"]
+    frequency_error: Float[np.ndarray, " pair"]
+    findings: tuple[FrequencyFinding, ...]
+    unjudged: tuple[Criterion, ...]
+    unpaired: tuple[int, ...]
+    unmeasured: tuple[int, ...]
+    undecided: tuple[int, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the whole profile is shown to be met: never, where it has criteria on shapes."""
+        settled = not (self.unjudged or self.unpaired or self.undecided)
+        return settled and all(f.met for f in self.findings)
+
+
+def compare_frequencies(modes: Modes, measured: MeasuredModes, profile: Profile) -> FrequencyComparison:
+    """Pair frequencies so that the sum of their relative distances is least, and judge what they can tell.
+
+    Two modes of one frequency are not told apart by it: where the model has another mode that fits a measured
+    one within the profile's limit, or within twice the distance of its partner, the pair is ``undecided``.
+
+    Raises `ConfigError` where no mode of the model is within an octave of a measured one.
+    """
+    index = np.array(
+        [i for i, kind in enumerate(modes.kind) if kind != "rigid" and modes.frequency_hz[i] > 0.0], int
+    )
+    away = np.abs(np.log(modes.frequency_hz[index][:, None] / measured.frequency_hz))
+    # Beyond the window any partner is as bad as none.
+    ours, theirs = linear_sum_assignment(np.minimum(away, np.log(WINDOW)))
+    near = away[ours, theirs] < np.log(WINDOW)
+    order = np.argsort(theirs[near], kind="stable")
+    ours, theirs = ours[near][order], theirs[near][order]
+    if not len(ours):
+        raise ConfigError(
+            "no mode of the model is within an octave of a measured one",
+            where="measured modes",
+            hint="are the frequencies in Hz?",
+        )
+    pairs = np.stack([index[ours], theirs], axis=1)
+    error = modes.frequency_hz[pairs[:, 0]] / measured.frequency_hz[theirs] - 1.0
+    criteria = [c for c in profile.criteria if c.quantity is Quantity.FREQUENCY_ERROR]
+    limit = max((c.limit for c in criteria), default=0.0)
+    reach = np.maximum(limit, 2.0 * away[ours, theirs])
+    undecided = tuple(int(j) for j, r in zip(theirs, reach, strict=True) if np.sum(away[:, j] <= r) > 1)
+    low, high = measured.frequency_hz.min(), measured.frequency_hz.max()
+    partners = set(pairs[:, 0].tolist())
+    found = FrequencyComparison(
+        modes=modes,
+        measured=measured,
+        profile=profile,
+        pairs=pairs,
+        frequency_error=error,
+        findings=_judge(modes, index, ours, theirs, error, criteria, profile),
+        unjudged=tuple(c for c in profile.criteria if c not in criteria),
+        unpaired=tuple(sorted(set(range(len(measured.frequency_hz))) - set(theirs.tolist()))),
+        unmeasured=tuple(int(i) for i in index if low <= modes.frequency_hz[i] <= high and i not in partners),
+        undecided=undecided,
+        warnings=(),
+    )
+    return replace(found, warnings=_warnings(found))
+
+
+def _judge(
+    modes: Modes,
+    index: np.ndarray,
+    ours: np.ndarray,
+    theirs: np.ndarray,
+    error: np.ndarray,
+    criteria: list[Criterion],
+    profile: Profile,
+) -> tuple[FrequencyFinding, ...]:
+    effective = measure_effective_mass(modes).fraction[index]
+    model = Candidates(
+        frequency_hz=modes.frequency_hz[index],
+        shape=np.zeros((0, len(index))),
+        mass=np.zeros((0, 0)),
+        significant=np.any(effective > profile.significant_fraction, axis=1),
+        flexible=np.array([modes.kind[i] == "flexible" for i in index]),
+    )
+    size = len(ours)
+    frequencies = Evaluation(
+        pairs=np.stack([ours, theirs], axis=1),
+        frequency_error=error,
+        mac=np.zeros((len(index), size)),
+        comac=np.zeros(0),
+        cross_orthogonality=np.zeros((size, size)),
+        self_orthogonality=np.zeros((size, size)),
+    )
+    found: list[FrequencyFinding] = []
+    for criterion in criteria:
+        values, _ = criterion_values(model, frequencies, criterion)
+        worst = float(values.max()) if len(values) else None
+        found.append(
+            FrequencyFinding(criterion=criterion, worst=worst, met=worst is None or worst <= criterion.limit)
+        )
+    return tuple(found)
+
+
+def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
+    modes, hz = found.modes, found.measured.frequency_hz
+    partner = dict(zip(found.pairs[:, 1].tolist(), found.pairs[:, 0].tolist(), strict=True))
+    said = list(found.measured.warnings)
+    said += ["frequencies alone: pairs rest on their order of size, not on shapes"]
+    if found.unjudged:
+        said.append(f"{len(found.unjudged)} criteria of {found.profile.name} need shapes and are not judged")
+    if any(f.criterion.recalled for f in found.findings):
+        said.append(f"limits of {found.profile.name} are {RECALLED}")
+    said += [
+        f"measured mode {j} of {hz[j]:.4g} Hz: {modes.name[partner[j]]!r} of "
+        f"{modes.frequency_hz[partner[j]]:.4g} Hz is not the only mode of the model that fits"
+        for j in found.undecided
+    ]
+    said += [f"measured mode {j} of {hz[j]:.4g} Hz has no partner in the model" for j in found.unpaired]
+    said += [
+        f"mode {i} {modes.name[i]!r} of {modes.frequency_hz[i]:.4g} Hz was not measured"
+        for i in found.unmeasured
+    ]
+    said += [f"no measured mode is judged by: {f.criterion}" for f in found.findings if f.worst is None]
+    return tuple(said)

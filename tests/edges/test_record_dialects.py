@@ -1,0 +1,95 @@
+"""Records as other programs save them: decimal commas, times in ms, u and y with fs, units that differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+import middeck as md
+from middeck.errors import DataError
+from middeck.files.records import load_record, name_columns, open_record, read_record
+from middeck.signals.record import Record
+
+RNG = np.random.default_rng(3)
+U, Y = RNG.standard_normal((2, 50))
+
+
+def written(path: Path, unit: str, scale: float, mark: str, point: str) -> Path:
+    lines = [mark.join((f"time [{unit}]", "u:force [N]", "y:way [m]"))]
+    for k, (u, y) in enumerate(zip(U, Y, strict=True)):
+        lines.append(
+            mark.join((f"{scale * k / 256.0:.6f}", repr(float(u)), repr(float(y)))).replace(".", point)
+        )
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 1e3), ("s", 1.0), ("us", 1e6)])
+@pytest.mark.parametrize(("mark", "point"), [(";", ","), ("\t", ","), (",", ".")])
+def test_times_and_decimals_of_csv(tmp_path: Path, unit: str, scale: float, mark: str, point: str) -> None:
+    path = written(tmp_path / "run.csv", unit, scale, mark, point)
+    found = read_record(path)
+    assert found.record.sample_hz == 256.0
+    assert np.array_equal(found.record.u[0, 0, :, 0], U)
+    assert np.array_equal(found.record.y[0, 0, :, 0], Y)
+    said = [f.what for f in found.faults]
+    expected = (("decimal commas",) if point == "," else ()) + (() if unit == "s" else ("times",))
+    assert len(said) == bool(expected)
+    assert all(word in said[0] for word in expected)
+    stream = open_record(path)
+    assert np.array_equal(np.concatenate([y for _, y in stream.blocks(16)])[:, 0], Y)
+    assert stream.sample_hz == 256.0
+
+
+@pytest.mark.parametrize("cell", ["1.234,5", "1,234,567", "1,2,3"])
+def test_marks_between_thousands_are_refused(tmp_path: Path, cell: str) -> None:
+    (tmp_path / "run.csv").write_text(f"time [s];u:force [N];y:way [m]\n0,0;{cell};1\n0,1;2;3\n")
+    with pytest.raises(DataError, match="is no number"):
+        load_record(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("rate", [{"fs": 256.0}, {"Ts": 1.0 / 256.0}, {"Fs": 256.0, "Ts": 1.0 / 256.0}])
+@pytest.mark.parametrize("as_row", [False, True])
+def test_u_and_y_of_a_mat_file(tmp_path: Path, rate: dict[str, float], as_row: bool) -> None:
+    u = U[None, :] if as_row else U[:, None]
+    scipy.io.savemat(tmp_path / "run.mat", {"u": u, "y": np.column_stack([Y, U]), **rate})
+    found = load_record(tmp_path / "run.mat")
+    expected = Record(
+        sample_hz=256.0,
+        u=U[None, None, :, None],
+        y=np.column_stack([Y, U])[None, None],
+        inputs=(md.Port("u", ""),),
+        outputs=(md.Port("y1", ""), md.Port("y2", "")),
+        periodic=False,
+    )
+    assert found == expected
+    named = load_record(tmp_path / "run.mat", name_columns(["1=force [N]"], ["2=way [m]"]))
+    assert (named.inputs[0].unit, named.outputs[0].name) == ("N", "way")
+
+
+@pytest.mark.parametrize(
+    ("contents", "says"),
+    [
+        ({"u": U[:, None], "y": Y[:, None]}, "no sampling rate"),
+        ({"u": U[:, None], "y": Y[:, None], "fs": 256.0, "Ts": 0.01}, "no one sampling rate"),
+        ({"u": U[:, None], "y": Y[:, None], "fs": -1.0}, "no one sampling rate"),
+        ({"u": U[:, None], "y": Y[:40, None], "fs": 256.0}, "40 and 50 samples"),
+        ({"u": U[:, None] + 1j, "y": Y[:, None], "fs": 256.0}, "complex128"),
+    ],
+)
+def test_a_mat_file_that_contradicts_itself_is_refused(
+    tmp_path: Path, contents: dict[str, np.ndarray | float], says: str
+) -> None:
+    scipy.io.savemat(tmp_path / "run.mat", contents)
+    with pytest.raises(DataError, match=says):
+        load_record(tmp_path / "run.mat")
+
+
+def test_a_unit_that_the_file_states_otherwise_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "run.csv", "s", 1.0, ",", ".")
+    assert load_record(path, name_columns(["force [N]"], ["way"])).inputs[0].unit == "N"
+    with pytest.raises(DataError, match="'N'; 'kN' was stated"):
+        load_record(path, name_columns(["force [kN]"], ["way [m]"]))
