@@ -48,6 +48,7 @@ def joined_superelements(deck: str, chosen: ConvertSettings, name: str, target: 
         "schema": "middeck.convert/1",
         "deck": deck,
         "written": target,
+        "environment": None,
         "components": list(parts),
         "units": units._asdict() | {"force": units.force},
         "mass_formulation": chosen.mass_formulation,

@@ -79,6 +79,8 @@ def verb(
     given = {"units": units, "mass_formulation": mass_formulation}
     chosen = settle(ConvertSettings, given, overrides)
     if has_superelements(deck):
+        if held_target:
+            raise click.UsageError("--environment: nothing holds a deck of superelements that can be read")
         document = joined_superelements(deck, chosen, article_name(deck), target)
         show(as_json, document, *_blocks(document), *summary_lines(document), *measure_lines(document))
         return

@@ -206,7 +206,9 @@ def _check_free(cards: list[Card], selection: Selection) -> None:
     hint = "leave it out, and clamp the nodes of the article in an environment"
     sets = [card for card in cards if card.name in ("SPC", "SPC1", "SPCADD")]
     held = [card for card in sets if selection.selects("SPC", integer(card.fields[0]) or 0)]
-    held += [c for c in cards if c.name in ("GRID", "GRDSET") and "".join(c.fields[6:7]).strip()]
+    held += [
+        c for c in cards if c.name in ("GRID", "GRDSET") and "".join(c.fields[6:7]).strip() not in ("", "0")
+    ]
     message = "a deck of superelements that the ground holds is not read"
     raise_some([_fault(card, message, hint) for card in held])
 
