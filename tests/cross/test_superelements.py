@@ -56,7 +56,7 @@ def test_a_held_assembly_is_refused(tmp_path, capfd):
     for name in ("inboard.asm", "outboard.asm", "inboard.pch", "outboard.pch", "inboard.op4", "outboard.op4"):
         shutil.copy(DATA / name, tmp_path)
     text = (DATA / "assemble.dat").read_text()
-    held = text.replace("BEGIN BULK", "SPC = 7\nBEGIN BULK", 1).replace("ENDDATA", "SPC1,7,123456,3\nENDDATA")
+    held = text.replace("BEGIN BULK", "SPC = 7\nBEGIN BULK", 1).replace("$RBE2", "SPC1,7,123456,3\n$RBE2", 1)
     assert held.count("SPC") == text.count("SPC") + 2
     (tmp_path / "held.dat").write_text(held)
     ended = middeck(capfd, "convert", str(tmp_path / "held.dat"), "--units", "mm-kg-s-mN")
