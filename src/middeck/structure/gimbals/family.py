@@ -442,4 +442,4 @@ def _name(rest: Equilibrium, spectrum: Spectrum, mode: int) -> str:
     """
     M, shape = spectrum.mass, spectrum.shapes[:, mode]
     kind = find_kinds(rest, M, spectrum.lam[[mode]], shape[:, None], 0).kind
-    return name_modes(rest, M, shape[:, None], kind, ())[0]
+    return name_modes(rest, M, spectrum.lam[[mode]], shape[:, None], kind, ())[0]
