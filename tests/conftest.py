@@ -25,7 +25,7 @@ SEED = 1993
 SHARE = 20  # `make test` runs a twentieth of each campaign
 
 # Independent programs with environments of their own; nothing here imports them.
-collect_ignore = ["cross/sheet_by_autodiff", "cross/suspended_bus", "cross/uff"]
+collect_ignore = ["cross/sheet_by_autodiff", "cross/suspended_bus", "cross/survey", "cross/uff"]
 collect_ignore_glob = ["cross/*/make_*.py"]
 
 settings.register_profile("ours", max_examples=20 * SHARE if LONG else 20, derandomize=True, deadline=None)
