@@ -17,13 +17,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import middeck as md
-from middeck.plot.amplitude import amplitude
+from middeck.plot.amplitude import draw_amplitude
 from middeck.plot.budget import budget_figure
 from middeck.plot.curves import draw_magnitude
 from middeck.plot.fit import fit_figure
-from middeck.plot.gimbal_family import gimbal_family
+from middeck.plot.gimbal_family import draw_gimbal_family
 from middeck.plot.gravity_path import gravity_path_figure
-from middeck.plot.nyquist import nyquist
+from middeck.plot.nyquist import draw_nyquist
 from middeck.plot.shapes import Shown, shapes_figure
 from middeck.plot.stabilisation import stabilisation
 from middeck.plot.style import COLOUR, DASHES, LABEL, frequency_axis, new_figure, styled
@@ -175,19 +175,19 @@ def margins() -> Figure:
         output=[1.0], input=[1.0], disturbed=("pri_rel_z",), process=[[1e-4]], sensor=[4e-10]
     )
     law = md.design_lqg(md.approximate_delays(plant, 3), weights, 1e2)
-    return nyquist(md.trace_return_ratio(plant, law), md.measure_margins(plant, law))
+    return draw_nyquist(md.trace_return_ratio(plant, law), md.measure_margins(plant, law))
 
 
 def gimbals() -> Figure:
     """Frequencies of the modes and torque of the motors against the angle of a gimbal."""
     angles = np.radians(np.arange(0.0, 106.0, 7.5))
-    return gimbal_family(md.sweep_gimbals(*case("mace-dm"), {"pri_z": angles}, **GIMBAL, count=16))
+    return draw_gimbal_family(md.sweep_gimbals(*case("mace-dm"), {"pri_z": angles}, **GIMBAL, count=16))
 
 
 def friction() -> Figure:
     """Stiffness of a bearing with friction, and frequency and damping of the modes, against amplitude."""
     bearing = md.Friction(slip_torque=0.02, stiffness=20.0)
-    return amplitude(md.sweep_amplitude(
+    return draw_amplitude(md.sweep_amplitude(
         hung(), joint="pri_z", elements=[bearing], amplitudes=np.geomspace(1e-4, 0.3, 60)
     ))  # fmt: skip
 

@@ -137,6 +137,14 @@ from .identification.uncertainty.response_bounds import (
     simultaneous_bounds as simultaneous_bounds,
 )
 from .joints.friction import Friction as Friction
+from .laboratory.article import (
+    rig_article_plant as rig_article_plant,
+    solve_rig_article as solve_rig_article,
+)
+from .plot.amplitude import draw_amplitude as draw_amplitude
+from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
+from .plot.nichols import draw_nichols as draw_nichols
+from .plot.nyquist import draw_nyquist as draw_nyquist
 from .realtime.drift import (
     Drift as Drift,
     age_plant as age_plant,
@@ -169,7 +177,11 @@ from .structure.correlation.measured_modes import (
     MeasurementNoise as MeasurementNoise,
     measure_modes as measure_modes,
 )
-from .structure.correlation.profiles import find_profile as find_profile
+from .structure.correlation.profiles import (
+    Quantity as Quantity,
+    change_limit as change_limit,
+    find_profile as find_profile,
+)
 from .structure.correlation.reduction import Reduction as Reduction
 from .structure.gimbals.amplitude import sweep_amplitude as sweep_amplitude
 from .structure.gimbals.family import sweep_gimbals as sweep_gimbals

@@ -5,7 +5,7 @@ import pytest
 
 import middeck as md
 from middeck.joints.deadband import Deadband
-from middeck.plot.amplitude import amplitude
+from middeck.plot.amplitude import draw_amplitude
 from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.structure.model.article import Joint
 from structure_builders import body, node, structure
@@ -21,7 +21,7 @@ def curves():
 
 
 def test_it_shows_the_modes_that_move_and_where_harmonic_balance_is_a_sketch(curves, tmp_path):
-    figure = amplitude(curves)
+    figure = draw_amplitude(curves)
     middle = figure.axes[1]
     labels = middle.get_legend_handles_labels()[1]
     assert labels[0].startswith("gimbal pri x, 0.00 to 1.6")
@@ -36,7 +36,7 @@ def test_it_shows_the_modes_that_move_and_where_harmonic_balance_is_a_sketch(cur
 
 
 def test_it_shows_what_is_asked_for(curves):
-    labels = amplitude(curves, show=[10, 11]).axes[1].get_legend_handles_labels()[1]
+    labels = draw_amplitude(curves, show=[10, 11]).axes[1].get_legend_handles_labels()[1]
     assert [text.split(",")[0] for text in labels] == ["first bending x-y", "first bending x-z"]
 
 
@@ -56,7 +56,7 @@ def test_a_slide_is_drawn_in_its_own_units():
     A = np.geomspace(1e-4, 1e-2, 9)
     found = sweep_amplitude(modes, joint="rail", elements=[Deadband(1e-3, 200.0)], amplitudes=A)
     assert found.slides
-    top, middle, bottom = amplitude(found).axes
+    top, middle, bottom = draw_amplitude(found).axes
     assert top.get_ylabel() == "[N/m]"
     assert bottom.get_xlabel() == "amplitude of rail [mm]"
     assert np.array_equal(middle.get_lines()[0].get_xdata(), 1e3 * A)
@@ -64,7 +64,7 @@ def test_a_slide_is_drawn_in_its_own_units():
 
 def test_a_turning_joint_is_drawn_in_degrees(curves):
     assert not curves.slides
-    top, middle, bottom = amplitude(curves).axes
+    top, middle, bottom = draw_amplitude(curves).axes
     assert top.get_ylabel() == "[N m/rad]"
     assert bottom.get_xlabel() == "amplitude of pri_x [deg]"
     assert np.array_equal(middle.get_lines()[0].get_xdata(), np.degrees(curves.amplitude))

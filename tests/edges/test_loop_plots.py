@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from middeck.control.analysis import Margins, ReturnRatio, measure_margins, trace_return_ratio
 from middeck.control.law.compensator import Compensator
-from middeck.plot.nichols import nichols
-from middeck.plot.nyquist import nyquist, title_of
+from middeck.plot.nichols import draw_nichols
+from middeck.plot.nyquist import draw_nyquist, title_of
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, delay_plant
@@ -39,7 +39,7 @@ def drawn(figure: Figure, colour: str) -> np.ndarray:
 
 def test_the_curve_passes_its_crossings_and_keeps_off_its_disk() -> None:
     ratio, margins = looked_at(0.05)
-    curve = drawn(nyquist(ratio, margins), "#0072B2")
+    curve = drawn(draw_nyquist(ratio, margins), "#0072B2")
     curve = curve[np.isfinite(curve[:, 0])] @ np.array([1.0, 1.0j])
     one = margins.loops[0]
     for point in [*-np.exp(1j * one.phase_rad), *(-1.0 / one.gain)]:
@@ -53,7 +53,7 @@ def test_the_curve_passes_its_crossings_and_keeps_off_its_disk() -> None:
 
 def test_nichols_shows_unit_gain_at_its_phase() -> None:
     ratio, margins = looked_at(0.05)
-    dots = drawn(nichols(ratio, margins), "#009E73")
+    dots = drawn(draw_nichols(ratio, margins), "#009E73")
     assert np.sort(dots[:, 0]) == pytest.approx(np.sort(np.degrees(margins.loops[0].phase_rad) - 180.0))
     assert not dots[:, 1].any()
 
@@ -61,14 +61,15 @@ def test_nichols_shows_unit_gain_at_its_phase() -> None:
 def test_an_unstable_loop_is_said_to_be_and_has_no_disk() -> None:
     ratio, margins = looked_at(0.9)
     assert not margins.stable
-    figure = nyquist(ratio, margins)
+    figure = draw_nyquist(ratio, margins)
     assert not figure.axes[0].patches
     assert "unstable" in title_of(margins.loops[0], stable=False)
     assert "unstable" in figure.axes[0].get_title(loc="left")
 
 
 def test_one_legend_stands_under_the_pictures_and_names_what_is_drawn() -> None:
-    for draw, named in ((nyquist, ("unit circle", "disk of the disk margin")), (nichols, ("|L/(1 + L)|",))):
+    legends = ((draw_nyquist, ("unit circle", "disk of the disk margin")), (draw_nichols, ("|L/(1 + L)|",)))
+    for draw, named in legends:
         figure = draw(*looked_at(0.05))
         assert not any(axes.get_legend() for axes in figure.axes)
         (legend,) = figure.legends

@@ -9,7 +9,7 @@ import pytest
 
 from middeck.errors import ConfigError, UnstableEquilibriumError
 from middeck.files.documents import load_setup
-from middeck.plot.gimbal_family import gimbal_family
+from middeck.plot.gimbal_family import draw_gimbal_family
 from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
 from middeck.structure.model.article import (
     Actuator,
@@ -277,7 +277,7 @@ def test_a_point_without_a_rest_state_does_not_lose_the_others():
 
 
 def test_the_figure_shows_frequencies_and_torques_of_one_cut(family: GimbalFamily):
-    figure = gimbal_family(family)
+    figure = draw_gimbal_family(family)
     top, bottom = figure.axes
     drawn = {line.get_label(): line.get_ydata() for line in top.lines}
     column = family.name.index("payload pendulum p")
@@ -296,11 +296,11 @@ def test_the_figure_shows_frequencies_and_torques_of_one_cut(family: GimbalFamil
         (x.get_color(), x.get_linestyle(), x.get_marker()) for x in top.lines if x.get_marker() != "None"
     ]
     assert len(set(looks)) == len(looks)
-    cut = gimbal_family(grid, "z", others=[0.5])
+    cut = draw_gimbal_family(grid, "z", others=[0.5])
     assert np.array_equal(cut.axes[1].lines[0].get_ydata(), grid.holding_torque[3:, 0])
     for arguments in (("y", None), ("z", [0.25]), ("z", [0.0, 0.5])):
         with pytest.raises(ConfigError):
-            gimbal_family(grid, arguments[0], others=arguments[1])
+            draw_gimbal_family(grid, arguments[0], others=arguments[1])
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ COLOURS = ("orbit", "lab", "prediction", "low", "high", "ink")
 
 
 @styled
-def amplitude(curves: AmplitudeCurves, show: Sequence[int] | None = None) -> Figure:
+def draw_amplitude(curves: AmplitudeCurves, show: Sequence[int] | None = None) -> Figure:
     """Equivalent stiffness of the joint, relative frequency and damping of each mode, over the amplitude.
 
     ``show`` are positions in ``curves`` of modes that are not at rest throughout; by default those whose

@@ -25,7 +25,7 @@ MOVES = 0.02
 
 
 @styled
-def gimbal_family(
+def draw_gimbal_family(
     family: GimbalFamily, joint: str | None = None, *, others: Sequence[float] | None = None
 ) -> Figure:
     """Frequency of every branch, and the torque of every swept axis, against the angle of ``joint``.

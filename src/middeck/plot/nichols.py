@@ -16,7 +16,7 @@ REACH_DB = 40.0
 
 
 @styled
-def nichols(ratio: ReturnRatio, margins: Margins, reach_db: float = REACH_DB) -> Figure:
+def draw_nichols(ratio: ReturnRatio, margins: Margins, reach_db: float = REACH_DB) -> Figure:
     """Gain [dB] of L over its phase, from -360 to 0 degrees, one picture a channel.
 
     The critical point is at -180 degrees and 0 dB; grey are contours of |L/(1 + L)|. Dots are unit gain,

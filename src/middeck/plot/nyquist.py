@@ -15,7 +15,7 @@ REACH = 2.5
 
 
 @styled
-def nyquist(ratio: ReturnRatio, margins: Margins, reach: float = REACH) -> Figure:
+def draw_nyquist(ratio: ReturnRatio, margins: Margins, reach: float = REACH) -> Figure:
     """L(j omega) of each channel for positive frequencies, one picture each, critical point -1.
 
     Shaded is the disk of the channel's own disk margin: the curve touches it, and no more. Dots are unit gain

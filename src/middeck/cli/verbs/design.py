@@ -125,11 +125,11 @@ def verb(
 def _draw(plant: Plant, designed: DesignedLoop, settings: LoopSettings, file: str) -> None:
     """Nyquist's plot of each loop, broken at the plant's inputs."""
     from middeck.control.analysis import measure_margins, trace_return_ratio
-    from middeck.plot.nyquist import nyquist
+    from middeck.plot.nyquist import draw_nyquist
 
     law = designed.compensator
     figures.write_figure(
-        nyquist(trace_return_ratio(plant, law), measure_margins(plant, law)),
+        draw_nyquist(trace_return_ratio(plant, law), measure_margins(plant, law)),
         file,
         key="design",
         title=f"Return ratio at log10 authority {settings.log10_authority:g}",
