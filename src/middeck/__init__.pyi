@@ -145,6 +145,7 @@ from .plot.amplitude import draw_amplitude as draw_amplitude
 from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
 from .plot.nichols import draw_nichols as draw_nichols
 from .plot.nyquist import draw_nyquist as draw_nyquist
+from .plot.shapes import draw_shapes as draw_shapes
 from .realtime.drift import (
     Drift as Drift,
     age_plant as age_plant,

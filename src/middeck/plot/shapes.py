@@ -98,6 +98,11 @@ def label_of(drawing: Drawing, shape: int) -> str:
 
 
 @styled
+def draw_shapes(drawing: Drawing) -> Figure:
+    """Every shape of ``drawing`` in a panel of its own."""
+    return shapes_figure([drawing], [[Shown(drawing=0, shape=i)] for i in range(len(drawing.name))])
+
+
 def shapes_figure(
     drawings: Sequence[Drawing], rows: Sequence[Sequence[Shown | None]], titles: Sequence[str] = ()
 ) -> Figure:
