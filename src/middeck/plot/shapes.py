@@ -97,12 +97,12 @@ def label_of(drawing: Drawing, shape: int) -> str:
     return f"{drawing.number[shape]}: {drawing.frequency_hz[shape]:.4g} Hz\n{name}{alike}"
 
 
-@styled
 def draw_shapes(drawing: Drawing) -> Figure:
     """Every shape of ``drawing`` in a panel of its own."""
     return shapes_figure([drawing], [[Shown(drawing=0, shape=i)] for i in range(len(drawing.name))])
 
 
+@styled
 def shapes_figure(
     drawings: Sequence[Drawing], rows: Sequence[Sequence[Shown | None]], titles: Sequence[str] = ()
 ) -> Figure:
