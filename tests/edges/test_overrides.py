@@ -101,7 +101,10 @@ def test_an_article_prefix_confines_a_value_wherever_it_lives() -> None:
 
 def test_a_suspension_value_has_no_effect_in_orbit() -> None:
     overrides = ("suspension.bounce_hz=0.2", "constants.gravity=1.62")
-    assert case(*overrides, environment="orbit")[1] == case(environment="orbit")[1]
+    with pytest.warns(UserWarning, match="has no effect: its table is not in .*orbit") as said:
+        changed = case(*overrides, environment="orbit")[1]
+    assert changed == case(environment="orbit")[1]
+    assert len(said) == len(overrides)
 
 
 @pytest.mark.parametrize(

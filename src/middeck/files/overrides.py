@@ -4,8 +4,8 @@ A segment of the key fits a key of a file exactly or by the data sheet's name fo
 ``mass_kg``, but ``suspension.bounce_hz``: see `sheet_name`); an item of an array is named by its index or its
 ``name``. A leading ``article.<name>.`` confines the override to the cases of that article. An override goes
 to every document in which its path exists, otherwise to each whose form allows the key there. A key of a
-table that a document leaves out (the suspension, in orbit) is known and has no effect; a key that no form
-knows is an error.
+table that every document leaves out (the suspension, in orbit) is known and has no effect, with a warning; a
+key that no form knows is an error.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
+import warnings
 from collections.abc import Sequence
 from enum import Enum
 from typing import Any, cast
@@ -160,7 +161,8 @@ def apply_overrides(
 ) -> tuple[list[dict[str, Any]], list[dict[Path, str]]]:
     """The documents with all ``overrides`` applied, and for each the paths set with the key that set them.
 
-    Raises `ConfigError` with every override that no document knows.
+    Warns of one whose table every document leaves out. Raises `ConfigError` with every override that no
+    document knows.
     """
     documents = [copy.deepcopy(t.data) for t in targets]
     changed: list[dict[Path, str]] = [{} for _ in targets]
@@ -175,6 +177,8 @@ def apply_overrides(
         best = max((r.value for r, _ in found), default=0)
         if best == Reach.UNKNOWN.value:
             faults.append(_unknown(override, documents, targets))
+        if best == Reach.ABSENT.value:
+            warnings.warn(_no_effect(override, targets, found), stacklevel=2)
         for data, marks, (how, path) in zip(documents, changed, found, strict=True):
             if how.value == best and how in (Reach.SETTABLE, Reach.PRESENT):
                 _put(data, path, override.value)
@@ -187,6 +191,13 @@ def _put(data: Any, path: Path, value: Any) -> None:
     for key in path[:-1]:
         data = data.setdefault(key, {}) if isinstance(data, dict) else data[key]
     data[path[-1]] = copy.deepcopy(value)
+
+
+def _no_effect(override: Override, targets: Sequence[Target], found: Sequence[tuple[Reach, Path]]) -> str:
+    files = ", ".join(t.name for t, (how, _) in zip(targets, found, strict=True) if how is Reach.ABSENT)
+    return (
+        f"--set {override.text} has no effect: its table is not in {files}; write the table there to set it"
+    )
 
 
 def _unknown(override: Override, documents: Sequence[Any], targets: Sequence[Target]) -> Fault:

@@ -115,13 +115,18 @@ def _places(
     return tuple(find_place(name, environment.gravity) for name in options.separate_names((through,)))
 
 
+def _is_released(e: Environment) -> bool:
+    """Whether the environment holds an article by more than clamps, which hold in orbit too."""
+    return bool(e.suspension or e.devices or e.springs or e.bushings)
+
+
 def describe(found: GravityPath) -> dict[str, Any]:
     """The JSON document; of ``frequency_hz`` a mode that grows has minus its rate over 2 pi."""
     return {
         "schema": "middeck.path/1",
         "article": found.structure.title,
         "environment": found.environment.title,
-        "devices": found.rule.value,
+        "devices": found.rule.value if _is_released(found.environment) else "none",
         "complete": found.complete,
         "places": [{"name": p.name, "gravity_m_s2": p.gravity} for p in found.places],
         "reached": found.reached,
@@ -164,7 +169,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]  # fmt: skip
     blocks: list[str | Table] = [
         f"article      {document['article']}",
-        f"environment  {document['environment']}, devices {document['devices']}",
+        f"environment  {document['environment']}, devices: {document['devices']}",
     ]
     if rows:
         blocks.append(Table("frequencies, Hz", ["branch", "kind", *headers], rows))
@@ -183,7 +188,7 @@ def _notes(document: dict[str, Any], stations: list[int]) -> list[str]:
             "~ past a veering: the shape is no longer the one that the name tells; a name is that of the mode"
             "\n  where the path begins"
         )
-    if not document["gravity_m_s2"][stations].any(axis=1).all():
+    if document["devices"] != "none" and not document["gravity_m_s2"][stations].any(axis=1).all():
         notes.append(
             "in orbit devices are released, stiffness and moving mass: frequencies jump there, from a"
             "\nthousandth of the gravity for which they were tuned"

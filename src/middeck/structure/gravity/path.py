@@ -29,7 +29,7 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.rest.statics import TOLERANCE, settle
+from middeck.structure.rest.statics import settle
 from middeck.values import record
 
 # Parts of the way between two places.
@@ -340,7 +340,7 @@ def _take_hold(leg: _Leg, start: Station, s: float) -> Station | None:
     """The article as it first hangs on its devices: a descent, as it may turn far in the least gravity."""
     loads = leg.loads(s)
     found = settle(leg.full.model, loads)
-    if found.residual >= TOLERANCE:
+    if found.residual >= found.enough:
         return None
     return _station(leg, start, s, loads, found.config, found.assembly)
 
