@@ -287,3 +287,18 @@ def test_damping_and_shares_are_in_the_document(capfd: Capture) -> None:
     assert found["damping"] == pytest.approx(mean)
     assert found["rigid_share"][0] == pytest.approx(1.0, abs=1e-3)
     assert max(found["mesh_error"]) < 1e-4
+
+
+@pytest.mark.parametrize("ending", ["unv", "json"])
+def test_shapes_written_by_modes_are_its_own_survey(capfd: Capture, tmp_path: Path, ending: str) -> None:
+    survey = tmp_path / f"shapes.{ending}"
+    ask = (SIMPLE, "--environment", "orbit", "--set", "mesh.elements_per_strut=1")
+    found = document(capfd, "modes", *ask, "--count", 16, "-o", survey)
+    flexible = [f for f, k in zip(found["frequency_hz"], found["kind"], strict=True) if k != "rigid"]
+    measured = md.load_measured_modes(survey)
+    np.testing.assert_allclose(measured.frequency_hz, flexible, rtol=1e-5)  # six digits in a universal file
+    setup = md.load_setup(SIMPLE, "orbit", ["mesh.elements_per_strut=1"])
+    modes = md.solve_modes(md.solve_equilibrium(*setup), 16)
+    channels = list(zip(measured.node, measured.direction, strict=True))
+    computed = md.measure_modes(modes, channels, chosen=range(10, 16))
+    np.testing.assert_allclose(measured.shape, computed.shape, rtol=2e-5, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Mode shapes as a universal file: units (164), nodes (2411), members as trace lines (82), shapes (55)."""
+"""Mode shapes as a universal file: header (151), units (164), nodes (2411), members (82), shapes (55)."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ def write_uff(path: Path, measured: MeasuredModes, structure: Structure | None =
         raise DataError("a complex mode that does not oscillate", where=where, hint="leave it out")
     numbers = _numbers(measured, where)
     with replacing(path) as temporary, open(temporary, "w", encoding="ascii", errors="replace") as text:
+        _set(text, 151, [path.stem, f"{len(measured.frequency_hz)} modes", "middeck", "", "", "middeck", ""])
         _set(
             text,
             164,

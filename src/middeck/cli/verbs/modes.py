@@ -17,6 +17,7 @@ EPILOG = """\
 \b
 Examples:
   middeck modes articles/mace-simple.toml --figure modes.html
+  middeck modes articles/mace-dm.toml --environment orbit -o shapes.unv
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
@@ -29,6 +30,14 @@ HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "ser
 @options.load_case
 @options.count
 @figures.mode_shapes
+@options.written(
+    "-o",
+    "--output",
+    "shapes_file",
+    endings=(".unv", ".uff", ".json"),
+    metavar="SHAPES.unv|json",
+    help="Write the flexible shapes at every node, as a survey that correlate reads.",
+)
 @options.common
 def verb(
     article: str,
@@ -36,6 +45,7 @@ def verb(
     load_case: str | None,
     count: int,
     figure_file: str | None,
+    shapes_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -63,7 +73,20 @@ def verb(
     shown = document if as_json else {**document, "warnings": later}
     if figure_file is not None:
         figures.draw_modes_to(modes, count, figure_file, _page_rows(document))
+    if shapes_file is not None:
+        _write_shapes(modes, count, shapes_file)
     show(as_json, shown, *_tables(document))
+
+
+def _write_shapes(modes: Modes, count: int, file: str) -> None:
+    """Motions of the nodes alone: a universal file has no place for the angle of a joint."""
+    from middeck.files.measured_modes import write_measured_modes
+    from middeck.structure.correlation.measured_modes import AXES, measure_modes
+
+    structure = modes.equilibrium.model.structure
+    at = [(node.name, way) for node in structure.nodes for way in AXES]
+    flexible = [i for i, kind in enumerate(modes.kind[:count]) if kind != "rigid"]
+    write_measured_modes(file, measure_modes(modes, at, chosen=flexible), structure)
 
 
 def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
