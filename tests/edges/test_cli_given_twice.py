@@ -119,6 +119,7 @@ WRITES = {
     ("level", "--figure"): options.FIGURES,
     ("compare", "--figure"): figures.SHAPES,
     ("modes", "--figure"): figures.MODES,
+    ("modes", "--output"): options.SURVEYS,
     ("identify", "--figure"): options.FIGURES,
     ("identify", "--stabilisation"): options.FIGURES,
     ("identify", "--output"): options.SYSTEMS,

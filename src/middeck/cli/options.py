@@ -24,6 +24,7 @@ SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
 COMPONENTS = (".npz", ".mat")
+SURVEYS = (".unv", ".uff", ".json")
 
 
 class Verb(click.Command):

@@ -34,7 +34,7 @@ HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "ser
     "-o",
     "--output",
     "shapes_file",
-    endings=(".unv", ".uff", ".json"),
+    endings=options.SURVEYS,
     metavar="SHAPES.unv|json",
     help="Write the flexible shapes at every node, as a survey that correlate reads.",
 )
