@@ -23,7 +23,7 @@ from middeck.structure.elements.beam import (
 )
 from middeck.structure.elements.beam_inertia import beam_mass
 from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
-from middeck.structure.elements.bushings import BushingState, bushing_state
+from middeck.structure.elements.bushings import NO_BUSHINGS, BushingState, bushing_state
 from middeck.structure.elements.component import (
     ComponentElement,
     ComponentState,
@@ -642,6 +642,8 @@ def _own_bushings(
 ) -> BushingState:
     """Bushings of the structure; those ``inside`` carried parts with the digits that their carriers see."""
     own = model.structure.bushings
+    if not own:
+        return NO_BUSHINGS
     start, end = model.bushing_ends.T
     (begin, begun), (finish, finished) = (_since(model, at, pose) for pose in (start, end))
     span, change = at.world[end] - at.world[start], finish - begin
@@ -671,6 +673,8 @@ def _own_bushings(
 def _grounded(model: Model, at: _At, loads: Loads, inner: Inner | None = None) -> BushingState:
     """Bushings to the ground, which is the first of their frames and does not move."""
     point = loads.ground.point
+    if not len(point):
+        return NO_BUSHINGS
     change, turn = _since(model, at, point)
     still = np.stack([np.zeros_like(turn), turn], axis=1)
     force = None if inner is None else inner.ground

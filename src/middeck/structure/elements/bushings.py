@@ -73,6 +73,12 @@ class BushingState(NamedTuple):
         )
 
 
+NO_BUSHINGS = BushingState(
+    *(np.zeros((0, *size)) for size in ((), (6,), (6,), (12,), (12, 12), (12, 12), (6, 12), (6, 6), ()))
+)
+"""Most articles have none: their state need not be computed in every assembly."""
+
+
 def bushing_state(
     stiffness: Inexact[np.ndarray, "bushing 6 6"],
     axes: Inexact[np.ndarray, "bushing 3 3"],
