@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,6 +99,7 @@ def verb(
         "deck": deck,
         "written": target,
         "environment": held_target,
+        "components": list(made.components),
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": chosen.mass_formulation,
         "cards": source.cards,
@@ -160,6 +162,7 @@ def _written(
     from middeck.cli.blame import reading
     from middeck.files.article_toml import document_text
     from middeck.files.atomic import replacing
+    from middeck.files.components import write_component
     from middeck.files.documents import load_setup
 
     head = (
@@ -171,11 +174,15 @@ def _written(
     around = document_text(made.environment, head.splitlines()[0])
     with TemporaryDirectory() as folder:
         trial = Path(folder) / "article.toml"
+        for name, part in made.components.items():
+            write_component(Path(folder) / name, part)
         trial.write_text(text, encoding="utf-8")
         held = Path(folder) / "environment.toml"
         held.write_text(around, encoding="utf-8")
         with reading(source.path):
             structure, _ = load_setup(trial, held)
+        for name in made.components if target else ():
+            shutil.copyfile(Path(folder) / name, Path(target or "").parent / name)
     for path, content in ((target, text), (held_target, around)):
         if path is not None:
             with replacing(path) as file:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from middeck.files.faults import Fault
 from middeck.files.nastran.bodies import Mass, merged, read_masses
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
+from middeck.files.nastran.direct_input import NAME, direct_component
 from middeck.files.nastran.entries import Entry, raise_some
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.members import Bar, read_bars
@@ -20,6 +22,7 @@ from middeck.files.nastran.rigid_links import find_carriers
 from middeck.files.nastran.sections_of_bars import principal_axes, read_material, shear_stiffness
 from middeck.files.nastran.ties import Tie, read_ties
 from middeck.files.nastran.units import Units, guess_units
+from middeck.structure.model.component import Component
 from middeck.structure.model.connectivity import separate_parts, some_names
 
 __all__ = ["Conversion", "Formulation", "convert_deck", "likely_units", "read_deck"]
@@ -42,7 +45,7 @@ class Conversion(NamedTuple):
 
     ``environment`` is the document of an environment without gravity: what holds the deck, if anything does.
     ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
-    ``notes`` are sentences for the report.
+    ``notes`` are sentences for the report, ``components`` what the document names, by file.
     """
 
     document: dict[str, Any]
@@ -51,6 +54,7 @@ class Conversion(NamedTuple):
     left_out: tuple[tuple[str, int, str], ...]
     notes: tuple[str, ...]
     environment: dict[str, Any]
+    components: dict[str, Component] = {}  # noqa: RUF012 -- of a frozen tuple, never changed
 
     @property
     def holds(self) -> bool:
@@ -101,23 +105,27 @@ class _Converter:
         masses = read_masses(entries, self.places, faults)
         ties = read_ties(entries, self.places, faults)
         held = read_restraints(self.deck, self.places, faults)
+        direct = direct_component(self.deck, self.units, faults)
         raise_some(faults)
+        joined = [] if direct is None else list(map(int, direct.grids))
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
+        used |= set(joined)
         carriers = find_carriers(entries, self.places.grids, used | set(held))
         self._check_unconverted(used | set(held), carriers, faults)
         self._check_held(held, carriers, faults)
+        self._check_joined(joined, carriers, faults)
         self._check_rods(bars, carriers, held, faults)
         raise_some(faults)
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in _halves(bar)]
         bodies = merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses)
         kept = {carriers.get(grid, grid) for grid in used}
-        self._check_whole(kept, bars, ties, carriers)
+        self._check_whole(kept, bars, ties, carriers, joined)
         loads = LoadSets(self.deck, self.places, carriers, kept)
         cases = loads.cases(self.units, faults)
         raise_some(faults)
         self.left_out += loads.refused
-        self._account(used | set(held), carriers)
+        self._account(used | set(held), carriers, direct)
         sections, struts = self._members(bars, carriers)
         points, bushings, grounds = self._ties(ties, carriers)
         clamps = [
@@ -126,6 +134,7 @@ class _Converter:
             if grid in held and grid in kept
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
+        file = f"{name}-{NAME}.npz"
         document = _filled(
             {
                 "schema": 1,
@@ -138,6 +147,9 @@ class _Converter:
                 "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept]
                 + points,
                 "bushing": bushings,
+                "component": []
+                if direct is None
+                else [{"name": NAME, "file": file, "nodes": {g: f"g{g}" for g in direct.grids}}],
                 "load_case": cases,
             }
         )
@@ -151,8 +163,22 @@ class _Converter:
         read = {name: len(found) for name, found in entries.by_name.items()}
         environment = {"schema": 1, "name": name, "clamp": clamps, "bushing": grounds}
         return Conversion(
-            document, read, dict(converted), tuple(self.left_out), tuple(self.notes), _filled(environment)
+            document,
+            read,
+            dict(converted),
+            tuple(self.left_out),
+            tuple(self.notes),
+            _filled(environment),
+            {} if direct is None else {file: direct},
         )
+
+    def _check_joined(self, joined: list[int], carriers: dict[int, int], faults: list[Fault]) -> None:
+        grid = self.deck.entries.numbered("GRID")
+        faults += [
+            grid[g].fault(f"has matrices by direct input and follows grid {carriers[g]}: not converted yet")
+            for g in joined
+            if g in carriers
+        ]
 
     def _check_held(self, held: dict[int, str], carriers: dict[int, int], faults: list[Fault]) -> None:
         grid = self.deck.entries.numbered("GRID")
@@ -226,17 +252,6 @@ class _Converter:
                 self._leave(name, count, "not selected by case control")
             absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
             self.notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
-        for command, matrix in selection.matrices.items():
-            line = selection.lines[command]
-            faults.append(
-                Fault(
-                    file=line[1],
-                    line=line[2],
-                    key=command,
-                    message="matrices by direct input are not converted yet",
-                    value=matrix,
-                )
-            )
         if selection.sets.get("NSM"):
             line = selection.lines["NSM"]
             faults.append(
@@ -244,13 +259,19 @@ class _Converter:
             )
 
     def _check_whole(
-        self, kept: set[int], bars: list[Bar], ties: list[Tie], carriers: dict[int, int]
+        self,
+        kept: set[int],
+        bars: list[Bar],
+        ties: list[Tie],
+        carriers: dict[int, int],
+        joined: list[int],
     ) -> None:
         """A part of its own would float beside the rest."""
         grid = self.deck.entries.numbered("GRID")
         pairs = [
             tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in (*bars, *ties) if len(bar.grids) > 1
         ]
+        pairs += [(f"{a}", f"{b}") for a, b in pairwise(joined)]
         parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
         if not bars:
             fault = Fault(
@@ -267,14 +288,16 @@ class _Converter:
             ]
         )
 
-    def _account(self, used: set[int], carriers: dict[int, int]) -> None:
+    def _account(self, used: set[int], carriers: dict[int, int], direct: Component | None) -> None:
         entries, deck = self.deck.entries, self.deck
         for why, names in NO_PART.items():
             for name in names:
-                self._leave(name, len(entries.of(name)), why)
+                if name != "SPOINT" or not direct or not direct.modal:  # else its modal coordinates
+                    self._leave(name, len(entries.of(name)), why)
         for name, count in sorted(deck.entries.idle.items()):
             self._leave(name, count, "no part in stiffness and mass")
-        self._leave("DMIG", len(entries.of("DMIG")), "not selected by case control")
+        idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
+        self._leave("DMIG", len(idle), "not selected by case control")
         bare = set(self.places.grids) - used - set(carriers) - set(carriers.values())
         self._leave("GRID", len(bare), "nothing stands on them: points of orientation, for instance")
         damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]

@@ -164,17 +164,22 @@ def read_external(
 
 
 def component_of(
-    cards: Sequence[Card], matrices: str | Path | None, units: Units, name: str, where: str
+    cards: Sequence[Card],
+    matrices: str | Path | None,
+    units: Units,
+    name: str,
+    where: str,
+    names: Mapping[str, tuple[str, ...]] = NAMES,
 ) -> Component:
-    """The component of the ``cards`` of one superelement, see `read_external`."""
+    """The component of the ``cards`` of one superelement, see `read_external`; ``names`` of its matrices."""
     places = geometry_of(cards)
     punched = read_dmig([card for card in cards if card.name == "DMIG"])
-    boundary = _boundary(cards, punched, places, where)
+    boundary = _boundary(cards, punched.pairs(names), places, where)
     found = _op4_matrices(matrices) if matrices is not None else punched.matrices(boundary)
     source = where if matrices is None else str(matrices)
-    K, M, B, K4 = (_pick(found, what, boundary.size, source) for what in NAMES)
+    K, M, B, K4 = (_pick(found, names.get(what, ()), what, boundary.size, source) for what in NAMES)
     if K is None or M is None:
-        what = NAMES["stiffness" if K is None else "mass"]
+        what = names["stiffness" if K is None else "mass"]
         raise DataError(
             f"none of the matrices {', '.join(what)}; there are {', '.join(found) or 'none'}", where=source
         )
@@ -221,9 +226,11 @@ def _op4_matrices(path: str | Path) -> dict[str, np.ndarray]:
     return {name: matrix.value.toarray() for name, matrix in op4_by_name(path).items() if matrix.form == 6}
 
 
-def _pick(found: Mapping[str, np.ndarray], what: str, size: int, where: str) -> np.ndarray | None:
+def _pick(
+    found: Mapping[str, np.ndarray], names: Sequence[str], what: str, size: int, where: str
+) -> np.ndarray | None:
     """The matrix of one of its names; a 1x1 of zero stands for none."""
-    name = next((n for n in NAMES[what] if n in found), None)
+    name = next((n for n in names if n in found), None)
     if name is None:
         return None
     matrix = found[name]
@@ -240,11 +247,9 @@ def _pick(found: Mapping[str, np.ndarray], what: str, size: int, where: str) -> 
     return matrix
 
 
-def _boundary(cards: Sequence[Card], punched: Punched, places: Places, where: str) -> Boundary:
+def _boundary(cards: Sequence[Card], punched: list[tuple[int, str]], places: Places, where: str) -> Boundary:
     """From EXTRN or, without it, from the coordinates of punched matrices in the order of ASET and SPOINT."""
-    pairs = [pair for card in cards if card.name == "EXTRN" for pair in _pairs(card)]
-    if not pairs and punched.columns:
-        pairs = punched.pairs()
+    pairs = [pair for card in cards if card.name == "EXTRN" for pair in _pairs(card)] or punched
     if not pairs:
         raise DataError(
             "no EXTRN card: which coordinate a row is, is not known",
@@ -326,10 +331,10 @@ class Punched(NamedTuple):
     symmetric: dict[str, bool]
     columns: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]]
 
-    def pairs(self) -> list[tuple[int, str]]:
+    def pairs(self, names: Mapping[str, tuple[str, ...]]) -> list[tuple[int, str]]:
         """Points of the stiffness and mass with their components, grids first, in ascending order."""
         ways: dict[int, set[int]] = {}
-        for name in (*NAMES["stiffness"], *NAMES["mass"]):
+        for name in (*names["stiffness"], *names["mass"]):
             for (a, i), (b, j) in self.columns.get(name, {}):
                 ways.setdefault(a, set()).add(i)
                 ways.setdefault(b, set()).add(j)

@@ -1,0 +1,112 @@
+"""Matrices by direct input (K2GG, M2GG): half a beam given as textbook matrices is the beam given as bars."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import middeck as md
+from cli_runner import middeck
+
+E, A, I2, J, G, RHO, L = 7e10, 4e-4, 2e-8, 4e-8, 2.6e10, 2700.0, 0.4
+GRIDS = "".join(f"GRID,{k},,{L * (k - 1)},0.,0.\n" for k in range(1, 6))
+PROPERTIES = f"PBAR,1,1,{A:.3E},{I2:.3E},{I2:.3E},{J:.3E}\nMAT1,1,{E:.3E},{G:.3E},,{RHO}\n"
+
+
+def bar(k: int) -> str:
+    return f"CBAR,{k},1,{k},{k + 1},0.,1.,0.\n"
+
+
+def beam_stiffness() -> np.ndarray:
+    """Euler-Bernoulli along x (Przemieniecki 1968, eq. 5.116 without shear)."""
+    K = np.zeros((12, 12))
+    for i, k in ((0, E * A / L), (3, G * J / L)):
+        K[np.ix_([i, i + 6], [i, i + 6])] = k * np.array([[1, -1], [-1, 1]])
+    bend = np.array([[12, 6 * L, -12, 6 * L], [6 * L, 4 * L**2, -6 * L, 2 * L**2],
+                     [-12, -6 * L, 12, -6 * L], [6 * L, 2 * L**2, -6 * L, 4 * L**2]])  # fmt: skip
+    for at, sign in (([1, 5, 7, 11], 1.0), ([2, 4, 8, 10], -1.0)):
+        flip = np.diag([1.0, sign, 1.0, sign])
+        K[np.ix_(at, at)] = E * I2 / L**3 * flip @ bend @ flip
+    return K
+
+
+def half(bars: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness, and halves of the mass at the ends."""
+    K, M = np.zeros((6 * bars + 6,) * 2), np.zeros((6 * bars + 6,) * 2)
+    for k in range(bars):
+        at = slice(6 * k, 6 * k + 12)
+        K[at, at] += beam_stiffness()
+        M[at, at] += np.diag(np.tile([0.5 * RHO * A * L] * 3 + [0.0] * 3, 2))
+    return K, M
+
+
+def punch(name: str, matrix: np.ndarray, points: list[tuple[int, int]]) -> str:
+    """One triangle, large fields."""
+    lines = [f"DMIG    {name:8}{0:8d}{6:8d}{2:8d}{0:8d}"]
+    for j, (g, c) in enumerate(points):
+        rows = [(i, *points[i]) for i in range(j, len(points)) if matrix[i, j]]
+        if rows:
+            lines.append(f"DMIG*   {name:16}{g:16d}{c:16d}")
+            lines += [f"*       {p:16d}{d:16d}{matrix[i, j]:16.9E}" for i, p, d in rows]
+    return "\n".join(lines) + "\n"
+
+
+def converted(folder: Path, capfd: pytest.CaptureFixture[str], name: str, case: str, bulk: str, *more: str):
+    (folder / f"{name}.dat").write_text(f"SOL 103\nCEND\n{case}BEGIN BULK\n{bulk}ENDDATA\n")
+    ask = ("convert", folder / f"{name}.dat", "--units", "m-kg-s-N", "--mass-formulation", "lumped")
+    return middeck(capfd, *ask, "-o", folder / f"{name}.toml", *more)
+
+
+def frequencies(folder: Path, name: str) -> np.ndarray:
+    structure, around = md.load_setup(folder / f"{name}.toml", folder / f"{name}-held.toml")
+    return md.solve_modes(md.solve_equilibrium(structure, around), 8).frequency_hz[:8]
+
+
+def test_half_a_cantilever_by_matrices(tmp_path, capfd):
+    held = GRIDS + PROPERTIES + "SPC1,1,123456,1\n"
+    K, M = half(2)
+    points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
+    direct = punch("KHALF", K, points) + punch("MHALF", M, points) + punch("KIDLE", K, points)
+    whole = held + "".join(map(bar, (1, 2, 3, 4)))
+    parts = held + bar(1) + bar(2) + direct
+    for name, case, bulk in (
+        ("whole", "SPC = 1\n", whole),
+        ("parts", "SPC = 1\nK2GG = KHALF\nM2GG = MHALF\n", parts),
+    ):
+        ended = converted(tmp_path, capfd, name, case, bulk, "--environment", tmp_path / f"{name}-held.toml")
+        assert ended.code == 0, ended.err
+    assert "not selected" in ended.out  # KIDLE
+    np.testing.assert_allclose(frequencies(tmp_path, "parts"), frequencies(tmp_path, "whole"), rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        ("K2GG = KHALF\n", "no M2GG beside it"),
+        ("K2GG = KHALF\nM2GG = NONE\n", "no DMIG NONE"),
+        ("K2GG = KHALF\nM2GG = 2.0*MHALF\n", "a factor"),
+        ("K2GG = KHALF\nM2GG = MHALF\nB2PP = KHALF\n", "B2PP"),
+        ("K2GG = MHALF\nM2GG = KHALF\n", "mass"),
+    ],
+)
+def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
+    K, M = half(2)
+    points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
+    bulk = GRIDS + PROPERTIES + bar(1) + bar(2) + punch("KHALF", K, points) + punch("MHALF", M, points)
+    ended = converted(tmp_path, capfd, "bad", case, bulk)
+    assert ended.code in (2, 3, 4)
+    assert said in ended.err
+    assert not list(tmp_path.glob("*.toml"))
+    assert not list(tmp_path.glob("*.npz"))
+
+
+def test_matrices_on_a_grid_that_follows_another(tmp_path, capfd):
+    K, M = half(2)
+    points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
+    bulk = GRIDS + PROPERTIES + bar(1) + "RBE2,9,2,123456,3\n"
+    bulk += punch("KHALF", K, points) + punch("MHALF", M, points)
+    ended = converted(tmp_path, capfd, "rides", "K2GG = KHALF\nM2GG = MHALF\n", bulk)
+    assert ended.code == 2
+    assert "follows grid 2" in ended.err
