@@ -50,9 +50,11 @@ def test_there_and_back_as_a_superelement(tmp_path, component):
         "CONM2,5,2,,0.25\nINCLUDE 'part.pch'\nENDDATA\n"
     )
     (tmp_path / "join.dat").write_text(deck.replace("CONM2,5,2,,0.25\n", ""))
-    from middeck.files.nastran.assembly import convert_assembly
+    from middeck.files.nastran.assembly import read_assembly
+    from middeck.files.nastran.convert import convert_deck
 
-    made, parts = convert_assembly(tmp_path / "join.dat", SI, "consistent", "join")
+    deck, parts = read_assembly(tmp_path / "join.dat", SI, "join")
+    made = convert_deck(deck, SI, "consistent", "join", parts)
     assert [node["name"] for node in made.document["node"]] == ["g1", "g2"]
     np.testing.assert_array_equal(parts["join-se101.npz"].stiffness, component.stiffness)
 

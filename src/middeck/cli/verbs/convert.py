@@ -69,8 +69,7 @@ def verb(
     """
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
-    from middeck.cli.superelements import joined_superelements
-    from middeck.files.nastran.assembly import has_superelements
+    from middeck.files.nastran.assembly import has_superelements, read_assembly
     from middeck.files.nastran.convert import convert_deck, read_deck
     from middeck.files.nastran.units import parse_units
     from middeck.structure.summary.summary import summarise
@@ -79,17 +78,20 @@ def verb(
         raise click.UsageError("--output and --environment name one file")
     given = {"units": units, "mass_formulation": mass_formulation}
     chosen = settle(ConvertSettings, given, overrides)
+    name = article_name(deck)
     if has_superelements(deck):
-        if held_target:
-            raise click.UsageError("--environment: nothing holds a deck of superelements that can be read")
-        document = joined_superelements(deck, chosen, article_name(deck), target)
-        show(as_json, document, *_blocks(document), *summary_lines(document), *measure_lines(document))
-        return
-    source = read_deck(deck)
-    if chosen.units is None:
-        raise _no_units(source)
-    known = parse_units(chosen.units)
-    made = convert_deck(source, known, chosen.mass_formulation, article_name(deck))
+        if chosen.units is None:
+            raise _no_units_of_superelements(deck)
+        known = parse_units(chosen.units)
+        # The files of components go by the name of the article, so that two articles share a folder.
+        name = name if target is None else Path(target).stem
+        source, parts = read_assembly(deck, known, name)
+    else:
+        source, parts = read_deck(deck), {}
+        if chosen.units is None:
+            raise _no_units(source)
+        known = parse_units(chosen.units)
+    made = convert_deck(source, known, chosen.mass_formulation, name, parts)
     if target and made.holds and not held_target:
         raise _not_held(source.path)
     structure = _written(made, source, known, chosen.mass_formulation, target, held_target)
@@ -127,6 +129,13 @@ def article_name(deck: str) -> str:
     """A name that an article may have, after the deck's file."""
     name = re.sub(r"\W", "-", Path(deck).stem, flags=re.ASCII)
     return name if re.match(r"[A-Za-z_]", name) else f"deck-{name}"
+
+
+def _no_units_of_superelements(deck: str) -> Exception:
+    from middeck.errors import ConfigError
+
+    what = "a deck of superelements does not state its units"
+    return ConfigError(what, where=deck, hint="--units, such as mm-kg-s-mN")
 
 
 def _no_units(source: Deck) -> Exception:

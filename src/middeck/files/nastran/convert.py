@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from itertools import pairwise
+from collections.abc import Mapping
+from itertools import chain, pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -78,14 +79,22 @@ def likely_units(deck: Deck) -> list[Units]:
     return guess_units(materials, size)
 
 
-def convert_deck(deck: Deck, units: Units, formulation: Formulation, name: str) -> Conversion:
+def convert_deck(
+    deck: Deck,
+    units: Units,
+    formulation: Formulation,
+    name: str,
+    components: Mapping[str, Component] | None = None,
+) -> Conversion:
     """The article that ``deck`` describes, in SI units, its members' mass by ``formulation``.
+
+    ``components`` stand on its grids, see `read_assembly`, by the names of the files that they will be in.
 
     ``consistent`` is middeck's own (with rotary inertia), ``coupled`` the coupled bar mass of MSC and NX
     Nastran (`MemberMass.COUPLED`, no rotary nor torsional inertia), ``lumped`` halves at the ends of each
     member. Raises `ConfigError` with all that cannot be represented and would change the modes.
     """
-    return _Converter(deck, units, formulation).conversion(name)
+    return _Converter(deck, units, formulation).conversion(name, dict(components or {}))
 
 
 class _Converter:
@@ -98,7 +107,7 @@ class _Converter:
         self.left_out: list[tuple[str, int, str]] = []
         self.notes: list[str] = []
 
-    def conversion(self, name: str) -> Conversion:
+    def conversion(self, name: str, parts: dict[str, Component]) -> Conversion:
         entries, faults = self.deck.entries, list[Fault]()
         self._check_systems(faults)
         bars = read_bars(entries, self.places, faults)
@@ -107,9 +116,10 @@ class _Converter:
         held = read_restraints(self.deck, self.places, faults)
         direct = direct_component(self.deck, self.units, faults)
         raise_some(faults)
-        joined = [] if direct is None else list(map(int, direct.grids))
+        parts |= {} if direct is None else {f"{name}-{NAME}.npz": direct}
+        joined = [[int(frame[1:]) for frame in part.frames] for part in parts.values()]
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
-        used |= set(joined)
+        used |= set().union(*joined)
         carriers = find_carriers(entries, self.places.grids, used | set(held))
         self._check_unconverted(used | set(held), carriers, faults)
         self._check_held(held, carriers, faults)
@@ -134,7 +144,6 @@ class _Converter:
             if grid in held and grid in kept
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
-        file = f"{name}-{NAME}.npz"
         document = _filled(
             {
                 "schema": 1,
@@ -147,15 +156,21 @@ class _Converter:
                 "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept]
                 + points,
                 "bushing": bushings,
-                "component": []
-                if direct is None
-                else [{"name": NAME, "file": file, "nodes": {g: f"g{g}" for g in direct.grids}}],
+                "component": [
+                    {
+                        "name": part.name,
+                        "file": file,
+                        "nodes": dict(zip(part.grids, part.frames, strict=True)),
+                    }
+                    for file, part in parts.items()
+                ],
                 "load_case": cases,
             }
         )
         converted = Counter(bar.entry.name for bar in bars)
         converted.update(entry.name for entry in entries.of("CONM1", "CONM2"))
         converted.update(tie.entry.name for tie in ties)
+        converted["components"] = len(parts)
         converted["clamped grids"] = len(clamps)
         converted["load cases"] = len(cases)
         converted["grids that are nodes"] = len(kept)
@@ -169,14 +184,14 @@ class _Converter:
             tuple(self.left_out),
             tuple(self.notes),
             _filled(environment),
-            {} if direct is None else {file: direct},
+            parts,
         )
 
-    def _check_joined(self, joined: list[int], carriers: dict[int, int], faults: list[Fault]) -> None:
+    def _check_joined(self, joined: list[list[int]], carriers: dict[int, int], faults: list[Fault]) -> None:
         grid = self.deck.entries.numbered("GRID")
         faults += [
-            grid[g].fault(f"has matrices by direct input and follows grid {carriers[g]}: not converted yet")
-            for g in joined
+            grid[g].fault(f"is on the boundary of matrices and follows grid {carriers[g]}: not converted yet")
+            for g in dict.fromkeys(chain(*joined))
             if g in carriers
         ]
 
@@ -264,16 +279,16 @@ class _Converter:
         bars: list[Bar],
         ties: list[Tie],
         carriers: dict[int, int],
-        joined: list[int],
+        joined: list[list[int]],
     ) -> None:
         """A part of its own would float beside the rest."""
         grid = self.deck.entries.numbered("GRID")
         pairs = [
             tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in (*bars, *ties) if len(bar.grids) > 1
         ]
-        pairs += [(f"{a}", f"{b}") for a, b in pairwise(joined)]
+        pairs += [(f"{a}", f"{b}") for grids in joined for a, b in pairwise(grids)]
         parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
-        if not bars:
+        if not bars and not joined:
             fault = Fault(
                 file=self.deck.path, line=0, key="", message="there is no bar, beam or rod in this deck"
             )
