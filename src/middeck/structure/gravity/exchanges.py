@@ -9,6 +9,7 @@ and both go straight on through anything narrower than `NARROW`.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -82,11 +83,15 @@ class Approach(NamedTuple):
 
 
 class Resolved(NamedTuple):
-    """The stations of a run with those of veerings added, events, and the order of branches at its end."""
+    """The stations of a run with those of veerings added, events, and the order of branches at its end.
+
+    ``unexplained`` are pairs of branches whose order changes without a crossing of these two alone.
+    """
 
     stations: list[Station]
     events: list[GravityEvent]
     order: Int[np.ndarray, " branch"]
+    unexplained: list[tuple[int, int]]
 
 
 def reorder(station: Station, order: Int[np.ndarray, " branch"]) -> Station:
@@ -119,7 +124,21 @@ def resolve_exchanges(stations: Sequence[Station], course: Course, names: tuple[
             run, turn = _put_right(run, new)
             order = order[turn]
     events = [_event(x, run, names) for x in found]
-    return Resolved(run, sorted(events, key=lambda e: e.s), order)
+    return Resolved(run, sorted(events, key=lambda e: e.s), order, _unexplained(run, events))
+
+
+def _unexplained(run: Sequence[Station], events: Sequence[GravityEvent]) -> list[tuple[int, int]]:
+    """Pairs that change their order without an odd number of crossings, as a group of three modes may."""
+    first, last = run[0].spectrum.lam, run[-1].spectrum.lam
+    count = Counter(tuple(sorted(e.branch)) for e in events if e.kind is EventKind.CROSSING)
+    size = REPEATED * np.maximum(np.abs(first), np.abs(last))
+    found: list[tuple[int, int]] = []
+    for i, j in itertools.combinations(range(len(first)), 2):
+        apart = min(abs(first[i] - first[j]), abs(last[i] - last[j])) > max(size[i], size[j])
+        flipped = (first[i] > first[j]) != (last[i] > last[j])
+        if apart and flipped != bool(count[i, j] % 2):
+            found.append((i, j))
+    return found
 
 
 def _known(new: Approach, found: Sequence[Approach]) -> bool:
@@ -206,29 +225,36 @@ def _nearest(
 ) -> Approach | None:
     """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity.
 
-    The last one goes through points as near as the gap is wide: the rate at which it opens is that there,
-    whatever the bracket was.
+    Each goes through the three stations nearest to the least gap so far (one through the bracket, whose far
+    end may stay where it is, converges linearly). The last one goes through points as near as the gap is
+    wide: the rate at which it opens is that there, whatever the bracket was.
     """
+    tried, curved = [*near], 0.0
     for _ in range(PARABOLAS):
-        x, y = _squares(near, pair, course)
+        best = course.distance(near[1].s)
+        x, y = _squares(sorted(tried, key=lambda p: abs(p.s - near[1].s))[:3], pair, course)
         lowest, curved = _parabola(x, y)
+        if not (curved > 0.0 and course.distance(near[0].s) < lowest < course.distance(near[2].s)):
+            x, y = _squares(near, pair, course)
+            lowest, curved = _parabola(x, y)
         if curved <= 0.0:
             return None
         floor = max(_gap(near[1], pair), REPEATED * _size(near[1], pair)) / np.sqrt(curved)
-        if abs(lowest - x[1]) <= CLOSE * floor:
-            far = float(max(x[0], x[2], key=lambda end: abs(end - x[1])))
-            if abs(far - x[1]) <= 2.0 * LOCAL * floor:
-                return _compare_sides(near[1], curved, pair, course)
-            lowest = x[1] + LOCAL * floor * np.sign(far - x[1])
+        if abs(lowest - best) <= CLOSE * floor:
+            far = float(max(x, key=lambda end: abs(end - best)))
+            if abs(far - best) <= 2.0 * LOCAL * floor:
+                break
+            lowest = best + LOCAL * floor * np.sign(far - best)
         between = course.to(near[1], lowest)
         if between is None:
             return None
-        if any(between.s == x.s for x in near):  # nearer than s can be told
-            return _compare_sides(near[1], curved, pair, course)
+        if any(between.s == p.s for p in tried):  # nearer than s can be told
+            break
+        tried.append(between)
         four = sorted([*near, between], key=lambda p: p.s)
         k = min((1, 2), key=lambda m: _gap(four[m], pair))
         near = (four[k - 1], four[k], four[k + 1])
-    return None
+    return _compare_sides(near[1], curved, pair, course)
 
 
 def _compare_sides(at: Station, curved: float, pair: tuple[int, int], course: Course) -> Approach | None:
@@ -245,9 +271,10 @@ def _compare_sides(at: Station, curved: float, pair: tuple[int, int], course: Co
 
 
 def _squares(
-    near: tuple[Station, Station, Station], pair: tuple[int, int], course: Course
+    three: Sequence[Station], pair: tuple[int, int], course: Course
 ) -> tuple[np.ndarray, np.ndarray]:
-    return np.array([course.distance(p.s) for p in near]), np.array([_gap(p, pair) ** 2 for p in near])
+    at = sorted(three, key=lambda p: p.s)
+    return np.array([course.distance(p.s) for p in at]), np.array([_gap(p, pair) ** 2 for p in at])
 
 
 def _parabola(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:

@@ -58,8 +58,8 @@ class GravityPath:
         match: Cross-orthogonality with the station before; 1 at the first.
         events: Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
             anything did.
-        warnings: Of the modes at the first station, whose names and kinds these are; none where there are no
-            modes.
+        warnings: Of the modes at the first station, whose names and kinds these are, and of branches that
+            change their order unexplained; none where there are no modes.
     """
 
     structure: Structure
@@ -196,7 +196,7 @@ def follow_gravity(
         if stop is not None:
             break
         arrived += 1
-    stations, events, order = _resolve_runs(stations, legs, modes.name)
+    stations, events, order, said = _resolve_runs(stations, legs, modes.name)
     if stop is not None:
         events.append(_ending(_reorder_stop(stop, order), full.suspension.name, modes.name))
     reached = np.searchsorted([x.s for x in stations], np.arange(arrived))
@@ -213,13 +213,13 @@ def follow_gravity(
         omega2=np.array([x.spectrum.lam for x in stations]),
         match=np.array([x.match for x in stations]),
         events=tuple(events),
-        warnings=modes.warnings,
+        warnings=(*modes.warnings, *said),
     )
 
 
 def _resolve_runs(
     stations: Sequence[Station], legs: Sequence[_Leg], names: tuple[str, ...]
-) -> tuple[list[Station], list[GravityEvent], np.ndarray]:
+) -> tuple[list[Station], list[GravityEvent], np.ndarray, list[str]]:
     """Exchanges between one visit to orbit and the next; branches renamed in one run stay so in all."""
     steps = [np.linalg.norm(leg.b.gravity - leg.a.gravity) for leg in legs]
     come = np.concatenate([[0.0], np.cumsum(steps)])
@@ -229,15 +229,23 @@ def _resolve_runs(
 
     done: list[Station] = []
     events: list[GravityEvent] = []
-    order = np.arange(len(names))
+    order, said = np.arange(len(names)), list[str]()
     for heavy, group in itertools.groupby(stations, key=lambda x: bool(np.any(x.gravity))):
         run = [reorder(x, order) for x in group]
         if heavy:
             found = resolve_exchanges(run, Course(advance, come), names)
             run, order = found.stations, order[found.order]
             events += found.events
+            said += [_unresolved(names[i], names[j]) for i, j in found.unexplained]
         done += run
-    return done, events, order
+    return done, events, order, said
+
+
+def _unresolved(a: str, b: str) -> str:
+    return (
+        f"{a!r} and {b!r} change their order, and no crossing of these two alone was found: three or more "
+        "modes come close together there, and beyond it their names may be exchanged"
+    )
 
 
 def _reorder_stop(stop: _Stop, order: np.ndarray) -> _Stop:
