@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck modes articles/mace-simple.toml --figure modes.html
-  middeck modes articles/mace-dm.toml --environment orbit -o shapes.unv
+  middeck modes articles/mace-simple.toml --figure modes.html -o shapes.unv
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
