@@ -155,7 +155,7 @@ def _fields(self: Any) -> tuple[Any, ...]:
 def _equal(self: Any, other: object) -> bool:
     if type(self) is not type(other):
         return NotImplemented
-    return all(_same(a, b) for a, b in zip(_fields(self), _fields(other), strict=True))
+    return self is other or all(_same(a, b) for a, b in zip(_fields(self), _fields(other), strict=True))
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -85,7 +85,7 @@ class LoopSettings(Form):
 def settle(form: type[F], options: Mapping[str, Any], overrides: Sequence[str]) -> F:
     """``options`` (None is left out) under ``overrides``, checked like a document; all faults at once."""
     source = Source(
-        "options", {k: v for k, v in options.items() if v is not None}, {(k,): 0 for k in options}
+        "options", {k: v for k, v in options.items() if v is not None}, lambda: {(k,): 0 for k in options}
     )
     listed = {k: list(v) if isinstance(v, tuple) else v for k, v in source.data.items()}
     (data,), (changed,) = apply_overrides([Target(source.file, listed, form)], overrides)

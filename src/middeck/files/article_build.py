@@ -44,6 +44,9 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
     Files of components are sought in ``folder``.
     """
     nodes = tuple(_node(n) for n in form.node)
+    positions = {n.name: n.position for n in nodes}
+    used = dict.fromkeys(s.section for s in form.strut)
+    sections = {name: _section(form.section[name], form.material) for name in used}
     actuators, sensors = default_ports(form)
     listed_a = tuple(
         Actuator(
@@ -58,7 +61,9 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
     return Structure(
         title=form.title or form.name,
         nodes=nodes,
-        members=tuple(_member(s, form, {n.name: n.position for n in nodes}) for s in form.strut),
+        members=tuple(
+            _member(s, sections[s.section], form.mesh.elements_per_strut, positions) for s in form.strut
+        ),
         joints=(
             *(j for g in form.gimbal for j in _gimbal(g)),
             *(_revolute(r) for r in form.revolute),
@@ -178,15 +183,17 @@ def _node(form: forms.NodeForm) -> Node:
     return Node(form.name, position, form.size_m, body)
 
 
-def _member(strut: forms.StrutForm, form: forms.ArticleForm, positions: dict[str, np.ndarray]) -> Member:
+def _member(
+    strut: forms.StrutForm, section: Section, elements: int, positions: dict[str, np.ndarray]
+) -> Member:
     start, end = np.array(strut.from_offset_m), np.array(strut.to_offset_m)
     along = positions[strut.to] + end - positions[strut.from_] - start
     return Member(
         name=strut.name or f"{strut.from_}-{strut.to}",
         start=strut.from_,
         end=strut.to,
-        section=_section(form.section[strut.section], form.material),
-        elements=strut.elements or form.mesh.elements_per_strut,
+        section=section,
+        elements=strut.elements or elements,
         up=default_up(along) if strut.up is None else np.array(strut.up),
         start_offset=start,
         end_offset=end,

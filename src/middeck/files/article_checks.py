@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, cast, get_args
 
 import numpy as np
@@ -20,6 +20,7 @@ from middeck.files.faults import Finding, finding, nearest, show
 from middeck.files.form import inertia_matrix, keys_of
 from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
+from middeck.structure.elements.rotations import cross
 from middeck.structure.model.connectivity import separate_parts, some_names
 
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
@@ -170,9 +171,9 @@ def _twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
 
 
 def _references(data: Table) -> Iterator[Finding]:
-    nodes, joints = node_names(data), joint_names(data)
-    frames, points = nodes + joints, attach_names(data)
-    sections = list(named_tables(data, "section"))
+    nodes, joints = dict.fromkeys(node_names(data)), dict.fromkeys(joint_names(data))
+    frames, points = nodes | joints, dict.fromkeys(attach_names(data))
+    sections = dict.fromkeys(named_tables(data, "section"))
     if "wheel_node" in data:
         yield from _unknown(("wheel_node",), data["wheel_node"], nodes, "node")
     wanted = [
@@ -206,7 +207,7 @@ def _references(data: Table) -> Iterator[Finding]:
         yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
 
 
-def _case_references(data: Table, nodes: list[str], frames: list[str]) -> Iterator[Finding]:
+def _case_references(data: Table, nodes: Collection[str], frames: Collection[str]) -> Iterator[Finding]:
     """Frames and nodes that load cases name."""
     wanted = (("load", "frame", frames), ("mass", "frame", frames), ("prescribed", "node", nodes))
     for i, case in tables(data, "load_case"):
@@ -215,7 +216,7 @@ def _case_references(data: Table, nodes: list[str], frames: list[str]) -> Iterat
                 yield from _unknown(("load_case", i, table, k, key), t.get(key), known, key)
 
 
-def _unknown(path: Path, name: Any, known: list[str], kind: str) -> Iterator[Finding]:
+def _unknown(path: Path, name: Any, known: Collection[str], kind: str) -> Iterator[Finding]:
     if isinstance(name, str) and name not in known:
         hint = nearest(name, known) or f"define a {kind} first"
         yield finding(path, f"no {kind} of this name", name, hint=hint)
@@ -245,8 +246,8 @@ def _geometry(data: Table) -> Iterator[Finding]:
             )
         up = strut.get("up")
         if _is_vector(up) and spacing > 0.0:
-            across = np.linalg.norm(np.cross(along / spacing, np.array(up, dtype=float)))
-            if across <= 1e-6 * np.linalg.norm(np.array(up, dtype=float)):  # own y axis undefined to 6 digits
+            way = np.array(up, dtype=float)
+            if np.linalg.norm(cross(along / spacing, way)) <= 1e-6 * np.linalg.norm(way):  # own y axis open
                 yield finding(("strut", i, "up"), "must not be zero nor along the member", up)
 
 

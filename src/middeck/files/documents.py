@@ -6,7 +6,7 @@ import hashlib
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Generic, Literal, NoReturn, TypeVar, cast
 
@@ -39,11 +39,11 @@ FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments"
 
 @record
 class Source:
-    """A parsed document: its tables and where their keys stand."""
+    """A parsed document: its tables and where their keys stand, which nobody asks of a valid one."""
 
     file: str
     data: Any
-    lines: Any
+    lines: Callable[[], dict[KeyPath, int]]
 
 
 @record(kw_only=True)
@@ -83,7 +83,7 @@ def read_source(path: str | Path, kind: Kind | None = None) -> Source:
     if not text.strip():
         _refuse(file, "the file is empty", f"{wanted} in this place", line=1)
     try:
-        return Source(file, tomllib.loads(text), key_lines(text))
+        return Source(file, tomllib.loads(text), cache(partial(key_lines, text)))
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"line (\d+)", str(error))
         line = int(found.group(1)) if found else text.rstrip().count("\n") + 1
@@ -121,7 +121,7 @@ def sha256_of(path: str | Path) -> str:
 
 def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -> Fault:
     """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
-    file, line = source.file, line_of(source.lines, finding.path)
+    file, line = source.file, line_of(source.lines(), finding.path)
     for end in range(1, len(finding.path) + 1):
         if setter := changed.get(finding.path[:end]):
             file, line = f"--set {setter}", 0

@@ -29,7 +29,7 @@ def key_lines(text: str) -> dict[Path, int]:
             for end in range(1, len(table) + 1):
                 found.setdefault(table[:end], number + 1)
         elif line and not line.startswith("#"):
-            value, span = _value(lines[number:])
+            value, span = _value(lines, number)
             for path in _paths(value):
                 found.setdefault(table + path, number + 1)
         number += span
@@ -68,11 +68,11 @@ def _only_path(value: Any) -> tuple[str, ...]:
     return tuple(keys)
 
 
-def _value(lines: list[str]) -> tuple[dict[str, Any], int]:
-    """The key and value that begin on the first of ``lines``, and how many lines they take."""
-    for span in range(1, len(lines) + 1):
+def _value(lines: list[str], first: int) -> tuple[dict[str, Any], int]:
+    """The key and value that begin on line ``first``, counted from zero, and how many lines they take."""
+    for span in range(1, len(lines) - first + 1):
         try:
-            return tomllib.loads("\n".join(lines[:span])), span
+            return tomllib.loads("\n".join(lines[first : first + span])), span
         except tomllib.TOMLDecodeError:
             continue
     return {}, 1

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
 from jaxtyping import Float
 
+from middeck.structure.elements.rotations import cross
 from middeck.structure.model.article import Structure
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.modes.strain import part_energy
@@ -33,8 +35,9 @@ def strained_parts(
         *(f"component {c.name}" for c in structure.components),
     ]
     parts = tuple(dict.fromkeys(names))
+    place = {name: i for i, name in enumerate(parts)}
     share = np.zeros((len(parts), shapes.shape[1]))
-    np.add.at(share, [parts.index(name) for name in names], energy.T)
+    np.add.at(share, [place[name] for name in names], energy.T)
     whole = energy.sum(axis=1)
     return parts, (share / np.where(whole > 0.0, whole, 1.0)).T
 
@@ -67,7 +70,9 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
     lines = straight_lines(structure)
     if len(set(lines)) == 1:
         return tuple(names)
-    ends = {line: [n for n, own in zip(names, lines, strict=True) if own == line] for line in lines}
+    ends: dict[int, list[str]] = {}
+    for name, line in zip(names, lines, strict=True):
+        ends.setdefault(line, []).append(name)
     called = {line: own[0] if len(own) == 1 else f"{own[0]}..{own[-1]}" for line, own in ends.items()}
     return tuple(called[line] for line in lines)
 
@@ -84,11 +89,12 @@ def straight_lines(structure: Structure) -> list[int]:
 
     at: dict[str, list[int]] = {}
     for m, member in enumerate(members):
-        for node in (member.start, member.end):
-            for other in at.setdefault(node, []):
-                straight = np.linalg.norm(np.cross(along[m], along[other])) < STRAIGHT
-                if straight and members[other].section == member.section:
-                    low, high = sorted((first(m), first(other)))
-                    before[high] = low
-            at[node].append(m)
+        at.setdefault(member.start, []).append(m)
+        at.setdefault(member.end, []).append(m)
+    met = np.array([pair for some in at.values() for pair in itertools.combinations(some, 2)]).reshape(-1, 2)
+    sine = np.linalg.norm(cross(along[met[:, 0]], along[met[:, 1]]), axis=1)
+    for m, other in met[sine < STRAIGHT].tolist():
+        if members[other].section == members[m].section:
+            low, high = sorted((first(m), first(other)))
+            before[high] = low
     return [first(m) for m in range(len(members))]
