@@ -25,7 +25,7 @@ from middeck.files.nastran.numbers import integer, real
 
 # Names of which two may stand on one card.
 DOUBLE = frozenset(("PELAS", "CORD1R", "CORD1C", "CORD1S"))
-PLAIN = frozenset("0123456789.+-E")
+PLAIN = "0123456789.+-E"
 DIGITS = 16  # more than an integer may have
 SHOWN = 20  # faults in one report
 # Names that share one space of numbers.
@@ -119,14 +119,17 @@ def read_entries(cards: Iterable[Card]) -> Entries:
         groups.setdefault(card.name, []).append(card)
     faults: list[Fault] = []
     by_name: dict[str, list[Entry]] = {}
-    seen: dict[tuple[str, Any], Entry] = {}
+    seen: dict[str, dict[Any, Entry]] = {}
     idle: Counter[str] = Counter()
     for name, found in groups.items():
         layout = PARSED.get(name)
         if layout is not None:
             found = [part for card in found for part in _halves(card)] if name in DOUBLE else found
             read = _read(name, found, layout, faults)
-            by_name[name] = _distinct(read, SPACES[name], seen, faults) if name in SPACES else read
+            by_name[name] = read
+            if name in SPACES:
+                space = SPACES[name]
+                by_name[name] = _distinct(read, space, seen.setdefault(space, {}), faults)
         elif name in IDLE:
             idle[name] = len(found)
         else:
@@ -135,13 +138,15 @@ def read_entries(cards: Iterable[Card]) -> Entries:
     return Entries(by_name, idle)
 
 
-def _distinct(
-    entries: list[Entry], space: str, seen: dict[tuple[str, Any], Entry], faults: list[Fault]
-) -> list[Entry]:
+def _distinct(entries: list[Entry], space: str, seen: dict[Any, Entry], faults: list[Fault]) -> list[Entry]:
     """The ``entries`` without equal duplicates; unequal ones are faults."""
+    own = {entry.id: entry for entry in entries}
+    if len(own) == len(entries) and own.keys().isdisjoint(seen):
+        seen |= own
+        return entries
     kept: list[Entry] = []
     for entry in entries:
-        other = seen.setdefault((space, entry.id), entry)
+        other = seen.setdefault(entry.id, entry)
         if other is entry:
             kept.append(entry)
         else:
@@ -163,7 +168,8 @@ def raise_some(faults: Sequence[Fault]) -> None:
 def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> list[Entry]:
     """The cards of one name, field by field over all of them: a text that many have is looked at once."""
     count, rest = len(layout.fields), layout.rest
-    columns = list(zip_longest(*(card.fields[:count] for card in cards), fillvalue=""))
+    rows = [card.fields for card in cards]
+    columns = list(zip_longest(*(fields[:count] for fields in rows), fillvalue=""))
     columns += [("",) * len(cards)] * (count - len(columns))
     wrong: list[tuple[int, int, str]] = []
     read: list[list[Any]] = []
@@ -183,9 +189,10 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
         read.append(list(map(values.__getitem__, texts)))
     if rest is not None:
         read.append([[_value(t, rest.kind) if t else None for t in card.fields[count:]] for card in cards])
-    for i, card in enumerate(cards):
-        if len(card.fields) > count:
-            more = card.fields[count:]
+    longer = max(map(len, rows), default=0) > count
+    for i, fields in enumerate(rows) if longer else ():
+        if len(fields) > count:
+            more = fields[count:]
             found = [None] * len(more) if rest is None else read[-1][i]
             what = WANTED["-" if rest is None else rest.kind]
             wrong += [(i, count + k, what) for k, text in enumerate(more) if text and found[k] is None]
@@ -202,7 +209,8 @@ def _number(place: int) -> int:
 def _plain(texts: tuple[str, ...], kind: str) -> list[Any] | None:
     """The values of a column without blanks that Python would write alike; None for any other."""
     whole = "" if "" in texts else "".join(texts)
-    if kind == "r" and whole and PLAIN.issuperset(whole) and all("." in text for text in texts):
+    # As many points as texts: one each, for Python takes no number with two.
+    if kind == "r" and whole and not whole.strip(PLAIN) and whole.count(".") == len(texts):
         with contextlib.suppress(ValueError):
             numbers = list(map(float, texts))
             return numbers if all(map(math.isfinite, numbers)) else None

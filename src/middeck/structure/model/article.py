@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from enum import Enum
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -406,7 +407,7 @@ class Structure:
     load_cases: tuple[LoadCase, ...] = ()
     components: tuple[Component, ...] = ()
 
-    @property
+    @cached_property
     def mass(self) -> float:
         """Total mass [kg], members and components included."""
         rigid = sum(part.body.mass for part in (*self.nodes, *self.joints, *self.masses))

@@ -93,7 +93,7 @@ def _bodies(structure: Structure) -> Iterator[str]:
     for part in (*structure.nodes, *structure.joints, *structure.masses):
         if not _possible(part.body):
             yield f"{part.name!r} carries a body whose mass or inertia is negative or not a number"
-        elif not part.body.rotors_excluded:
+        elif not part.body.rotors_excluded and np.any(part.body.inertia):
             yield from _triangle(part.name, part.body.inertia)
 
 
@@ -121,7 +121,7 @@ def _possible(body: Body) -> bool:
     numbers = np.concatenate([[body.mass], body.cg, body.inertia.ravel()])
     if not np.all(np.isfinite(numbers)) or not np.array_equal(body.inertia, body.inertia.T):
         return False
-    least = np.linalg.eigvalsh(body.inertia)[0]
+    least = np.linalg.eigvalsh(body.inertia)[0] if np.any(body.inertia) else 0.0  # most grids have none
     return body.mass >= 0.0 and bool(least >= -UNIT_ERROR * np.abs(body.inertia).max())
 
 

@@ -91,7 +91,8 @@ def straight_lines(structure: Structure) -> list[int]:
     for m, member in enumerate(members):
         at.setdefault(member.start, []).append(m)
         at.setdefault(member.end, []).append(m)
-    met = np.array([pair for some in at.values() for pair in itertools.combinations(some, 2)]).reshape(-1, 2)
+    pairs = [pair for some in at.values() for pair in itertools.combinations(some, 2)]
+    met = np.array(pairs, dtype=int).reshape(-1, 2)
     sine = np.linalg.norm(cross(along[met[:, 0]], along[met[:, 1]]), axis=1)
     for m, other in met[sine < STRAIGHT].tolist():
         if members[other].section == members[m].section:

@@ -153,8 +153,8 @@ def _element_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.n
     x, T = element_poses(model, equilibrium.config)
     _, slope = beam_deformations(model.beams, x, T)
     ends = changes[model.element_ends].reshape(len(x), 12, -1)
-    deformation = np.einsum("eia,eam->eim", slope, ends)
-    return 0.5 * deformation * np.einsum("eij,ejm->eim", beam_stiffness(model.beams), deformation)
+    deformation = slope @ ends
+    return 0.5 * deformation * (beam_stiffness(model.beams) @ deformation)
 
 
 def _member_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Inexact[np.ndarray, "mode 5"]:
