@@ -7,10 +7,10 @@ FOLDER holds takacs_beam.
 
 from __future__ import annotations
 
-from measured import takacs
+from measured import deck, takacs
 from measured.result_file import options_of, write_rows
 
-CASES = {"Takacs": lambda o: takacs.rows(o.data)}
+CASES = {"Takacs": lambda o: takacs.rows(o.data), "Deck": lambda o: deck.rows()}
 
 
 def main() -> None:
