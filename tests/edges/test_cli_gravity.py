@@ -123,3 +123,18 @@ def test_tilt_or_places_and_both_make_sense(capfd: Capture) -> None:
         ended = middeck(capfd, "path", DM, *wrong)
         assert ended.code == 2
         assert says in ended.err
+
+
+def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture, tmp_path: Path) -> None:
+    """A cantilever beside itself in orbit: its first bending is none of the free article."""
+    held = tmp_path / "held.toml"
+    held.write_text('schema = 1\nname = "held"\n[[clamp]]\nnode = "n1"\n')
+    call = ("compare", ROOT / "articles/mace-simple.toml", "--environment", held, "--count", 12)
+    shown = middeck(capfd, *call).out
+    assert "free in orbit, with held: clamped at 'n1', no gravity" in shown
+    assert "without a partner" in shown
+    found = json.loads(middeck(capfd, *call, "--json").out)
+    for side, column in (("orbit", 0), ("lab", 1)):
+        flexible = {i for i, kind in enumerate(found[side]["kind"]) if kind == "flexible" and i < 12}
+        assert set(found["unpaired"][side]) == flexible - {pair[column] for pair in found["pairs"]}
+    assert found["unpaired"]["lab"]

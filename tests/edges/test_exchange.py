@@ -13,10 +13,12 @@ import types
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
 import scipy.signal
+import scipy.sparse as sp
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
@@ -467,3 +469,38 @@ def test_a_delay_beside_a_plant_of_theirs_is_exact() -> None:
             from_scipy(theirs, delay_s=wrong)
     with pytest.raises(ConfigError, match="sampled"):
         from_scipy(scipy.signal.StateSpace(*matrices, dt=0.1), delay_s=0.2)
+
+
+@pytest.mark.parametrize("version", [5, 7])
+def test_sparse_matrices_of_a_mat_file(tmp_path: Path, version: int) -> None:
+    """Another descriptor matrix than I is refused where it is sparse too, as it was not."""
+    A, E = np.array([[0.0, 1.0], [-4.0, 0.0]]), np.diag([1.0, 2.0])
+    others = {"B": np.array([[0.0], [1.0]]), "C": np.array([[1.0, 0.0]]), "D": np.zeros((1, 1))}
+    path = tmp_path / "s.mat"
+
+    def write(**sparse: np.ndarray) -> None:
+        found = {name: sp.csc_array(matrix) for name, matrix in sparse.items()}
+        if version == 5:
+            return scipy.io.savemat(path, {**others, **found, "Ts": 0.0})
+        with h5py.File(path, "w", userblock_size=512) as archive:
+            for name, matrix in {**others, "Ts": np.zeros((1, 1))}.items():
+                archive.create_dataset(name, data=matrix.T).attrs["MATLAB_class"] = np.bytes_("double")
+            for name, matrix in found.items():
+                group = archive.create_group(name)
+                group.attrs["MATLAB_sparse"] = np.uint64(matrix.shape[0])
+                for key, value in (("data", matrix.data), ("ir", matrix.indices), ("jc", matrix.indptr)):
+                    group[key] = value
+        with open(path, "r+b") as file:
+            file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+
+    write(A=A)
+    np.testing.assert_array_equal(load_mat(path).dynamics.A, A)
+    write(A=A, E=E)
+    with pytest.raises(DataError, match="a descriptor matrix E"):
+        load_mat(path)
+    if version == 5:
+        scipy.io.savemat(path, {"sys": {**others, "A": sp.csc_array(A), "Ts": 0.0}})
+        with pytest.raises(DataError) as error:
+            load_mat(path)
+        assert error.value.hint == "variable='sys'"
+        np.testing.assert_array_equal(load_mat(path, variable="sys").dynamics.A, A)

@@ -169,6 +169,35 @@ def test_an_article_without_attach_points_hangs_in_no_laboratory(tmp_path: Path)
     assert "no attach point to hang from" in ended.err
 
 
+TIED = """
+[[attach]]
+name = "low"
+frame = "n1"
+
+[[attach]]
+name = "high"
+frame = "n5"
+
+[[spring]]
+name = "tie"
+from = "low"
+to = "high"
+stiffness_n_per_m = 1000.0
+free_length_m = 1.0
+"""
+
+
+def test_an_article_does_not_hang_from_ends_of_its_springs(tmp_path: Path) -> None:
+    text = ARTICLE.read_text()
+    (tmp_path / "own.toml").write_text(text[: text.index("\n[suspension]")] + TIED)
+    ended = as_process("modes", "own.toml", "--environment", "lab", cwd=tmp_path)
+    assert ended.code == 2
+    assert "no attach point to hang from" in ended.err
+    assert "clamps" in ended.err
+    assert "site-packages" not in ended.err + ended.out
+    assert "src/middeck" not in ended.err
+
+
 # ---- TOML that is not --------------------------------------------------------------------------------------
 
 SYNTAX = {

@@ -280,3 +280,40 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
         path.write_text(good.replace(old, new))
         with pytest.raises((ConfigError, DataError), match=said):
             md.load_structure(path)
+
+
+@pytest.mark.parametrize("form", [1, 2])
+def test_matrices_that_are_not_said_to_be_symmetric(tmp_path, component, form):
+    """Written by DMAP of other programs as square or rectangular; damping so written was left out."""
+    write_external(tmp_path / "part", component)
+    names = {"KXX": component.stiffness, "MXX": component.mass, "BXX1": component.damping}
+    write_op4(tmp_path / "part.op4", [Op4Matrix(n, form, sp.csc_array(m)) for n, m in names.items()])
+    back = read_external([tmp_path / "part.pch"], tmp_path / "part.op4", SI)
+    np.testing.assert_array_equal(back.stiffness, component.stiffness)
+    np.testing.assert_array_equal(back.damping, component.damping)
+    K = component.stiffness.copy()
+    K[0, 7] *= 1.01
+    write_op4(
+        tmp_path / "part.op4",
+        [Op4Matrix("KXX", form, sp.csc_array(K)), Op4Matrix("MXX", 6, sp.csc_array(component.mass))],
+    )
+    with pytest.raises(DataError, match="its stiffness is not symmetric"):
+        read_external([tmp_path / "part.pch"], tmp_path / "part.op4", SI)
+    K4 = Op4Matrix("K4XX", form, sp.csc_array(1e-2 * component.stiffness))
+    others = [Op4Matrix(n, 6, sp.csc_array(m)) for n, m in names.items()]
+    write_op4(tmp_path / "part.op4", [*others, K4])
+    with pytest.raises(DataError, match="structural damping"):
+        read_external([tmp_path / "part.pch"], tmp_path / "part.op4", SI)
+
+
+def test_grids_are_written_in_ascending_order(tmp_path, component):
+    """The rows of a boundary follow the numbers of its grids, whatever order the component has."""
+    named = dataclasses.replace(component, grids=("n12", "n3"))
+    write_external(tmp_path / "part", named)
+    back = read_external([tmp_path / "part.pch"], tmp_path / "part.op4", SI)
+    assert back.grids == ("3", "12")
+    np.testing.assert_allclose(back.positions, component.positions[::-1], atol=1e-9)
+    n = len(component.mass)
+    rows = [*range(6, 12), *range(6), *range(12, n)]
+    for key in ("stiffness", "mass", "damping"):
+        np.testing.assert_array_equal(getattr(back, key), getattr(component, key)[np.ix_(rows, rows)])

@@ -13,11 +13,20 @@ import middeck as md
 from middeck.files.vtu import PARTS, write_vtu
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import Configuration, move
-from middeck.structure.model.article import PointLoad, Section
+from middeck.structure.model.article import Body, PointLoad, Section
 from middeck.structure.modes.drawn import Drawing, draw_modes, draw_rest
 from middeck.structure.rest.equilibrium import Equilibrium
 from repeats import repeats
-from structure_builders import TUBE, random_configuration, rigid_bar, straight_beam
+from structure_builders import (
+    TUBE,
+    body,
+    member,
+    node,
+    random_configuration,
+    rigid_bar,
+    straight_beam,
+    structure,
+)
 
 ROOT = Path(__file__).parents[2]
 L, P = 2.0, 1e-4
@@ -129,3 +138,18 @@ def test_an_article_without_members_is_drawn() -> None:
     assert [n.what for n in drawing.lines] == ["body"]
     assert np.isfinite(drawing.motion).all()
     assert mesh_structure(rest.model.structure).frames == rest.model.frames
+
+
+def test_a_body_with_products_of_inertia_is_a_box_in_its_principal_axes():
+    """Of a turned box of known sides the corners are those of the box."""
+    sides, mass = np.array([0.1, 0.2, 0.3]), 4.0
+    axes = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
+    own = np.diag(mass / 12.0 * (np.sum(sides**2) - sides**2))
+    inertia = axes @ own @ axes.T
+    turned = Body(mass, np.array([0.05, 0.0, 0.0]), 0.5 * (inertia + inertia.T))
+    far = node("far", (3.0, 0.0, 0.0), body(1.0))
+    article = structure([node("b", (0.0, 0.0, 0.0), turned), far], [member("b", "far", TUBE, 1)])
+    drawing = draw_rest(md.solve_equilibrium(article, md.Environment.orbit()))
+    (line,) = [line for line in drawing.lines if line.what == "body" and line.name == "b"]
+    found = (drawing.drawn[line.first : line.last] - [0.05, 0.0, 0.0]) @ axes
+    np.testing.assert_allclose(np.abs(found), np.tile(0.5 * sides, (len(found), 1)), rtol=1e-12)

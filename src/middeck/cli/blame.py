@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from middeck.errors import MiddeckError
+from middeck.files.documents import BUILT_IN
 
 
 @contextmanager
@@ -23,7 +24,12 @@ def reading(*files: str | Path) -> Generator[None]:
     try:
         yield
     except MiddeckError as error:
-        names = [str(f) for f in files]
+        names = [_called(f) for f in files]
         if not any(name in str(error) for name in names):
             error.where = ", ".join([*names, *([error.where] if error.where else [])])
         raise
+
+
+def _called(file: str | Path) -> str:
+    """The path, or the name of a built-in environment, whose file nobody wrote."""
+    return next((f"environment {name!r}" for name, path in BUILT_IN.items() if path == file), str(file))

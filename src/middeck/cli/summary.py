@@ -37,7 +37,7 @@ def summary_lines(numbers: dict[str, Any]) -> list[str]:
         f"mass         {numbers['mass_kg']:.3f} kg",
         f"centre       {_row(numbers['centre_of_mass_m'])} m, undeformed, x y z",
         f"inertia      {_row(np.diag(inertia))} kg m^2 about it, xx yy zz",
-        f"             {_row(products)} kg m^2, xy xz yz",
+        f"             {_row(products, np.abs(inertia).max())} kg m^2, xy xz yz",
     ]
 
 
@@ -46,16 +46,17 @@ def measure_lines(numbers: dict[str, Any]) -> list[str]:
     bending, slim = numbers["bending_scale_hz"], numbers["element_slenderness"]
     lines = [f"size         {_row(numbers['size_m'])} m"]
     if bending is not None:
-        lines.append(f"bending      of the order of {bending:.3g} Hz, free and undeformed")
+        lines.append(f"bending      {bending:.2g} Hz as one free uniform beam: roughly, as a check of units")
     mesh = f"mesh         {numbers['degrees_of_freedom']} degrees of freedom"
     if slim is not None:
         mesh += f"; elements {slim[0]:.3g} to {slim[1]:.3g} radii of gyration long"
     return [*lines, mesh]
 
 
-def _row(values: Sequence[float] | np.ndarray) -> str:
+def _row(values: Sequence[float] | np.ndarray, size: float = 0.0) -> str:
+    """Values beside which others may be as large as ``size``."""
     row = np.asarray(values)
-    row = np.where(np.abs(row) > ROUNDING * np.abs(row).max(), row, 0.0)
+    row = np.where(np.abs(row) > ROUNDING * max(np.abs(row).max(), size), row, 0.0)
     return "  ".join(f"{value:.6g}" for value in row)
 
 

@@ -89,6 +89,14 @@ def attach_names(data: Table) -> list[str]:
     return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *listed]
 
 
+def hanging_names(data: Table) -> list[str]:
+    """Attach points that a suspension may take: all but the listed ones where a spring or bushing ends."""
+    ties = [t for key in ("spring", "bushing") for _, t in tables(data, key)]
+    ends = {str(t.get(end)) for t in ties for end in ("from", "to")}
+    own = set(map(str, array_of(table_of(data, "suspension"), "nodes")))
+    return [name for name in attach_names(data) if name in own or name not in ends]
+
+
 def _damped_names(data: Table) -> dict[str, list[str]]:
     """Names of what may be damped, by key."""
     springs = [str(t.get("name", f"{t.get('from')}-{t.get('to')}")) for _, t in tables(data, "spring")]

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from middeck.errors import ConfigError
 from middeck.files import looks
 from middeck.files.article_build import build_structure
-from middeck.files.article_checks import article_findings, attach_names, node_names
+from middeck.files.article_checks import article_findings, attach_names, hanging_names, node_names
 from middeck.files.article_form import ArticleForm
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
@@ -173,11 +173,11 @@ def load_setup(
     """An article and an environment, joined by the names of attach points.
 
     ``environment`` is a file, or "orbit" or "lab", which need none: in "lab" the article hangs along x on a
-    cable of 4 m at each attach point, at 0.25 Hz. Raises `ConfigError` with all faults of both,
-    among them names that the article lacks.
+    cable of 4 m at each attach point where no spring or bushing ends, at 0.25 Hz. Raises `ConfigError` with
+    all faults of both, among them names that the article lacks.
     """
     first, second = _check_case(article, environment, overrides)
-    return _structure(first), _environment(second, attach_names(first.data))
+    return _structure(first), _environment(second, hanging_names(first.data))
 
 
 def load_offset_keys(

@@ -1,5 +1,7 @@
 """Modal surveys in universal files: shapes in data sets 55 or 2414, nodes in 15 or 2411, units in 164.
 
+Coordinate systems in 2420 may be there if they are the global one; others are refused.
+
 Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
 file formats). Header (151), trace lines (82) and functions (58) of the same file are passed over.
 """
@@ -16,18 +18,23 @@ from middeck.errors import DataError
 from middeck.files.records.uff58 import AGAIN, TextSet, fortran, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
-NODES, SHAPES, UNITS = (15, 2411), (55, 2414), 164
+NODES, SHAPES, UNITS, SYSTEMS = (15, 2411), (55, 2414), 164, (18, 2420)
 NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an eigenvalue
 # Derivatives of displacement by the specific data type; of unknown and general data none.
 DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
+# How far a matrix of axes may be from the global one: printed digits.
+AXES_OFF = 1e-6
+# A damping ratio from which on it is more likely one in per cent.
+PERCENT = 0.3
 # Units of length in a metre by the code of units; 9 is the user's own.
 LENGTHS = {1: 1.0, 2: 3.28084, 3: 1.0, 4: 3.28084, 5: 1e3, 6: 1e2, 7: 39.3701, 8: 1e3, 10: 1e3}
 
 
 class Shape(NamedTuple):
-    """One mode: frequency [Hz], damping ratio, complex motions by node number, what is odd about it."""
+    """One mode: frequency [Hz], eigenvalue, damping ratio, complex motions by node number, what is odd."""
 
     hz: float
+    root: complex
     damping: float
     rows: dict[int, np.ndarray]
     is_complex: bool
@@ -42,19 +49,24 @@ def load_uff(path: Path) -> MeasuredModes:
     Raises `DataError`, with the line, for a file that is cut or holds no modes, for nodes with displacement
     axes of their own, units that contradict themselves, and shapes that are not motions.
     """
-    sets = scan_texts(path, (*NODES, *SHAPES, UNITS))
-    shapes = [mode for s in sets if s.number in SHAPES if (mode := _shape(s, path)) is not None]
+    sets = scan_texts(path, (*NODES, *SHAPES, *SYSTEMS, UNITS))
+    shapes = _once([mode for s in sets if s.number in SHAPES if (mode := _shape(s, path)) is not None])
+    rigid = sum(s.hz == 0.0 for s in shapes)
+    shapes = [s for s in shapes if s.hz != 0.0]
     if not shapes:
         hint = "export mode shapes as data set 55 (normal mode, complex eigenvalue) or 2414"
         raise DataError("no mode shapes", where=str(path), hint=hint)
     factor = _metre([s for s in sets if s.number == UNITS], path)
-    places = {n: at for s in sets if s.number in NODES for n, at in _nodes(s, path).items()}
+    systems = _Systems(sets, path)
+    places = {n: at for s in sets if s.number in NODES for n, at in _nodes(s, path, systems).items()}
     numbers = sorted({n for shape in shapes for n in shape.rows})
     table = np.array([[_six(s.rows.get(n)) for s in shapes] for n in numbers]).reshape(-1, len(shapes), 6)
     table[:, :, :3] /= factor or 1.0
     moved = [(k, a) for k in range(len(numbers)) for a in range(6) if table[k, :, a].any()]
     located = bool(places) and all(n in places for n in numbers)
     said = dict.fromkeys(w for s in shapes for w in s.warnings)
+    if rigid:
+        said[f"{rigid} modes at 0 Hz are left out"] = None
     if factor is None and (places or any(a > 2 for _, a in moved)):
         said["no units (data set 164): lengths are taken as metres"] = None
     if places and not located:
@@ -156,23 +168,58 @@ def _length(found: TextSet, path: Path) -> float:
     return factor
 
 
-def _nodes(found: TextSet, path: Path) -> dict[int, np.ndarray]:
+class _Systems:
+    """The coordinate systems of a file: which of them are the global one."""
+
+    def __init__(self, sets: list[TextSet], path: Path) -> None:
+        self.is_global = {0: True, 1: True}
+        self.unread = any(s.number == 18 for s in sets)
+        for found in (s for s in sets if s.number == 2420):
+            lines = _Lines(found, path)
+            lines.whole(1)
+            lines.line()  # name of the part
+            while lines.more():
+                label, kind = lines.whole(2)
+                lines.line()
+                matrix = np.array([lines.real(3, 25, 3) for _ in range(4)])
+                self.is_global[label] = kind == 0 and bool(np.abs(matrix - np.eye(4, 3)).max() < AXES_OFF)
+
+    def check(self, node: int, what: str, label: int, where: str) -> None:
+        """Raise `DataError` for a system that is not the global one, or that the file does not describe."""
+        if not self.is_global.get(label, False):
+            known = "turned, shifted or not Cartesian" if label in self.is_global else "not in data set 2420"
+            if self.unread and label not in self.is_global:
+                known = "in data set 18, which is not read"
+            raise DataError(
+                f"node {node} has {what} axes of its own, system {label}: {known}",
+                where=where,
+                hint="export shapes and nodes in global axes",
+            )
+
+
+def _once(shapes: list[Shape]) -> list[Shape]:
+    """Of a mode and its complex conjugate the one that turns forward."""
+    roots = [s.root for s in shapes]
+
+    def again(root: complex) -> bool:
+        return root.imag < 0.0 and any(abs(r - root.conjugate()) <= 1e-4 * abs(root) for r in roots)
+
+    return [s for s in shapes if not again(s.root)]
+
+
+def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, np.ndarray]:
     lines, places = _Lines(found, path), dict[int, np.ndarray]()
     while lines.more():
         if found.number == 15:
             text = lines.line()
             inner = _Lines(TextSet(15, found.line + lines.at - 1, (text[:40], text[40:])), path)
-            number, _, axes, *_ = inner.whole(4)
+            number, defined, axes, *_ = inner.whole(4)
             at = inner.real(3)
         else:
-            number, _, axes, *_ = lines.whole(4)
+            number, defined, axes, *_ = lines.whole(4)
             at = lines.real(3, 25, 3)
-        if axes > 1:
-            raise DataError(
-                f"node {number} has displacement axes of its own, system {axes}",
-                where=lines.where(),
-                hint="export shapes and nodes in global axes",
-            )
+        systems.check(number, "displacement", axes, lines.where())
+        systems.check(number, "coordinate", defined, lines.where())
         if number in places and not np.array_equal(places[number], at):
             raise DataError(f"node {number} stands at two places", where=lines.where(), hint=AGAIN)
         places[number] = at
@@ -202,9 +249,10 @@ def _shape(found: TextSet, path: Path) -> Shape | None:
         )
     hz, damping, root, said = _eigenvalue(lines, found.number, analysis)
     is_complex = kind in (5, 6)
-    scale = 1.0 / root ** DERIVATIVE[quantity] if root else 1.0
+    divisor = root if is_complex else abs(root)  # the sign and phase of a real shape are free
+    scale = 1.0 / divisor ** DERIVATIVE[quantity] if root else 1.0
     rows = {n: scale * v for n, v in _rows(lines, per_node, is_complex)}
-    return Shape(hz=hz, damping=damping, rows=rows, is_complex=is_complex, warnings=said)
+    return Shape(hz=hz, root=root, damping=damping, rows=rows, is_complex=is_complex, warnings=said)
 
 
 def _eigenvalue(lines: _Lines, number: int, analysis: int) -> tuple[float, float, complex, tuple[str, ...]]:
@@ -222,7 +270,7 @@ def _eigenvalue(lines: _Lines, number: int, analysis: int) -> tuple[float, float
     if not np.isfinite(normal if analysis == NORMAL else root).all():
         raise DataError("the mode states too few numbers", where=lines.where(), hint=AGAIN)
     if analysis != NORMAL:
-        hz, ratio = abs(root) / (2.0 * np.pi), -root.real / abs(root) if root else 0.0
+        hz, ratio = abs(root) / (2.0 * np.pi), (0.0 - root.real) / abs(root) if root else 0.0
         grows = (f"the mode of {hz:.6g} Hz has an eigenvalue with positive real part",) if ratio < 0.0 else ()
         return hz, ratio, root, grows
     hz, viscous, hysteretic = map(float, normal)
@@ -230,7 +278,10 @@ def _eigenvalue(lines: _Lines, number: int, analysis: int) -> tuple[float, float
         said = (f"the mode of {hz:.6g} Hz states two dampings: the viscous ratio {viscous:g} is taken",)
     else:
         said = ()
-    return hz, viscous or 0.5 * hysteretic, complex(2.0 * np.pi * hz), said
+    ratio = viscous or 0.5 * hysteretic
+    if ratio >= PERCENT:
+        said = (*said, f"the mode of {hz:.6g} Hz states a damping ratio of {ratio:g}: is it in per cent?")
+    return hz, ratio, complex(2.0 * np.pi * hz), said
 
 
 def _rows(lines: _Lines, per_node: int, is_complex: bool) -> Iterator[tuple[int, np.ndarray]]:

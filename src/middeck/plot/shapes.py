@@ -41,6 +41,10 @@ MARKS: dict[str, dict[str, Any]] = {
     "moment": {"marker": "$\\circlearrowleft$", "markersize": 7.0, "color": COLOUR["lab"]},
 }
 WORDS = {"ground": "bushing to the ground"}
+BOX = "body, as the uniform box of its size or inertia"
+BOXED: dict[str, Any] = {
+    "linestyle": "", "marker": "s", "markersize": 6.0, "color": COLOUR["ink"], "markerfacecolor": "none",
+}  # fmt: skip
 ARROW: dict[str, Any] = {
     "arrowstyle": "-|>",
     "linewidth": 0.8,
@@ -178,8 +182,10 @@ def _legend(figure: Figure, drawings: Sequence[Drawing]) -> None:
 
 def _name_marks(figure: Figure, drawings: Sequence[Drawing]) -> None:
     seen = dict.fromkeys(mark.what for drawing in drawings for mark in drawing.marks)
-    if seen:
-        handles = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
+    handles = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
+    if any(line.what == "body" for drawing in drawings for line in drawing.lines):
+        handles.append(Line2D([], [], label=BOX, **BOXED))
+    if handles:
         figure.legend(handles=handles, loc="lower right", ncols=len(handles), fontsize=7.0)
 
 

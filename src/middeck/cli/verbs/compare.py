@@ -60,6 +60,8 @@ def verb(
 
 def describe(comparison: ModeComparison) -> dict[str, Any]:
     """The JSON document; keys as in figures 4 and 5 of numbers.json."""
+    import numpy as np
+
     from middeck.cli.cases import both_sides
     from middeck.study.chapters.gravity_modes.numbers import figure_4, figure_5
 
@@ -70,6 +72,9 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
         "environment": lab.equilibrium.environment.title,
         **figure_4(comparison),
         **figure_5(comparison),
+        "unpaired": dict(zip(("orbit", "lab"), comparison.unpaired, strict=True)),
+        "clamped": sorted({clamp.node for clamp in lab.equilibrium.environment.clamps}),
+        "gravity_m_s2": float(np.linalg.norm(lab.equilibrium.environment.gravity)),
         "warnings": (*both_sides(orbit, lab), *comparison.warnings),
     }
 
@@ -108,7 +113,30 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     angles = ", ".join(f"{a:.3f}" for a in document["subspace_angle_deg"]) or "none"
     return [
         f"article      {document['article']}",
-        *lists,
+        f"compared     free in orbit, with {_held(document)}",
+        *(table for table in lists if table.rows),
         Table("pairs of flexible modes", titles, pairs),
+        *_unpaired(document),
         f"\nangles between the rigid-body and the suspension subspaces, deg: {angles}",
     ]
+
+
+def _held(document: dict[str, Any]) -> str:
+    """The environment in words."""
+    from middeck.structure.model.connectivity import some_names
+
+    clamped, gravity = document["clamped"], document["gravity_m_s2"]
+    clamps = f"clamped at {some_names(clamped)}" if clamped else "not clamped"
+    weight = f"gravity {gravity:.4g} m/s^2" if gravity else "no gravity"
+    return f"{document['environment']}: {clamps}, {weight}"
+
+
+def _unpaired(document: dict[str, Any]) -> list[Table]:
+    """Flexible modes of either side that no pair has."""
+    rows = [
+        [title, str(i), f"{document[side]['frequency_hz'][i]:.5f}", document[side]["name"][i]]
+        for side, title in (("orbit", "orbit"), ("lab", document["environment"]))
+        for i in document["unpaired"][side]
+    ]
+    title = "flexible modes without a partner among those compared"
+    return [Table(title, ["in", "mode", "frequency Hz", "name"], rows)] if rows else []

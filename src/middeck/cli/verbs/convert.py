@@ -119,9 +119,11 @@ def _not_held(path: str) -> Exception:
     from middeck.errors import ConfigError
 
     return ConfigError(
-        "the ground holds this deck, and an article holds nothing: its modes alone would be others",
+        "this deck has SPC or springs to the ground; an article has no place for them, and without them its "
+        "modes are those of the free structure",
         where=path,
-        hint="--environment FILE.toml for the clamps; without SPC in case control the deck is free",
+        hint="--environment FILE.toml writes them to an environment; for the free structure take SPC out of "
+        "case control",
     )
 
 

@@ -163,7 +163,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
             for r in document["support_reactions"]
         ]
         headers = ["at", "x N", "y N", "z N", "x N m", "y N m", "z N m"]
-        blocks.append(Table("reactions of clamps and bushings, world axes", headers, rows))
+        blocks += _if_any(
+            "reactions of clamps and bushings, world axes", headers, rows, "no support is loaded"
+        )
     by = document["held_by"]
     torques = [[j, f"{t:z.5f}", f"its {by[j]}"] for j, t in document["holding_torque_nm"].items()]
     turned = [[n, *(f"{a:z.5f}" for a in v)] for n, v in document["node_rotation_deg"].items()]
@@ -175,8 +177,16 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *blocks,
         *([Table("holding torque", ["joint", "N m", "held by"], torques)] if torques else []),
         *([Table("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
-        Table("rotation vector of the nodes", ["node", "x deg", "y deg", "z deg"], turned),
+        *_if_any(
+            "rotation vector of the nodes", ["node", "x deg", "y deg", "z deg"], turned, "no node turns"
+        ),
     ]
+
+
+def _if_any(title: str, headers: list[str], rows: list[list[str]], none: str) -> list[str | Table]:
+    """The table, or a sentence where all its numbers are zero."""
+    some = any(float(cell) != 0.0 for row in rows for cell in row[1:])
+    return [Table(title, headers, rows) if some else f"\n{title}: {none}"]
 
 
 def _modes_table(document: dict[str, Any]) -> Table:
@@ -209,7 +219,7 @@ def _page_rows(document: dict[str, Any]) -> list[list[str]]:
 def _imbalance(document: dict[str, Any]) -> str:
     """Forces over the weight, moments over weight times a length."""
     left = document["imbalance"]
-    weight = "weight at rest" if document["gravity_m_s2"] else "weight on the ground (there is none here)"
+    weight = "weight at rest" if document["gravity_m_s2"] else "weight under 1 g"
     return (
         f"forces {left['force']:.1e} of the {weight},\n"
         f"{'':13}moments {left['moment']:.1e} of it times {left['length']:.3g} m"

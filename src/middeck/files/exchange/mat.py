@@ -115,7 +115,9 @@ def load_mat(
     missing = [name for name in "ABCD" if name not in found]
     if missing:
         there = ", ".join(sorted(found)) or "nothing"
-        raise DataError(f"no {', '.join(missing)}; there is {there}", where=where, hint=HINT)
+        holders = [name[:-2] for name in found if name.endswith(".A") and f"{name[:-2]}.D" in found]
+        hint = f"variable={holders[0]!r}" if holders else HINT
+        raise DataError(f"no {', '.join(missing)}; there is {there}", where=where, hint=hint)
     _require_plain(found, where)
     try:
         matrices = {name: real_matrix(found[name], name) for name in "ABCD"}

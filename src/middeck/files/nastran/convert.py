@@ -176,7 +176,7 @@ class _Converter:
         converted["grids that are nodes"] = len(kept)
         converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
         read = {name: len(found) for name, found in entries.by_name.items()}
-        environment = {"schema": 1, "name": name, "clamp": clamps, "bushing": grounds}
+        environment = {"schema": 1, "name": f"{name}-supports", "clamp": clamps, "bushing": grounds}
         return Conversion(
             document,
             read,

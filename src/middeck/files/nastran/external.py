@@ -223,7 +223,9 @@ def geometry_of(cards: Iterable[Card]) -> Places:
 
 
 def _op4_matrices(path: str | Path) -> dict[str, np.ndarray]:
-    return {name: matrix.value.toarray() for name, matrix in op4_by_name(path).items() if matrix.form == 6}
+    """All of its square matrices: not every program says which are symmetric."""
+    square = {n: m.value for n, m in op4_by_name(path).items() if m.value.shape[0] == m.value.shape[1]}
+    return {name: value.toarray() for name, value in square.items()}
 
 
 def _pick(

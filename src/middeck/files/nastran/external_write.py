@@ -7,6 +7,7 @@ external superelements.
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -27,6 +28,8 @@ ALL = "123456"
 def write_external(stem: str | Path, component: Component, *, number: int = 101) -> dict[str, Path]:
     """Write ``stem``.op4, .pch and .asm, each whole or not at all; the paths by ending.
 
+    Grids stand in ascending order, in which Nastran expects the rows of a boundary.
+
     Grids have the numbers in their names (``g12`` is 12) or, where those are not all different, 1, 2, 3 ...
     Raises `ConfigError` for a number that no superelement has, and a component whose grids lack coordinates.
     """
@@ -36,7 +39,7 @@ def write_external(stem: str | Path, component: Component, *, number: int = 101)
         raise ConfigError("a grid without some of its six coordinates", where=f"component {component.name!r}")
     stem = Path(stem)
     paths = {ending: stem.with_name(f"{stem.name}.{ending}") for ending in ("op4", "pch", "asm")}
-    grids = grid_numbers(component.grids)
+    component, grids = _ascending(component)
     points = [max(number * SPOINTS, *grids) + k + 1 for k in range(component.modal)]
     names = [f"$ GRID {grid} IS {name}" for grid, name in zip(grids, component.grids, strict=True)]
     cards = [
@@ -66,6 +69,29 @@ def write_external(stem: str | Path, component: Component, *, number: int = 101)
                 errors="replace",
             )
     return paths
+
+
+def _ascending(component: Component) -> tuple[Component, list[int]]:
+    """The component with its grids in the order of their numbers, and these."""
+    numbers = grid_numbers(component.grids)
+    order = np.argsort(numbers)
+    modal = np.arange(6 * len(order), len(component.mass))
+    rows = np.concatenate([(6 * order[:, None] + np.arange(6)).ravel(), modal])
+    turned = {
+        key: matrix[np.ix_(rows, rows)]
+        for key in ("stiffness", "mass", "damping")
+        if (matrix := getattr(component, key)) is not None
+    }
+    sorted_ones = dataclasses.replace(
+        component,
+        grids=tuple(component.grids[i] for i in order),
+        frames=tuple(component.frames[i] for i in order),
+        positions=component.positions[order],
+        offsets=component.fixed_at[order],
+        recovery=None if component.recovery is None else component.recovery[:, rows],
+        **turned,
+    )
+    return sorted_ones, [numbers[i] for i in order]
 
 
 def grid_numbers(names: Sequence[str]) -> list[int]:

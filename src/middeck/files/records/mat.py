@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 import scipy.io
+import scipy.sparse as sp
 from scipy.io.matlab import MatlabOpaque, MatReadError
 
 from middeck.errors import DataError
@@ -24,6 +25,8 @@ SYSTEM = frozenset("ABCD")
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 # Version 5 counts bytes in 32 bits.
 MOST_BYTES = 2**31
+SPARSE = "MATLAB_sparse"  # attribute of a group: the number of rows
+MOST_FILLED = 2**26  # entries of a sparse matrix that is filled: half a gigabyte
 BROKEN = (
     *(ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, NotImplementedError),
     *(MemoryError, OverflowError, RuntimeError, AssertionError, zlib.error, MatReadError),
@@ -91,16 +94,20 @@ def _read_5(file: Path) -> dict[str, np.ndarray]:
         raise DataError(what, where=str(file), hint="copy or record it again") from None
     found: dict[str, np.ndarray] = {}
     for name, value in content.items():
-        if not name.startswith("__") and isinstance(value, np.ndarray):
+        if not name.startswith("__") and (isinstance(value, np.ndarray) or sp.issparse(value)):
             found |= _named_5(name, value)
     return found
 
 
-def _named_5(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
-    """An array, or those in the fields of a structure: ``run.force``."""
+def _named_5(name: str, value: Any) -> dict[str, np.ndarray]:
+    """An array, or those in the fields of a structure: ``run.force``; a sparse one is filled with zeros."""
+    if sp.issparse(value):
+        _check_size(name, value.shape)
+        return {name: value.toarray()}
     if value.dtype.names is None or isinstance(value, MatlabOpaque) or value.size != 1:
         return {name: _texts_5(value)}
-    fields = {field: np.asarray(value[field].item()) for field in value.dtype.names}
+    inner = {field: value[field].item() for field in value.dtype.names}
+    fields = {field: x if sp.issparse(x) else np.asarray(x) for field, x in inner.items()}
     return {k: x for field, inner in fields.items() for k, x in _named_5(f"{name}.{field}", inner).items()}
 
 
@@ -121,11 +128,31 @@ def _read_73(file: Path) -> dict[str, np.ndarray]:
         found: dict[str, Any] = {}
 
         def note(path: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset) and not path.startswith("#") and not _is_struct_array(item):
+            own = isinstance(item, h5py.Dataset) and SPARSE not in item.parent.attrs
+            if SPARSE in item.attrs or (own and not path.startswith("#") and not _is_struct_array(item)):
                 found[path.replace("/", ".")] = item
 
         archive.visititems(note)
         return {name: _array_73(item, archive) for name, item in found.items()}
+
+
+def _full_73(group: Any) -> np.ndarray:
+    """A sparse matrix, which is a group of its entries, their rows and the beginnings of its columns."""
+    begins = np.asarray(group["jc"]).ravel().astype(np.int64)
+    shape = (int(group.attrs[SPARSE]), len(begins) - 1)
+    _check_size(group.name, shape)
+    if "data" not in group:  # without entries
+        return np.zeros(shape)
+    entries = plain(group["data"]).ravel(), np.asarray(group["ir"]).ravel().astype(np.int64), begins
+    return sp.csc_array(entries, shape=shape).toarray()
+
+
+def _check_size(name: str, shape: Any) -> None:
+    if shape[0] * shape[1] > MOST_FILLED:
+        raise DataError(
+            f"a sparse matrix {name} of {shape[0]} rows and {shape[1]} columns",
+            hint="reduce it first, or leave it out of the file",
+        )
 
 
 def _is_struct_array(data: Any) -> bool:
@@ -135,6 +162,8 @@ def _is_struct_array(data: Any) -> bool:
 
 def _array_73(data: Any, archive: Any) -> np.ndarray:
     """An array with its axes in MATLAB's order, which is the file's reversed; texts as texts."""
+    if SPARSE in data.attrs:
+        return _full_73(data)
     kind = data.attrs.get("MATLAB_class", b"")
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if "MATLAB_empty" in data.attrs:

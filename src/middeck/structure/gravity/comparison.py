@@ -20,6 +20,8 @@ from middeck.values import record
 ALIKE = 0.01
 # A mode that has this part of what the partner has of a shape could be the partner.
 RIVAL = 0.5
+# Of a shape: a pair with less in common is one in name only.
+COMMON = 0.25
 
 
 @record(kw_only=True)
@@ -48,6 +50,17 @@ class ModeComparison:
     ratio: Float[np.ndarray, " pair"]
     subspace_angle: Float[np.ndarray, " angle"]
     warnings: tuple[str, ...]
+
+    @property
+    def unpaired(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Flexible modes without a partner among the lowest ``count``: in orbit, in the laboratory."""
+        return self._left(self.orbit, 0), self._left(self.lab, 1)
+
+    def _left(self, side: Modes, column: int) -> tuple[int, ...]:
+        paired = set(self.pairs[:, column].tolist())
+        return tuple(
+            i for i, kind in enumerate(side.kind[: self.count]) if kind == "flexible" and i not in paired
+        )
 
 
 def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
@@ -105,6 +118,7 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
     difference to the ratio.
     """
     f_0, f_1 = orbit.frequency_hz, lab.frequency_hz
+    cure = f", or {CURE}" if lab.equilibrium.environment.hung else ""
     for i, j in pairs.tolist():
         near = np.abs(f_1 - f_1[j]) <= ALIKE * f_1[j]
         own = float(shares[i, near].sum())
@@ -112,11 +126,16 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
         rival = int(np.argmax(others))
         a, b = f_1[j] / f_0[i], f_1[rival] / f_0[i]
         called = f"orbit mode {i} {orbit.name[i]!r} at {f_0[i]:.4g} Hz"
-        if others[rival] >= RIVAL * own:
+        if max(own, others[rival]) < COMMON:
+            yield (
+                f"{called} has no partner: the nearest, at {f_1[j]:.4g} Hz, has {own:.0%} of it in common, "
+                f"and their ratio {a:.4g} says nothing"
+            )
+        elif others[rival] >= RIVAL * own:
             yield (
                 f"{called} has no one partner: {own:.0%} of it is at {f_1[j]:.4g} Hz and {others[rival]:.0%} "
                 f"at {f_1[rival]:.4g} Hz, so that its ratio is {a:.4g} or {b:.4g}; read the two as a pair of "
-                f"modes, or {CURE}"
+                f"modes{cure}"
             )
         elif lab.kind[j] != "flexible":
             yield (

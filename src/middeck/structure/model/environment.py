@@ -225,11 +225,13 @@ class Environment:
     def lab(
         structure: Structure, *, cable_length: float = 4.0, bounce_hz: float = 0.25, gravity: float = 9.80665
     ) -> Environment:
-        """Gravity along -y and a cable at every attach point of ``structure``.
+        """Gravity along -y and a cable at every attach point of ``structure``, but for ends of its ties.
 
-        For an article along x, see `hang_along_x`. Raises `ConfigError` if there is no attach point.
+        Ends of its own springs and bushings are no points to hang from. For an article along x, see
+        `hang_along_x`. Raises `ConfigError` if there is no attach point.
         """
-        held = hang_along_x([point.name for point in structure.attach_points])
+        ends = {end for tie in (*structure.springs, *structure.bushings) for end in (tie.start, tie.end)}
+        held = hang_along_x([point.name for point in structure.attach_points if point.name not in ends])
         return Environment(
             title="lab",
             gravity=np.array([0.0, -gravity, 0.0]),
@@ -250,8 +252,9 @@ def hang_along_x(attach: Sequence[str]) -> dict[str, str]:
     """
     if not attach:
         raise ConfigError(
-            "the article has no attach point to hang from",
-            hint="give it attach points, clamp a node, or use the environment orbit",
+            "the article has no attach point to hang from (ends of springs and bushings do not count)",
+            hint="give it attach points, name an environment file with clamps (middeck convert "
+            "writes that of a deck), or use the environment orbit",
         )
     middle = len(attach) // 2
     return {name: "xyz" if i == middle else "yz" for i, name in enumerate(attach)}

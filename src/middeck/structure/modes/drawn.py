@@ -260,19 +260,21 @@ def _bodies(model: Model, size: float) -> Iterator[_Stroke]:
     """Nodes as boxes of their size; other bodies as the uniform box with their inertia, if there is one."""
     for part in (*model.structure.nodes, *model.structure.joints):
         body = part.body
-        edges = np.full(3, getattr(part, "size", 0.0))
+        edges, axes = np.full(3, getattr(part, "size", 0.0)), np.eye(3)
         if not np.any(edges) and body.mass > 0.0:
-            edges = np.minimum(_box_edges(body), BOX * size or np.inf)
+            edges, axes = _box(body)
+            edges = np.minimum(edges, BOX * size or np.inf)
         if np.any(edges):
             centre = np.zeros(3) if np.any(getattr(part, "size", 0.0)) else body.cg
-            corners = (centre + CORNERS * edges)[list(STROKE)]
+            corners = (centre + CORNERS * edges @ axes.T)[list(STROKE)]
             yield _Stroke("body", part.name, [model.frames.index(part.name)] * len(STROKE), corners)
 
 
-def _box_edges(body: Body) -> np.ndarray:
-    """Edges of the uniform box with this mass and these moments of inertia."""
-    moments = np.diag(body.inertia)
-    return np.sqrt(np.maximum(6.0 / body.mass * (moments.sum() - 2.0 * moments), 0.0))
+def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of the uniform box with this mass and inertia, and its axes as columns."""
+    plain = not np.any(body.inertia - np.diag(np.diag(body.inertia)))
+    moments, axes = (np.diag(body.inertia), np.eye(3)) if plain else np.linalg.eigh(body.inertia)
+    return np.sqrt(np.maximum(6.0 / body.mass * (moments.sum() - 2.0 * moments), 0.0)), axes
 
 
 def _ties(model: Model) -> Iterator[_Stroke]:
@@ -307,7 +309,7 @@ def _seats(equilibrium: Equilibrium) -> Iterator[tuple[Mark, int, np.ndarray]]:
     model, loads, none = equilibrium.model, equilibrium.loads, (0.0, 0.0, 0.0)
     structure = model.structure
     for part in structure.nodes:
-        if part.body.mass > 0.0 and not part.size and not np.any(_box_edges(part.body)):
+        if part.body.mass > 0.0 and not part.size and not np.any(_box(part.body)[0]):
             yield Mark("mass", part.name, 0, none), model.frames.index(part.name), part.body.cg
     for mass in structure.masses:
         yield Mark("mass", mass.name, 0, none), model.frames.index(mass.frame), mass.body.cg

@@ -29,11 +29,11 @@ from middeck.structure.assembly.energy import (
 from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import allowed_motions
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import rigid_columns
+from middeck.structure.elements.frames import FrameTree, rigid_columns
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.model.article import JointState
 from middeck.structure.modes.eigen import count_zero, solve_all, solve_lowest
-from middeck.structure.modes.repeated import repeated
+from middeck.structure.modes.repeated import repeated, turn_apart
 from middeck.structure.modes.rigid import rigid_motions
 from middeck.structure.modes.strain import device_energy, strain_share
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -79,15 +79,20 @@ def find_kinds(
     """Kinds of modes, the first ``rigid`` at zero: one of `HELD` where most moves rigidly, held by no strain.
 
     The basis of modes of equal frequency is arbitrary. Where a suspension mode and a flexible one coincide,
-    the basis that separates them is taken, so that the result does not depend on rounding.
+    the basis that separates them is taken, and else the one of `turn_apart`, so that the result does not
+    depend on rounding.
     """
     first = ("rigid",) * rigid
+    tree = equilibrium.model.tree
     if not is_held(equilibrium):
+        lam, shapes = _settled(tree, M, lam, shapes, [c for c in repeated(lam) if c[0] >= rigid])
         share = np.where(np.arange(len(lam)) < rigid, 1.0, 0.0)
         strained = strain_share(equilibrium, lam, shapes)
         return Kinds(lam, shapes, share, strained, first + ("flexible",) * (len(lam) - rigid))
-    seen = strainless_motions(equilibrium, M).T @ (M @ shapes)
-    lam, shapes, seen = _apart(lam, shapes, seen, rigid)
+    rows = M @ strainless_motions(equilibrium, M)
+    shapes, groups = _apart(lam, shapes, rows.T @ shapes, rigid)
+    lam, shapes = _settled(tree, M, lam, shapes, groups)
+    seen = rows.T @ shapes
     share = np.clip(np.sum(seen**2, axis=0), 0.0, 1.0)
     share[:rigid] = 1.0
     strained = strain_share(equilibrium, lam, shapes)
@@ -130,17 +135,31 @@ def undecided(
 
 def _apart(
     lam: np.ndarray, shapes: np.ndarray, seen: np.ndarray, rigid: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Modes of one frequency turned until their rigid shares are as far apart as can be, rigid ones first."""
-    clusters = [c for c in repeated(lam) if c[0] >= rigid]
-    for cluster in clusters:
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Modes of one frequency turned until their rigid shares are as far apart as can be, rigid ones first;
+    the groups of them that stay alike."""
+    groups: list[np.ndarray] = []
+    for cluster in (c for c in repeated(lam) if c[0] >= rigid):
         shares, turn = np.linalg.eigh(seen[:, cluster].T @ seen[:, cluster])
-        if shares[-1] - shares[0] > SEPARABLE:
-            lam, shapes, seen = lam.copy(), shapes.copy(), seen.copy()
-            lam[cluster] = lam[cluster].mean()
-            shapes[:, cluster] = shapes[:, cluster] @ turn[:, ::-1]
-            seen[:, cluster] = seen[:, cluster] @ turn[:, ::-1]
-    return lam, shapes, seen
+        if shares[-1] - shares[0] <= SEPARABLE:
+            groups.append(cluster)
+            continue
+        shapes = shapes.copy()
+        shapes[:, cluster] = shapes[:, cluster] @ turn[:, ::-1]
+        held = int(np.sum(shares > 0.5 * (shares[0] + shares[-1])))
+        groups += [cluster[:held], cluster[held:]]
+    return shapes, groups
+
+
+def _settled(
+    tree: FrameTree, M: sp.csr_array, lam: np.ndarray, shapes: np.ndarray, groups: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Each group of modes with one frequency, in the one basis that its kinetic energy names."""
+    lam, shapes = lam.copy(), shapes.copy()
+    for group in groups:
+        lam[group] = lam[group].mean()
+        shapes[:, group] = turn_apart(tree, M, shapes[:, group])
+    return lam, shapes
 
 
 def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.ndarray, "coordinate motion"]:

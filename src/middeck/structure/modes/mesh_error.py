@@ -65,11 +65,17 @@ def mesh_warnings(modes: Modes, count: int) -> tuple[str, ...]:
     off = np.flatnonzero(error > LIMIT)
     worst = int(off[np.argmax(error[off])])
     f = modes.frequency_hz[worst]
-    few = f"{len(off)} of the {len(error)} lowest frequencies are too high by more than {LIMIT:g} by the mesh"
-    cure = "more elements a member (mesh.elements_per_strut, or elements of a strut)"
+    few = (
+        f"{len(off)} of the {len(error)} lowest frequencies are too high by more than {LIMIT:.2%}, because "
+        "the mesh is coarse"
+    )
+    cure = "use more elements a member (mesh.elements_per_strut, or elements of a strut)"
     if np.isinf(error[worst]):
-        return (f"{few}, and from {f:.4g} Hz (mode {worst}) on it lacks modes; {cure}",)
-    mode = f"mode {worst} {modes.name[worst]!r} at {f:.4g} Hz by {error[worst]:.1g}"
+        return (
+            f"{few}; from {f:.4g} Hz (mode {worst}) on modes are missing, since members vibrate between "
+            f"their nodes there; {cure}",
+        )
+    mode = f"the worst is mode {worst} {modes.name[worst]!r} of {f:.4g} Hz, {error[worst]:.1%} too high"
     more = max(int(np.ceil((error[worst] / LIMIT) ** ORDER)), 2)
     return (f"{few}: {mode}; {cure}, {more} times as many",)
 

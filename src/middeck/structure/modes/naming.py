@@ -6,12 +6,12 @@ from collections import Counter
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from middeck.structure.modes.equivalent_beam import beam_motion, on_one_line
 from middeck.structure.modes.kinds import HALF, HELD
 from middeck.structure.modes.parts import leading_parts, strained_parts
-from middeck.structure.modes.repeated import repeated
+from middeck.structure.modes.repeated import repeated_apart
 from middeck.structure.modes.rigid import AXES, rigid_motions
 from middeck.structure.modes.strain import PARTS, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -41,7 +41,7 @@ def name_modes(
     first = len(rigid_names)
     held = [m for m, k in enumerate(kind) if k in HELD]
     hung = dict(zip(held, _hung_names(equilibrium, M, shapes[:, held]), strict=True))
-    deformed = deformation_names(equilibrium, lam, shapes)
+    deformed = deformation_names(equilibrium, M, lam, shapes)
     names: list[str] = list(rigid_names)
     count: Counter[str] = Counter()
     for m in range(first, len(kind)):
@@ -53,22 +53,24 @@ def name_modes(
 
 
 def deformation_names(
-    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+    equilibrium: Equilibrium,
+    M: sp.csr_array,
+    lam: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "coordinate mode"],
 ) -> list[str]:
     """What deforms in each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy. Of any other it is the motion
     of the whole as one beam, if `WHOLE` of the kinetic energy is that; else "local: PART" where parts with
     half of the strain energy can be named, or "overall", with the deformation of the members. Two that are
-    nearly equal are both named, and modes of one frequency, whose basis is arbitrary, are named alike.
+    nearly equal are both named, and modes of one frequency that `turn_apart` leaves alike are named alike.
     """
-    strain = strain_energy(equilibrium, shapes)
-    inside = [PARTS[i] for i in np.argmax(strain, axis=1)]
+    mean = _mean_of_groups(len(lam), repeated_apart(equilibrium.model.tree, M, lam, shapes))
+    strain = mean @ strain_energy(equilibrium, shapes)
     if not len(lam) or on_one_line(equilibrium):
-        return inside
+        return [PARTS[i] for i in np.argmax(strain, axis=1)]
     whole, (parts, share) = beam_motion(equilibrium, shapes), strained_parts(equilibrium, shapes)
-    mean = _mean_of_repeated(lam)
-    strain, share = mean @ strain, mean @ share
+    share = mean @ share
     names: list[str] = []
     for m in range(len(lam)):
         named, of_it = leading_parts(parts, share[m])
@@ -83,11 +85,11 @@ def deformation_names(
     return names
 
 
-def _mean_of_repeated(lam: np.ndarray) -> np.ndarray:
-    """Averages over modes of one frequency: a mean over all of them does not depend on their basis."""
-    mean = np.eye(len(lam))
-    for cluster in repeated(lam):
-        mean[np.ix_(cluster, cluster)] = 1.0 / len(cluster)
+def _mean_of_groups(count: int, groups: list[Int[np.ndarray, " member"]]) -> np.ndarray:
+    """Averages over each group: a mean over all of its modes does not depend on their basis."""
+    mean = np.eye(count)
+    for group in groups:
+        mean[np.ix_(group, group)] = 1.0 / len(group)
     return mean
 
 

@@ -1,0 +1,126 @@
+"""Universal files as others write them: coordinate systems, conjugate modes, per cent, rigid modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from middeck.errors import DataError
+from middeck.files.measured_modes import load_measured_modes
+from middeck.structure.correlation.measured_modes import MeasuredModes
+
+NODES = {3: (0.0, 0.0, 0.0), 1: (1.0, 0.0, 0.0), 2: (2.0, 0.5, 0.0)}
+SHAPE = {2: (0.0, 1.0, 0.2), 1: (0.0, 0.5, 0.0), 3: (0.1, 0.0, 0.0)}
+EYE = np.vstack([np.eye(3), np.zeros(3)])
+TURNED = np.vstack([[[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], np.zeros(3)])
+SHIFTED = np.vstack([np.eye(3), [0.0, 0.0, 1.0]])
+ROOT = 2.0 * np.pi * 10.0 * complex(-0.01, np.sqrt(1.0 - 1e-4))
+
+
+def block(number: int, *lines: str) -> str:
+    return "\n".join([f"{-1:6d}", f"{number:6d}", *lines, f"{-1:6d}", ""])
+
+
+def whole(*values: int) -> str:
+    return "".join(f"{v:10d}" for v in values)
+
+
+def reals(values: Sequence[float], width: int = 13) -> str:
+    digits = width - 8
+    return "".join(f"{v:{width}.{digits}E}" for v in values)
+
+
+def units() -> str:
+    return block(164, f"{1:10d}{'SI':<20}{2:10d}", reals((1, 1, 1), 25), reals((273.15,), 25))
+
+
+def places(defined: int = 1, displaced: int = 1) -> str:
+    rows = [(whole(n, defined, displaced, 11), reals(x, 25)) for n, x in NODES.items()]
+    return block(2411, *(line for row in rows for line in row))
+
+
+def system(label: int, kind: int, matrix: np.ndarray) -> str:
+    return block(2420, whole(1), "part", whole(label, kind, 8), "cs", *(reals(row, 25) for row in matrix))
+
+
+def mode(root: complex = ROOT, kind: int = 5, quantity: int = 8, phase: complex = 1.0) -> str:
+    """A complex mode; of kind 2 its values are real."""
+    rows = []
+    for node, x in SHAPE.items():
+        z = phase * np.array(x)
+        flat = np.real(z) if kind == 2 else z.view(float)
+        rows += [whole(node), reals(flat.tolist())]
+    head = [whole(1, 3, 2, quantity, kind, 3), whole(2, 6, 0, 1), reals((root.real, root.imag, 0, 0, 0, 0))]
+    return block(55, *["NONE"] * 5, *head, *rows)
+
+
+def normal(hz: float, ratio: float) -> str:
+    rows = [line for node, x in SHAPE.items() for line in (whole(node), reals(x))]
+    head = [whole(1, 2, 2, 8, 2, 3), whole(2, 4, 0, 1), reals((hz, 1.0, ratio, 0.0))]
+    return block(55, *["NONE"] * 5, *head, *rows)
+
+
+def survey(tmp_path: Path, *blocks: str) -> MeasuredModes:
+    path = tmp_path / "survey.unv"
+    path.write_text("".join(blocks))
+    return load_measured_modes(path)
+
+
+def expected(measured: MeasuredModes) -> np.ndarray:
+    return np.array(
+        [SHAPE[int(n)]["xyz".index(d)] for n, d in zip(measured.node, measured.direction, strict=True)]
+    )
+
+
+@pytest.mark.parametrize("label", [1, 7])
+def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) -> None:
+    found = survey(tmp_path, units(), system(label, 0, EYE), places(label, label), normal(10.0, 0.01))
+    assert found.warnings == ()
+    np.testing.assert_allclose(found.shape[:, 0], expected(found), atol=1e-9)
+    assert found.position_m is not None
+    np.testing.assert_allclose(found.position_m, [NODES[int(n)] for n in found.node])
+
+
+@pytest.mark.parametrize(
+    ("systems", "defined", "displaced", "said"),
+    [
+        (system(5, 1, EYE), 5, 1, "coordinate axes of its own, system 5: turned, shifted or not Cartesian"),
+        (system(1, 0, TURNED), 1, 1, "axes of its own, system 1: turned"),
+        (system(4, 0, SHIFTED), 4, 1, "coordinate axes"),
+        (system(4, 0, TURNED), 1, 4, "displacement axes"),
+        ("", 6, 1, "not in data set 2420"),
+    ],
+)
+def test_other_systems_are_refused(
+    tmp_path: Path, systems: str, defined: int, displaced: int, said: str
+) -> None:
+    """Radius and angle of a cylindrical system were taken for x and y."""
+    with pytest.raises(DataError, match=said):
+        survey(tmp_path, units(), systems, places(defined, displaced), normal(10.0, 0.01))
+
+
+def test_a_mode_and_its_conjugate_are_one(tmp_path: Path) -> None:
+    phase = np.exp(0.7j)
+    both = survey(
+        tmp_path, units(), places(), mode(phase=phase), mode(ROOT.conjugate(), phase=np.conj(phase))
+    )
+    assert both.frequency_hz == pytest.approx([10.0], rel=1e-5)
+    assert both.damping == pytest.approx([0.01], rel=1e-5)
+    np.testing.assert_allclose(both.shape[:, 0], phase * expected(both), atol=1e-5)
+
+
+@pytest.mark.parametrize("root", [ROOT, 1j * ROOT.imag])
+def test_real_velocities_of_a_complex_mode_keep_their_shape(tmp_path: Path, root: complex) -> None:
+    """Over an imaginary eigenvalue a real shape has no real part."""
+    found = survey(tmp_path, units(), places(), mode(root, kind=2, quantity=11))
+    np.testing.assert_allclose(found.shape[:, 0] * abs(ROOT), expected(found), rtol=1e-3)
+
+
+def test_per_cent_and_rigid_modes_are_said(tmp_path: Path) -> None:
+    found = survey(tmp_path, units(), places(), normal(0.0, 0.0), normal(10.0, 1.5))
+    assert found.frequency_hz.tolist() == [10.0]
+    assert any("per cent" in w for w in found.warnings)
+    assert any("1 modes at 0 Hz" in w for w in found.warnings)
