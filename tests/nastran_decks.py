@@ -293,6 +293,13 @@ def local_matrices(bar: dict[str, Any], L: float, formulation: str) -> tuple[np.
     if formulation == "lumped":
         M[[0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8]] = m * L / 2
         return K, M
+    if bar["I1"] == bar["I2"] == 0.0:  # a rod goes straight between its ends, however they turn
+        along, across = (
+            ((5 / 12, 1 / 12), (1 / 2, 0.0)) if formulation == "coupled" else ((1 / 3, 1 / 6),) * 2
+        )
+        for i, (same, other) in enumerate((along, across, across)):
+            M[np.ix_([i, i + 6], [i, i + 6])] = m * L * np.array([[same, other], [other, same]])
+        return K, M
     own = RHO if formulation == "consistent" else 0.0
     axial = (1 / 3, 1 / 6) if formulation == "consistent" else (5 / 12, 1 / 12)
     M[np.ix_(pair, pair)] += m * L * np.array([[axial[0], axial[1]], [axial[1], axial[0]]])

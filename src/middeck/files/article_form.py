@@ -59,7 +59,7 @@ class SectionForm(Form):
     rho_A_kg_per_m: NotNegative | None = None
     rho_I_y_kg_m: NotNegative | None = None
     rho_I_z_kg_m: NotNegative | None = None
-    mass: Literal["consistent", "coupled"] = "consistent"
+    mass: Literal["consistent", "coupled", "rod", "coupled rod"] = "consistent"
 
 
 class NodeForm(Form):

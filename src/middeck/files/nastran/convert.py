@@ -16,6 +16,7 @@ from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_
 from middeck.files.nastran.direct_input import NAME, direct_component
 from middeck.files.nastran.entries import Entry, raise_some
 from middeck.files.nastran.loads import LoadSets
+from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.members import Bar, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
@@ -124,7 +125,6 @@ class _Converter:
         self._check_unconverted(used | set(held), carriers, faults)
         self._check_held(held, carriers, faults)
         self._check_joined(joined, carriers, faults)
-        self._check_rods(bars, carriers, held, faults)
         raise_some(faults)
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in _halves(bar)]
@@ -144,6 +144,15 @@ class _Converter:
             if grid in held and grid in kept
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
+        on_components = set(chain(*joined))
+        found = loose_turns(kept, bars, ties, held, carriers, self.places)
+        loose = {grid: found[grid] for grid in self.places.grids if grid in found.keys() - on_components}
+        turns = [turn_clamp(grid, directions) for grid, directions in loose.items()]
+        if turns:
+            named = some_names([f"{grid}" for grid in loose])
+            self.notes.append(
+                f"nothing holds rotations of grid {named}: the environment holds them, as PARAM AUTOSPC does"
+            )
         document = _filled(
             {
                 "schema": 1,
@@ -176,7 +185,7 @@ class _Converter:
         converted["grids that are nodes"] = len(kept)
         converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
         read = {name: len(found) for name, found in entries.by_name.items()}
-        environment = {"schema": 1, "name": f"{name}-supports", "clamp": clamps, "bushing": grounds}
+        environment = {"schema": 1, "name": f"{name}-supports", "clamp": clamps + turns, "bushing": grounds}
         return Conversion(
             document,
             read,
@@ -213,29 +222,6 @@ class _Converter:
                 faults.append(entry.fault(f"there is no coordinate system {cd}", "cd"))
         raise_some(faults)
 
-    def _check_rods(
-        self, bars: list[Bar], carriers: dict[int, int], clamped: dict[int, str], faults: list[Fault]
-    ) -> None:
-        """A grid that only rods join turns against nothing; the coupled mass of rods is not a bar's."""
-        held = {carriers.get(grid, grid) for bar in bars if bar.section.shape.i1 > 0.0 for grid in bar.grids}
-        if self.formulation == "lumped":  # others give a rod the mass of a beam that turns with its ends
-            held |= {grid for grid, components in clamped.items() if "456" in components}
-        for bar in bars:
-            if bar.entry.name not in ("CROD", "CONROD"):
-                continue
-            if self.formulation == "coupled":
-                faults.append(
-                    bar.entry.fault(
-                        "the coupled mass of a rod is not a bar's and is not converted yet",
-                        hint="consistent or lumped mass",
-                    )
-                )
-            faults += [
-                bar.entry.fault(f"grid {grid} is joined by rods only: nothing holds its rotation")
-                for grid in bar.grids
-                if carriers.get(grid, grid) not in held
-            ]
-
     def _check_unconverted(self, used: set[int], carriers: dict[int, int], faults: list[Fault]) -> None:
         """Refuse what is not converted yet and would change the modes; list what would not."""
         entries, selection = self.deck.entries, self.deck.selection
@@ -263,7 +249,8 @@ class _Converter:
                 ]
             names = ("SPC", "SPC1", "SPCADD") if command == "SPC" else ("MPC", "MPCADD")
             for name in names:
-                count = len(entries.of(name)) - sum(entry.name == name for entry in chosen)
+                unions = [e for e in entries.of(f"{command}ADD") if selection.selects(command, e.id)]
+                count = len(entries.of(name)) - sum(entry.name == name for entry in (*chosen, *unions))
                 self._leave(name, count, "not selected by case control")
             absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
             self.notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
@@ -405,13 +392,19 @@ class _Converter:
             else section.per_length * self.mass_unit / length,
             "rho_I_y_kg_m": material.rho * shape.i2 * inertia,
             "rho_I_z_kg_m": material.rho * shape.i1 * inertia,
-            "mass": "coupled" if self.formulation == "coupled" else "consistent",
+            "mass": self._spread(bar),
         }
         for key, factor in (("GA_y_n", shape.k1), ("GA_z_n", shape.k2)):
             stiffness = shear_stiffness(section, factor) * self.units.force
             if np.isfinite(stiffness):
                 table[key] = stiffness
         return table
+
+    def _spread(self, bar: Bar) -> str:
+        """How the mass of a member goes along it; of a lumped one there is none."""
+        if bar.entry.name in ("CROD", "CONROD"):
+            return "coupled rod" if self.formulation == "coupled" else "rod"
+        return "coupled" if self.formulation == "coupled" else "consistent"
 
     def _node(self, grid: int, body: Mass | None) -> dict[str, Any]:
         place, length = self.places.grids[grid], self.units.length

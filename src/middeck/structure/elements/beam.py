@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Inexact
+from jaxtyping import Bool, Inexact
 
 from middeck.structure.elements.beam_kinematics import (
     ONE,
@@ -32,8 +32,14 @@ from middeck.structure.model.article import MemberMass, Section
 from middeck.values import record
 
 Array = np.ndarray
-# Of the axial mass; see `MemberMass`.
-LUMPED = {MemberMass.CONSISTENT: 0.0, MemberMass.COUPLED: 0.5}
+# Shares of the mass that are lumped along and across the axis, and whether it goes straight between the ends;
+# see `MemberMass`.
+SPREAD = {
+    MemberMass.CONSISTENT: (0.0, 0.0, False),
+    MemberMass.COUPLED: (0.5, 0.0, False),
+    MemberMass.ROD: (0.0, 0.0, True),
+    MemberMass.COUPLED_ROD: (0.5, 1.0, True),
+}
 
 
 @record(kw_only=True)
@@ -50,7 +56,8 @@ class BeamProperties:
     rho_I_z: Inexact[np.ndarray, " element"]
     shear_y: Inexact[np.ndarray, " element"]  # Phi = 12 EI_z / (GA_y L^2): bending in the own x-y plane
     shear_z: Inexact[np.ndarray, " element"]
-    lumped: Inexact[np.ndarray, " element"]  # share of the axial mass that is lumped at the ends
+    lumped: Inexact[np.ndarray, "element 2"]  # shares of the mass, along and across, lumped at the ends
+    straight: Bool[np.ndarray, " element"]  # whether the mass goes straight between the ends
 
 
 def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " element"]) -> BeamProperties:
@@ -64,6 +71,7 @@ def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " elem
         return (np.array([getattr(s, name) for s in distinct.values()]) + 0.0)[which]
 
     lengths = np.asarray(lengths)
+    spread = [SPREAD[s.mass] for s in distinct.values()]
     names = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
     return BeamProperties(
         length=lengths,
@@ -71,7 +79,8 @@ def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " elem
         # By the flexibility 1/GA: infinity times a complex length would be no number.
         shear_y=12.0 * column("EI_z") * (1.0 / column("GA_y")) / lengths**2,
         shear_z=12.0 * column("EI_y") * (1.0 / column("GA_z")) / lengths**2,
-        lumped=np.array([LUMPED[s.mass] for s in distinct.values()])[which],
+        lumped=np.array([row[:2] for row in spread]).reshape(-1, 2)[which],
+        straight=np.array([row[2] for row in spread], dtype=bool)[which],
     )
 
 
@@ -169,12 +178,13 @@ def beam_weight(
 
         mean = (x1 + x2)/2 + L/12 (t1 - q1) - L/20 (t1.e - q1.e) e,
 
-    so that the tension inside an element varies linearly, as it does under weight.
+    so that the tension inside an element varies linearly, as it does under weight. Where the mass goes
+    straight between the ends, so does the line.
     """
     n = len(beams.length)
     W = (beams.rho_A * beams.length)[:, None] * gravity
-    lever = beams.length / 12.0
-    along = -(beams.length / 20.0)
+    lever = np.where(beams.straight, 0.0, beams.length / 12.0)
+    along = np.where(beams.straight, 0.0, -(beams.length / 20.0))
     e, span = chord(x)
     t, q = T[:, 0, :, 0], T[:, 1, :, 0]
     down, lean = np.einsum("ei,ei->e", W, e), np.einsum("ei,ei->e", t - q, e)

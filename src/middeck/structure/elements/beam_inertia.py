@@ -1,4 +1,4 @@
-"""Mass of beam elements, consistent or partly lumped along the axis, rotary and polar inertia included."""
+"""Mass of beam elements, consistent or partly lumped, rotary and polar inertia included."""
 
 from __future__ import annotations
 
@@ -49,14 +49,19 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
     sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
     N[:, :, 2, [2, 4, 8, 10]] = np.moveaxis(v, 1, 2) * sign
     N[:, :, 4, [2, 4, 8, 10]] = np.moveaxis(slope, 1, 2) * -sign
+    N[beams.straight, :, 1:3] = 0.0
+    for axis in (1, 2):
+        N[beams.straight, :, axis, axis], N[beams.straight, :, axis, axis + 6] = 1.0 - GAUSS, GAUSS
     density = np.stack(
         [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
     )
     weighted = N * (beams.length[:, None, None] * WEIGHT[:, None] * density[:, None])[:, :, :, None]
     mass = np.swapaxes(weighted.reshape(n, -1, 12), 1, 2) @ N.reshape(n, -1, 12)
-    lumped = beams.lumped * beams.rho_A * beams.length / 6.0  # goes from between the ends to either
-    for i, j, sign in ((0, 0, 1.0), (6, 6, 1.0), (0, 6, -1.0), (6, 0, -1.0)):
-        mass[:, i, j] += sign * lumped
+    # Goes from between the ends to either.
+    lumped = beams.lumped[:, [0, 1, 1]] * (beams.rho_A * beams.length / 6.0)[:, None]
+    for i in range(3):
+        for j, k, sign in ((i, i, 1.0), (i + 6, i + 6, 1.0), (i, i + 6, -1.0), (i + 6, i, -1.0)):
+            mass[:, j, k] += sign * lumped[:, i]
     return mass
 
 

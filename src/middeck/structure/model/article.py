@@ -22,15 +22,19 @@ from middeck.values import record
 
 
 class MemberMass(Enum):
-    """How the mass of an element of a member is spread over its ends; in all of them bending is consistent.
+    """How the mass of an element of a member is spread over its ends; in the first two bending is consistent.
 
     ``COUPLED`` is the coupled bar mass of NX Nastran 9 and of older MSC Nastran: along the axis the mean of
     the lumped and the consistent mass. Those bars have no rotary inertia either: that is a matter of
-    ``rho_I`` of the section.
+    ``rho_I`` of the section. In a ``ROD`` all points between the ends go straight from one to the other,
+    however the ends turn (Przemieniecki 1968, 11.3); ``COUPLED_ROD`` is the coupled rod mass of those
+    programs: along the axis as ``COUPLED``, across it halves at the ends.
     """
 
     CONSISTENT = "consistent"
     COUPLED = "coupled"
+    ROD = "rod"
+    COUPLED_ROD = "coupled rod"
 
 
 @record(kw_only=True)

@@ -190,7 +190,7 @@ def _bending(rods: _Rods, mass: float, axis: np.ndarray, frames: np.ndarray) -> 
         if np.any(cut):
             x = rods.start[cut] + ((at - start[cut]) / slope[cut])[:, None] * rods.along[cut]
             stiffness.append(_cut_stiffness(x, np.abs(slope[cut]), rods.EA[cut], rods.EI[cut], axis))
-    return span, len(stiffness) / sum(1.0 / k for k in stiffness) if stiffness else 0.0
+    return span, len(stiffness) / sum(1.0 / k for k in stiffness) if all(stiffness) and stiffness else 0.0
 
 
 def _cut_stiffness(
