@@ -11,16 +11,10 @@ from jaxtyping import Float
 from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass
 from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.rest.statics import (
-    STANDARD_GRAVITY,
-    TOLERANCE,
-    imbalance,
-    imbalance_scale,
-    move_whole,
-    static_freedom,
-)
+from middeck.structure.rest.statics import STANDARD_GRAVITY, TOLERANCE, imbalance, imbalance_scale, move_whole
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does

@@ -10,16 +10,11 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import (
-    Assembly,
-    Loads,
-    assemble_carried,
-    carried_mass,
-    mass_matrix,
-    transport,
-)
+from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass, mass_matrix
 from middeck.structure.assembly.factorisation import order
+from middeck.structure.assembly.linked import dynamic_coordinates, dynamic_freedom
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
@@ -27,7 +22,6 @@ from middeck.structure.modes.kinds import SMALL
 from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.rounding import rounding, separate_rigid
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.statics import dynamic_coordinates, dynamic_freedom
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
 HALF_SHAPE = float(np.sqrt(0.5))
@@ -70,7 +64,7 @@ def solve_spectrum(
     is held by nothing.
     """
     pairs = _pairs(model, K, M, count, None)
-    noise = pairs.noise if gradient is None else rounding(model, pairs, gradient)
+    noise = pairs.noise if gradient is None else rounding(model, model.rest, pairs, gradient)
     return _spectrum(model, pairs, noise, M, None)
 
 
@@ -89,7 +83,7 @@ def spectrum_at(
     )
     T = transport(config, model.tree)
     M = mass if np.all(soft) else mass_matrix(model, config, loads)
-    return _spectrum(model, pairs, rounding(model, pairs, at.gradient, T), M, T)
+    return _spectrum(model, pairs, rounding(model, config, pairs, at.gradient, T), M, T)
 
 
 def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.ndarray | None) -> Eigenpairs:

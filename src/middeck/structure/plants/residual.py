@@ -22,10 +22,10 @@ from middeck.signals.ports import Port
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
 from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.plants.port_rows import input_rows, output_rows
-from middeck.structure.rest.statics import dynamic_freedom
 from middeck.values import record
 
 # Residual of a solution, over the size of its terms, above which it is not one.

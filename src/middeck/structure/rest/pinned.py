@@ -11,6 +11,7 @@ from jaxtyping import Float, Inexact, Int
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import Loads, assemble_carried, carried_mass, no_loads, pose_shift
 from middeck.structure.assembly.factorisation import factorise
+from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
 from middeck.structure.elements.since_drawn import uncarried
@@ -22,7 +23,6 @@ from middeck.structure.rest.statics import (
     imbalance,
     imbalance_scale,
     scale_loads,
-    static_freedom,
 )
 from middeck.values import record
 

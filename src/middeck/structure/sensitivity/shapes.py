@@ -26,9 +26,9 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import dynamic_freedom
 from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import group_modes
 from middeck.structure.sensitivity.parameters import Parameter
