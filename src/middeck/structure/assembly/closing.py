@@ -18,6 +18,8 @@ from scipy.sparse.csgraph import connected_components
 
 # Of a row of length one: what is left of one that repeats others, and of one that cannot be told from such.
 REPEATED, NEARLY = 1e-9, 1e-7
+# Least part that a row has in one that repeats it.
+PART = 1e-6
 # Entries of a row below this part of it are differences that cancelled.
 CANCELLED = 1e-13
 # Dependent coordinates are not those of stiff parts as their carriers see them, unless no other will do.
@@ -37,15 +39,15 @@ class Closing(NamedTuple):
         basis: Motions that the links allow, a column for each independent coordinate.
         independent: Which coordinates these are.
         blocks: Rows and dependent coordinates that belong together, and the matrix between them.
-        spare: Rows that repeat others.
-        nearly: Rows that nearly do.
+        spare: Rows that repeat others, and these: none where nothing that moves enters them.
+        nearly: Rows that nearly repeat others.
         size: Length of each row before it was made one, its unit being that of its value.
     """
 
     basis: sp.csr_array
     independent: Bool[np.ndarray, " coordinate"]
     blocks: tuple[_Block, ...]
-    spare: Int[np.ndarray, " spare"]
+    spare: tuple[tuple[int, tuple[int, ...]], ...]
     nearly: Int[np.ndarray, " nearly"]
     size: Float[np.ndarray, " row"]
 
@@ -77,12 +79,13 @@ def close_rows(
     np.maximum.at(most, rows, np.abs(C.data))
     there = moving[C.indices] & (np.abs(C.data) > CANCELLED * most[rows])
     C = sp.csr_array((C.data[there], (rows[there], C.indices[there])), shape=C.shape)
-    size, spare, nearly = np.ones(C.shape[0]), [], []
+    size, nearly = np.ones(C.shape[0]), []
+    spare: list[tuple[int, tuple[int, ...]]] = []
     blocks: list[_Block] = []
     entries: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for some, columns in _apart(C):
         if not len(columns):
-            spare += some.tolist()
+            spare += [(int(row), ()) for row in some]
             continue
         dense = C[some][:, columns].toarray()
         unit = np.where(turns[columns], 1.0, _arm(dense, turns[columns]))
@@ -91,9 +94,11 @@ def close_rows(
         triangle, order = sla.qr(scaled.T, mode="r", pivoting=True)
         left = np.abs(np.diagonal(triangle))
         rank = int(np.sum(left > REPEATED))
-        spare += some[np.append(order[rank:], []).astype(int)].tolist()
         nearly += some[order[:rank][left[:rank] < NEARLY]].tolist()
         kept = np.sort(order[:rank])
+        for row in order[rank:]:
+            parts = np.linalg.lstsq(scaled[kept].T, scaled[row], rcond=None)[0]
+            spare.append((int(some[row]), tuple(some[kept[np.abs(parts) > PART]].tolist())))
         weight = np.where(carried[columns], CARRIED, 1.0)
         pick = sla.qr(scaled[kept] * weight, mode="r", pivoting=True)[1]
         own, others = pick[:rank], pick[rank:]
@@ -109,7 +114,7 @@ def close_rows(
     i, j, value = (np.concatenate(part) for part in zip((own, own, np.ones(len(own))), *entries, strict=True))
     basis = sp.csr_array((value, (i, place[j])), shape=(len(moving), len(own)))
     return Closing(
-        basis, independent, tuple(blocks), np.array(sorted(spare), int), np.array(sorted(nearly), int), size
+        basis, independent, tuple(blocks), tuple(sorted(spare)), np.array(sorted(nearly), int), size
     )
 
 

@@ -74,6 +74,10 @@ class Freedom(NamedTuple):
         full[self.active] = q
         return full if self.axes is None else self.axes @ full
 
+    def coordinates(self, q: np.ndarray) -> np.ndarray:
+        """Of displacements in W, one or more columns, the coordinates that move by themselves."""
+        return (q if self.axes is None else self.axes.T @ q)[self.active]
+
     def beyond(self, load: np.ndarray) -> np.ndarray:
         """What the others take of ``load`` in W, that of links included: clamps, and joints that are held."""
         turned = load if self.axes is None else self.axes.T @ load

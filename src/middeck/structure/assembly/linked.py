@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.assembly.closing import Closing, close_rows
+from middeck.structure.assembly.closing import NEARLY, Closing, close_rows
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.links import LinkState, link_state
 from middeck.structure.assembly.mesh import Model
@@ -21,6 +21,7 @@ from middeck.structure.assembly.places import At, carried_turning, moved_since, 
 from middeck.structure.elements.frames import Configuration, move_carried
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.model.article import JointState
+from middeck.structure.model.connectivity import some_names
 
 # Part of the arm of a row by which a closed one may be open, and what is rounding of it.
 OPEN, CLOSED = 1e-9, 1e-15
@@ -65,12 +66,8 @@ def _freedom(model: Model, moving: np.ndarray, config: Configuration | None, in_
         return Freedom(moving, axes)
     if config is None:
         raise refused(model)
-    close = _closing(model, links_at(model, config), config, moving)
-    basis = close.basis
-    if in_world and config.since_drawn is not None and config.since_drawn.carries:
-        T = transport(config, model.tree)
-        basis = sp.csr_array(T @ basis if axes is None else axes.T @ (T @ (axes @ basis)))
-    return Freedom(close.independent, axes, basis, moving)
+    close = _closing(model, links_at(model, config), config, moving, in_world=in_world)
+    return Freedom(close.independent, axes, close.basis, moving)
 
 
 def refused(model: Model, what: str = "this computation") -> ConfigError:
@@ -80,6 +77,35 @@ def refused(model: Model, what: str = "this computation") -> ConfigError:
         f"{what} does not know links, and the article has some: {names}",
         where=f"structure {model.structure.title!r}",
         hint="rest states, modes and plants do; take stiff bushings in the place of links here",
+    )
+
+
+def check_links(model: Model) -> None:
+    """Raise `ConfigError` where a link as drawn nearly repeats others: whether it does hangs on rounding."""
+    if model.links is None:
+        return
+    close = _closing(model, links_at(model, model.rest), model.rest, dynamic_coordinates(model))
+    if len(close.nearly):
+        row = int(close.nearly[0])
+        raise ConfigError(
+            f"{model.links.label[row]} nearly repeats what others hold: less than {NEARLY:g} of it is "
+            "a condition of its own, so that digits decide whether there is one",
+            where=f"link {model.structure.links[int(model.links.link[row])].name!r}",
+            hint="give places and axes with all their digits, or release what the others hold already",
+        )
+
+
+def link_warnings(model: Model, config: Configuration) -> tuple[str, ...]:
+    """A sentence for each row of links that repeats others at ``config``."""
+    if model.links is None:
+        return ()
+    label = model.links.label
+    close = _closing(model, links_at(model, config), config, dynamic_coordinates(model))
+    return tuple(
+        f"{label[row]} repeats "
+        + (some_names([label[other] for other in others]) if others else "what clamps and locks hold already")
+        + ": motions are as without it, and how the two share a load is not determined"
+        for row, others in close.spare
     )
 
 
@@ -98,14 +124,16 @@ def _state(model: Model, at: At, J: sp.csr_array, config: Configuration) -> Link
     return link_state(model.links, J, at.world, moved_since(model, at, ends), turned)
 
 
-def _closing(model: Model, state: LinkState, config: Configuration, moving: np.ndarray) -> Closing:
-    C = state.jacobian
-    if config.since_drawn is not None and config.since_drawn.carries:
+def _closing(
+    model: Model, state: LinkState, config: Configuration, moving: np.ndarray, *, in_world: bool = False
+) -> Closing:
+    C, since = state.jacobian, None if in_world else config.since_drawn
+    if since is not None and since.carries:
         C = C @ transport(config, model.tree)
     if model.held is not None and model.held.axes is not None:
         C = C @ model.held.axes
     turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
-    return close_rows(sp.csr_array(C), moving, turns, ~uncarried(config.since_drawn, model.tree.size))
+    return close_rows(sp.csr_array(C), moving, turns, ~uncarried(since, model.tree.size))
 
 
 def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:

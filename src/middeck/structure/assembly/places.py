@@ -36,6 +36,7 @@ class At(NamedTuple):
 
 
 def poses_at(model: Model, config: Configuration) -> At:
+    """Where all points of the model are at ``config``."""
     poses, since = frame_poses(model.tree, config), config.since_drawn
     motion = (np.zeros((0, 3)), np.zeros((0, 3, 3))) if since is None else whole_motion(since)
     return At(poses, config.angle, points_in_world(model.points, poses), since, motion)

@@ -121,7 +121,7 @@ def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> 
     """
     rest = modes.equilibrium
     check_beside_modes(modes, "a reduced mass")
-    free = dynamic_freedom(rest.model)
+    free = dynamic_freedom(rest.model, rest.config, in_world=True)
     K = free.matrix(assemble(rest.model, rest.config, rest.loads).tangent)
     M, L = free.matrix(modes.mass), free.columns(rows)
     unit = np.eye(channels)

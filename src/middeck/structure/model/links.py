@@ -20,20 +20,20 @@ UNDETERMINED = 1e-10
 
 @record(kw_only=True)
 class Link:
-    """What of the motion of ``second`` its link to ``first`` prevents, as a point and axes of ``first`` see it.
+    """What a link prevents of the motion of ``second``, as a frame fixed to ``first`` sees it.
 
     Attributes:
         first, second: Frames, nodes or joints.
         along: Letters of the axes along which the point of ``second`` keeps its place in ``first``.
-        about: Letters of the axes about which the two do not turn against each other. All three: rigid. Two: a
-            hinge about the third, for any angle. One: a universal joint, whose cross has its first arm along
-            the first of the two other axes, fixed in ``first``, and its second along the last of them, fixed in
-            ``second``. None: a ball.
+        about: Letters of the axes about which the two do not turn against each other. All three: rigid. Two:
+            a hinge about the third, for any angle. One: a universal joint, whose cross has one arm along the
+            first of the two other axes, fixed in ``first``, and one along the last, fixed in ``second``.
+            None: a ball.
         offset: Of the point from the origin of ``second``, in its axes [m].
         axes: Unit vectors of x, y and z of the link in W as drawn, as columns.
 
-    So all six are a rigid link, "xyz" and "" a spherical joint, "xyz" and "xy" a hinge about z, "xy" and "xyz"
-    a slide along z. As drawn every link fits. Relations are exact at any rotation.
+    So all six are a rigid link, "xyz" and "" a spherical joint, "xyz" and "xy" a hinge about z, "xy" and
+    "xyz" a slide along z. As drawn every link fits. It is exact at any rotation.
 
     >>> Link(name="elbow", first="upper arm", second="forearm", about="xy").free_axis
     'z'
@@ -60,7 +60,7 @@ class Link:
 
 @record(kw_only=True)
 class Share:
-    """An independent frame of an `Interpolation`: its weight, and which motions count, along and about ``axes``."""
+    """A frame that an `Interpolation` follows: weight, and which motions along and about ``axes`` count."""
 
     frame: str
     weight: float = 1.0
@@ -107,7 +107,7 @@ class Term:
 
 @record
 class Equation:
-    """A linear equation (MPC): the sum of its terms is zero. Meant for small motions, and for joints' angles."""
+    """A linear equation (MPC), the sum of its terms is zero: for small motions, and for angles of joints."""
 
     name: str
     terms: tuple[Term, ...]

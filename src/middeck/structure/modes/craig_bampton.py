@@ -25,7 +25,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.assembly.factorisation import Factor, order, positive_factor
-from middeck.structure.assembly.linked import dynamic_coordinates
+from middeck.structure.assembly.linked import dynamic_coordinates, refused
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
@@ -86,6 +86,8 @@ def reduce_structure(
     _check_nodes(structure, nodes, boundary, residual, recover)
     at = solve_equilibrium(structure, Environment.orbit())
     model = at.model
+    if model.links is not None:
+        raise refused(model, "a reduction to a component")
     K = assemble(model, at.config, at.loads).tangent
     M = mass_matrix(model, at.config, at.loads)
     rows = (6 * np.array([nodes.index(b) for b in boundary])[:, None] + np.arange(6)).ravel()

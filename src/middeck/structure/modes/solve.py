@@ -10,7 +10,7 @@ from middeck.errors import ConfigError, EquilibriumError, NumericalError, Unstab
 from middeck.structure.assembly.energy import assemble, assemble_carried, carried_mass, mass_matrix
 from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import Freedom
-from middeck.structure.assembly.linked import dynamic_coordinates, dynamic_freedom
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.since_drawn import uncarried
@@ -157,7 +157,7 @@ def _solve(
         )
     at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
-    pairs = _eigenpairs(model, free.matrix(at.tangent), free.matrix(mass), count, soft)
+    pairs = _eigenpairs(model, free, free.matrix(at.tangent), free.matrix(mass), count, soft)
     pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
     rigid = np.abs(pairs.lam) <= rounding(model, config, pairs, at.gradient, T)
     rank = np.argsort(~rigid, kind="stable")
@@ -169,7 +169,7 @@ def _solve(
 
 
 def _eigenpairs(
-    model: Model, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
+    model: Model, free: Freedom, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
 ) -> Eigenpairs:
     if count is None or order(K) <= max(SMALL, 4 * count):
         pairs = solve_all(K, M, soft)
@@ -177,13 +177,13 @@ def _eigenpairs(
     else:
         pairs = solve_lowest(K, M, count, soft)
     if pairs is None:
-        raise _massless(model, K + M)
+        raise _massless(model, free, K + M)
     return pairs
 
 
-def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
+def _massless(model: Model, free: Freedom, shifted: sp.csr_array) -> NumericalError:
     worst = int(np.argmin(abs(shifted).sum(axis=0)))
-    coordinate = int(np.flatnonzero(dynamic_coordinates(model))[worst])
+    coordinate = int(np.flatnonzero(free.active)[worst])
     roots = model.tree.roots
     frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
     return NumericalError(

@@ -10,7 +10,7 @@ from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_states
-from middeck.structure.assembly.linked import static_freedom
+from middeck.structure.assembly.linked import check_links, link_warnings, static_freedom
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
@@ -101,6 +101,7 @@ def solve_equilibrium(
     structure, environment = apply_load_case(structure, environment, load_case)
     model = mesh_structure(structure, environment.clamps)
     check_environment(environment)
+    check_links(model)
     _check_idle(environment)
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
@@ -275,7 +276,7 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
 
 def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
     """A rest state that is not stable; a node that turned by more than `FAR_TURN`, probably by mistake."""
-    found: list[str] = []
+    found = list(link_warnings(equilibrium.model, equilibrium.config))
     if equilibrium.converged and not equilibrium.stable:
         found.append("the rest state is not stable: the least push would buckle or topple the article")
     rotations = node_rotations(equilibrium)

@@ -89,7 +89,7 @@ def differentiate_shapes(
     free = dynamic_freedom(modes.equilibrium.model)
     pencil = _Pencil.of(modes, free)
     groups = group_modes(modes, count)
-    lam, shapes = modes.omega**2, free.part(modes.shapes)
+    lam, shapes = modes.omega**2, free.coordinates(modes.shapes)
     changes = [_changes(rest, free) for rest in perturbed]
     d_lambda = np.zeros((len(parameters), count, count))
     d_shapes = np.zeros((len(parameters), modes.shapes.shape[0], count))

@@ -51,7 +51,7 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
     where the rest state is not stable against some motion: friction would then hold it anywhere.
     """
     model, config, loads = equilibrium.model, equilibrium.config, equilibrium.loads
-    free = static_freedom(model)
+    free = static_freedom(model, config)
     rows = device_rows(equilibrium)
     friction = np.array([0.0 if f is None else f.slip_torque for f in _frictions(equilibrium)])
     # Beside stiff members only carried coordinates keep the digits of what is soft.
