@@ -5,6 +5,7 @@ All of it is analytic in the configuration, the model and the loads: complex one
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field
 from typing import NamedTuple
@@ -13,7 +14,17 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Inexact, Int
 
+from middeck.structure.assembly.linked import link_part
 from middeck.structure.assembly.mesh import Model, select_beams
+from middeck.structure.assembly.places import (
+    At,
+    carried_turning,
+    drawn_places,
+    moved_since,
+    poses_at,
+    symmetric,
+    transport,
+)
 from middeck.structure.elements.beam import (
     BeamState,
     beam_deformations,
@@ -39,9 +50,7 @@ from middeck.structure.elements.devices import (
 )
 from middeck.structure.elements.frames import (
     Configuration,
-    FrameTree,
     PosePoints,
-    Poses,
     frame_poses,
     points_in_world,
 )
@@ -52,7 +61,6 @@ from middeck.structure.elements.since_drawn import (
     chain_within,
     common_carrier,
     seen_from,
-    whole_motion,
 )
 from middeck.structure.model.article import JointState
 from middeck.values import record
@@ -91,7 +99,8 @@ class Loads:
 class Assembly:
     """The potential at one configuration.
 
-    ``gradient`` and ``tangent`` are in the coordinates of the frame tree; ``jacobian`` takes them to poses.
+    ``gradient`` and ``tangent`` are in the coordinates of the frame tree, the pull of links included (see
+    `linked`); ``jacobian`` takes them to poses.
     """
 
     energy: float
@@ -143,8 +152,18 @@ def assemble(
     point_load: Inexact[np.ndarray, "pose 6"] | None = None,
 ) -> Assembly:
     """Energy and two derivatives at ``config``; ``point_load`` is a further energy gradient at the poses."""
-    at = _poses_at(model, config)
-    return _assembled(model, config, at, _gather(model, at, loads, None), point_load)
+    at = poses_at(model, config)
+    bare = _assembled(model, config, at, _gather(model, at, loads, None), point_load)
+    return _with_links(model, config, bare, in_world=True)
+
+
+def _with_links(model: Model, config: Configuration, bare: Assembly, *, in_world: bool) -> Assembly:
+    if model.links is None:
+        return bare
+    pull, bent = link_part(model, config, bare.gradient, in_world=in_world)
+    return dataclasses.replace(
+        bare, gradient=bare.gradient + pull, tangent=symmetric(sp.csr_array(bare.tangent + bent))
+    )
 
 
 def assemble_carried(
@@ -163,30 +182,32 @@ def assemble_carried(
     """
     since = config.since_drawn
     if since is None or not since.carries:
-        at = _poses_at(model, config)
-        return _assembled(model, config, at, _gather(model, at, loads, inner), point_load)
-    at = _poses_at(model, config)
+        at = poses_at(model, config)
+        bare = _assembled(model, config, at, _gather(model, at, loads, inner), point_load)
+        return _with_links(model, config, bare, in_world=False)
+    at = poses_at(model, config)
     inside = _inside(model, since)
     outside = _assembled(model, config, at, _gather(model, at, loads, inner, inside), point_load)
-    T, turning = transport(config, model.tree), _carried_turning(model, at, since, outside.gradient)
+    T, turning = transport(config, model.tree), carried_turning(model, at, since, outside.gradient)
     energy, gradient = outside.energy, T.T @ outside.gradient
     tangent = T.T @ outside.tangent @ T + turning
     for state, A, bent in _inside_parts(model, at, inside, inner):
         energy = energy + float(np.sum(state.energy))
         gradient = gradient + A.T @ state.gradient.ravel()
         tangent = tangent + _sandwich(A, state.material + state.geometric) + bent
-    return Assembly(
+    bare = Assembly(
         energy=energy,
         gradient=gradient,
-        tangent=_symmetric(sp.csr_array(tangent)),
+        tangent=symmetric(sp.csr_array(tangent)),
         jacobian=sp.csr_array(outside.jacobian @ T),
         tension=outside.tension,
     )
+    return _with_links(model, config, bare, in_world=False)
 
 
 def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.csr_array:
     """Geometric part of the tangent in carried coordinates: from forces, without strain and devices."""
-    at, since = _poses_at(model, config), config.since_drawn
+    at, since = poses_at(model, config), config.since_drawn
     inside = _inside(model, since)
     total = _gather(model, at, loads, None, inside)
     J = model.pose_map.jacobian(at.poses)
@@ -196,15 +217,18 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
             model, loads.ground.point, _grounded(model, at, loads).geometric[:, 6:, 6:]
         )
     bare = model.pattern.matrix(J.data, forced)
-    bare = _with_components(bare, total.components, lambda state: state.geometric)
-    if since is None or not since.carries:
-        return bare
+    out = _with_components(bare, total.components, lambda state: state.geometric)
     gradient = J.T @ total.gradient.ravel() + total.modal + _sprung_joints(model, config)[1]
-    T, turning = transport(config, model.tree), _carried_turning(model, at, since, gradient)
-    out = T.T @ bare @ T + turning
-    for state, A, bent in _inside_parts(model, at, inside):
-        out = out + _sandwich(A, state.geometric) + bent
-    return _symmetric(sp.csr_array(out))
+    if since is not None and since.carries:
+        T, turning = transport(config, model.tree), carried_turning(model, at, since, gradient)
+        out, gradient = T.T @ out @ T + turning, T.T @ gradient
+        for state, A, bent in _inside_parts(model, at, inside):
+            out = out + _sandwich(A, state.geometric) + bent
+            gradient = gradient + A.T @ state.gradient.ravel()
+        out = symmetric(sp.csr_array(out))
+    if model.links is None:
+        return out
+    return symmetric(sp.csr_array(out + link_part(model, config, gradient, in_world=False)[1]))
 
 
 def strain_energies(
@@ -214,7 +238,7 @@ def strain_energies(
 
     Nothing cancels but within a strain, so that it rounds by the square of the rounding of the shapes.
     """
-    at = _poses_at(model, config)
+    at = poses_at(model, config)
     motion, ends, tied = _motions(model, config, at, shapes)
     out = np.zeros((shapes.shape[1], shapes.shape[1]))
     for rows in _chunks(len(model.element_ends)):
@@ -240,7 +264,7 @@ def predict_forces(
     model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"]
 ) -> Inner:
     """Forces after a step ``q`` in carried coordinates, to first order."""
-    at = _poses_at(model, config)
+    at = poses_at(model, config)
     motion, ends, tied = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
     forces = [np.zeros((0, 6))]
     for rows in _chunks(len(model.element_ends)):
@@ -258,7 +282,7 @@ def predict_forces(
 
 
 def _motions(
-    model: Model, config: Configuration, at: _At, shapes: np.ndarray
+    model: Model, config: Configuration, at: At, shapes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see."""
     count = shapes.shape[1]
@@ -309,7 +333,7 @@ def _within(model: Model, since: SinceDrawn | None, ends: np.ndarray) -> _Within
 
 
 def _inside_parts(
-    model: Model, at: _At, inside: _Inside, inner: Inner | None = None
+    model: Model, at: At, inside: _Inside, inner: Inner | None = None
 ) -> Iterable[tuple[BeamState | BushingState, sp.csr_array, sp.csr_array]]:
     """State of the beams inside carried parts, without their weight, and that of the bushings.
 
@@ -334,26 +358,9 @@ def _inside_parts(
             )
 
 
-def _carried_turning(model: Model, at: _At, since: SinceDrawn, gradient: np.ndarray) -> sp.csr_array:
-    """Second-order motion of the roots in W by carried coordinates, weighted by the ``gradient`` in W."""
-    roots = np.arange(model.tree.roots)
-    over = chain_within(since, roots, np.full(len(roots), -1))
-    load = gradient[: 6 * len(roots)].reshape(-1, 6)
-    return chain_stiffness(over, at.poses.p, at.poses.p[roots], load, model.tree.size)
-
-
 def _sandwich(A: sp.csr_array, matrices: np.ndarray) -> sp.csr_array:
     """A'HA with the matrices of elements, 12 rows of A each."""
     return sp.csr_array(A.T @ _block_matrix(matrices) @ A)
-
-
-def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
-    """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
-    since, roots = config.since_drawn, np.arange(tree.roots)
-    if since is None or not since.carries:
-        return sp.csr_array(sp.eye_array(tree.size))
-    over = chain_within(since, roots, np.full(len(roots), -1))
-    return chain_jacobian(over, config.x, config.x, tree.size, len(tree.parent))
 
 
 def carried_mass(model: Model, config: Configuration, loads: Loads | None = None) -> sp.csr_array:
@@ -362,11 +369,11 @@ def carried_mass(model: Model, config: Configuration, loads: Loads | None = None
     if since is None or not since.carries:
         return M
     T = transport(config, model.tree)
-    return _symmetric(sp.csr_array(T.T @ M @ T))
+    return symmetric(sp.csr_array(T.T @ M @ T))
 
 
 def _assembled(
-    model: Model, config: Configuration, at: _At, total: _Total, point_load: np.ndarray | None
+    model: Model, config: Configuration, at: At, total: _Total, point_load: np.ndarray | None
 ) -> Assembly:
     gradient = total.gradient if point_load is None else total.gradient + point_load
     J = model.pose_map.jacobian(at.poses)
@@ -381,7 +388,7 @@ def _assembled(
     )
 
 
-def _turning(model: Model, at: _At, gradient: np.ndarray) -> dict[str, np.ndarray]:
+def _turning(model: Model, at: At, gradient: np.ndarray) -> dict[str, np.ndarray]:
     return {"turning": model.pose_map.second_order(at.poses, gradient)}
 
 
@@ -389,7 +396,7 @@ def energy_gradient(
     model: Model, config: Configuration, loads: Loads, point_load: Inexact[np.ndarray, "pose 6"]
 ) -> Inexact[np.ndarray, " coordinate"]:
     """The gradient of `assemble` alone."""
-    at = _poses_at(model, config)
+    at = poses_at(model, config)
     total = _gather(model, at, loads, None)
     gradient = model.pose_map.jacobian(at.poses).T @ (total.gradient + point_load).ravel()
     return gradient + total.modal + _sprung_joints(model, config)[1]
@@ -397,7 +404,7 @@ def energy_gradient(
 
 def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: Inner) -> TangentParts:
     """The tangent at ``geometry`` under the forces ``inner``, which may be those of another configuration."""
-    at = _poses_at(model, geometry)
+    at = poses_at(model, geometry)
     total = _gather(model, at, loads, inner)
     values = model.pose_map.jacobian_values(at.poses)
     material = model.pattern.matrix(values, total.material, _sprung_joints(model, geometry)[2])
@@ -411,18 +418,18 @@ def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: In
 
 def device_tension(model: Model, config: Configuration, loads: Loads) -> Inexact[np.ndarray, " device"]:
     """The pull of each device at ``config``."""
-    drawn, change = _device_span(model, _poses_at(model, config), loads)
+    drawn, change = _device_span(model, poses_at(model, config), loads)
     return spring_state(loads.law, drawn + change, None, (drawn, change)).tension
 
 
 def inner_forces(model: Model, config: Configuration, loads: Loads) -> Inner:
     """The forces at ``config``."""
-    return _gather(model, _poses_at(model, config), loads, None).inner
+    return _gather(model, poses_at(model, config), loads, None).inner
 
 
 def mass_matrix(model: Model, config: Configuration, loads: Loads | None = None) -> sp.csr_array:
     """Consistent mass of beams, bodies and, with ``loads``, devices in the coordinates of the frame tree."""
-    at = _poses_at(model, config)
+    at = poses_at(model, config)
     elements = [np.zeros((0, 12, 12))]
     for rows in _chunks(len(model.element_ends)):
         x, T, _ = _element_ends(model, at, rows)
@@ -440,8 +447,8 @@ def mass_matrix(model: Model, config: Configuration, loads: Loads | None = None)
     mass = model.pattern.matrix(model.pose_map.jacobian_values(at.poses), blocks)
     for part in model.components:
         rows = _component_rows(model, model.pose_map.jacobian(at.poses), part)
-        own = component_mass(part, *_since(model, at, part.point))
-        mass = _symmetric(sp.csr_array(mass + rows.T @ own @ rows))
+        own = component_mass(part, *moved_since(model, at, part.point))
+        mass = symmetric(sp.csr_array(mass + rows.T @ own @ rows))
     return mass
 
 
@@ -449,16 +456,16 @@ def component_states(
     model: Model, config: Configuration, loads: Loads
 ) -> list[tuple[ComponentState, sp.csr_array]]:
     """States of the components, and the rows that take coordinates to those of each."""
-    return _component_states(model, _poses_at(model, config), loads)
+    return _component_states(model, poses_at(model, config), loads)
 
 
-def _component_states(model: Model, at: _At, loads: Loads) -> list[tuple[ComponentState, sp.csr_array]]:
+def _component_states(model: Model, at: At, loads: Loads) -> list[tuple[ComponentState, sp.csr_array]]:
     if not model.components:
         return []
     J = model.pose_map.jacobian(at.poses)
     out: list[tuple[ComponentState, sp.csr_array]] = []
     for part in model.components:
-        shift, turn = _since(model, at, part.point)
+        shift, turn = moved_since(model, at, part.point)
         modal = at.angle[part.joint]
         state = component_state(part, at.world[part.point], shift, turn, modal, loads.gravity)
         out.append((state, _component_rows(model, J, part)))
@@ -480,23 +487,13 @@ def _with_components(
     of: Callable[[ComponentState], np.ndarray],
 ) -> sp.csr_array:
     for state, rows in parts:
-        matrix = _symmetric(sp.csr_array(matrix + rows.T @ of(state) @ rows))
+        matrix = symmetric(sp.csr_array(matrix + rows.T @ of(state) @ rows))
     return matrix
 
 
 def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.ndarray]:
     """End positions (element, 2, 3) and triads (element, 2, 3, 3) of all beam elements."""
-    return _element_poses(model, _poses_at(model, config), slice(None))
-
-
-class _At(NamedTuple):
-    """Poses and angles; where known, motion of the roots since drawn, and shift and turn as seen from W."""
-
-    poses: Poses
-    angle: np.ndarray
-    world: np.ndarray
-    since: SinceDrawn | None
-    motion: tuple[np.ndarray, np.ndarray]
+    return _element_poses(model, poses_at(model, config), slice(None))
 
 
 class _Total(NamedTuple):
@@ -516,15 +513,7 @@ class _Total(NamedTuple):
     device: np.ndarray
 
 
-def _poses_at(model: Model, config: Configuration) -> _At:
-    poses, since = frame_poses(model.tree, config), config.since_drawn
-    motion = (np.zeros((0, 3)), np.zeros((0, 3, 3))) if since is None else whole_motion(since)
-    return _At(poses, config.angle, points_in_world(model.points, poses), since, motion)
-
-
-def _gather(
-    model: Model, at: _At, loads: Loads, inner: Inner | None, inside: _Inside | None = None
-) -> _Total:
+def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _Inside | None = None) -> _Total:
     """All elements at their poses; ``inner`` takes the place of the forces inside them.
 
     Of those ``inside`` carried parts only the weight counts.
@@ -601,7 +590,7 @@ def _gather(
     )
 
 
-def _own_springs(model: Model, at: _At, gradient: np.ndarray, tension: np.ndarray | None) -> SpringState:
+def _own_springs(model: Model, at: At, gradient: np.ndarray, tension: np.ndarray | None) -> SpringState:
     """The structure's own springs; adds to ``gradient``."""
     start, end = model.spring_ends.T
     drawn, change = _own_span(model, at)
@@ -633,19 +622,19 @@ def _at_poses(model: Model, points: np.ndarray, hessian: np.ndarray) -> np.ndarr
 
 def bushing_states(model: Model, config: Configuration, loads: Loads) -> tuple[BushingState, BushingState]:
     """States of the structure's own bushings, and of those to the ground."""
-    at = _poses_at(model, config)
+    at = poses_at(model, config)
     return _own_bushings(model, at), _grounded(model, at, loads)
 
 
 def _own_bushings(
-    model: Model, at: _At, inner: Inner | None = None, inside: _Inside | None = None
+    model: Model, at: At, inner: Inner | None = None, inside: _Inside | None = None
 ) -> BushingState:
     """Bushings of the structure; those ``inside`` carried parts with the digits that their carriers see."""
     own = model.structure.bushings
     if not own:
         return NO_BUSHINGS
     start, end = model.bushing_ends.T
-    (begin, begun), (finish, finished) = (_since(model, at, pose) for pose in (start, end))
+    (begin, begun), (finish, finished) = (moved_since(model, at, pose) for pose in (start, end))
     span, change = at.world[end] - at.world[start], finish - begin
     turn = np.stack([begun, finished], axis=1)
     axes = np.tile(np.eye(3), (len(own), 1, 1))
@@ -670,12 +659,12 @@ def _own_bushings(
     return state if inside is None else state.turned(axes)
 
 
-def _grounded(model: Model, at: _At, loads: Loads, inner: Inner | None = None) -> BushingState:
+def _grounded(model: Model, at: At, loads: Loads, inner: Inner | None = None) -> BushingState:
     """Bushings to the ground, which is the first of their frames and does not move."""
     point = loads.ground.point
     if not len(point):
         return NO_BUSHINGS
-    change, turn = _since(model, at, point)
+    change, turn = moved_since(model, at, point)
     still = np.stack([np.zeros_like(turn), turn], axis=1)
     force = None if inner is None else inner.ground
     return bushing_state(loads.ground.stiffness, loads.ground.axes, change, change, still, force)
@@ -686,21 +675,7 @@ def _on_ground(motion: np.ndarray) -> np.ndarray:
     return np.concatenate([np.zeros_like(motion), motion], axis=1)
 
 
-def _since(model: Model, at: _At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far poses have shifted and turned (less the identity) since drawn."""
-    frame = model.points.frame[pose]
-    drawn = model.drawn
-    moved, before = _drawn(model, at, pose)[1], PosePoints(frame, model.points.offset[pose])
-    turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - np.eye(3)
-    if at.since is None:
-        return at.world[pose] - points_in_world(before, drawn), turn
-    own = frame < model.tree.roots
-    root = np.where(own, frame, 0)
-    away = at.world[pose] - points_in_world(before, drawn)
-    return np.where(own[:, None], moved, away), np.where(own[:, None, None], at.motion[1][root], turn)
-
-
-def _push(model: Model, at: _At, loads: Loads, gradient: np.ndarray) -> float:
+def _push(model: Model, at: At, loads: Loads, gradient: np.ndarray) -> float:
     """Energy of dead loads, whose force and moment are added to ``gradient``.
 
     A moment of fixed direction has no potential, and adds nothing to it.
@@ -708,21 +683,21 @@ def _push(model: Model, at: _At, loads: Loads, gradient: np.ndarray) -> float:
     if not len(loads.push):
         return 0.0
     np.add.at(gradient, model.load_point, -loads.push)
-    return -np.sum(loads.push[:, :3] * _since(model, at, model.load_point)[0])
+    return -np.sum(loads.push[:, :3] * moved_since(model, at, model.load_point)[0])
 
 
 def _chunks(count: int) -> Iterable[slice]:
     return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
 
 
-def _element_poses(model: Model, at: _At, rows: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _element_poses(model: Model, at: At, rows: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ends = model.element_ends[rows]
     R = at.poses.R[model.points.frame[ends]]
     return at.world[ends], R @ model.element_triad[rows, None]
 
 
 def _element_ends(
-    model: Model, at: _At, rows: slice | np.ndarray
+    model: Model, at: At, rows: slice | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, EndStrain | None]:
     """End positions, which may count from the first end, triads, and the strain where it is known."""
     x, T = _element_poses(model, at, rows)
@@ -749,7 +724,7 @@ def _element_ends(
 
 def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact[np.ndarray, "pose 3"]:
     """How far poses have moved since they were drawn."""
-    drawn, change = _drawn(model, _poses_at(model, config), pose)
+    drawn, change = drawn_places(model, poses_at(model, config), pose)
     here = PosePoints(model.points.frame[pose], model.points.offset[pose])
     return change + (drawn - points_in_world(here, frame_poses(model.tree, model.rest)))
 
@@ -762,28 +737,16 @@ def own_law(model: Model) -> SpringLaw:
     )
 
 
-def _own_span(model: Model, at: _At) -> tuple[np.ndarray, np.ndarray]:
+def _own_span(model: Model, at: At) -> tuple[np.ndarray, np.ndarray]:
     """End minus start of the structure's own springs as drawn, and its change since."""
-    (start, start_moved), (end, end_moved) = (_drawn(model, at, p) for p in model.spring_ends.T)
+    (start, start_moved), (end, end_moved) = (drawn_places(model, at, p) for p in model.spring_ends.T)
     return end - start, end_moved - start_moved
 
 
-def _device_span(model: Model, at: _At, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
+def _device_span(model: Model, at: At, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
     """The same for devices, from anchor to attach point."""
-    drawn, change = _drawn(model, at, loads.attach_point)
+    drawn, change = drawn_places(model, at, loads.attach_point)
     return drawn - loads.anchor, change
-
-
-def _drawn(model: Model, at: _At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drawn places of poses and their shift since; on a joint's frame the present place and no shift."""
-    frame, offset = model.points.frame[pose], model.points.offset[pose]
-    if at.since is None:
-        return at.world[pose], np.zeros_like(at.world[pose])
-    own = frame < model.tree.roots
-    root = np.where(own, frame, 0)
-    change = at.motion[0][root] + (at.motion[1][root] @ offset[:, :, None])[:, :, 0]
-    drawn = np.where(own[:, None], at.since.drawn[root] + offset, at.world[pose])
-    return drawn, np.where(own[:, None], change, 0.0)
 
 
 def _translations(hessian: np.ndarray) -> np.ndarray:
@@ -799,11 +762,6 @@ def _block_matrix(matrices: np.ndarray) -> sp.csr_array:
     element, row, column = np.unravel_index(at, matrices.shape)
     entries = (matrices.ravel()[at], (index[element, row], index[element, column]))
     return sp.csr_array(sp.coo_array(entries, shape=(index.size, index.size)))
-
-
-def _symmetric(K: sp.csr_array) -> sp.csr_array:
-    """Symmetric by construction; the mean removes the rounding."""
-    return sp.csr_array(0.5 * (K + K.T))
 
 
 def _sprung_joints(model: Model, config: Configuration) -> tuple[float, np.ndarray, np.ndarray]:

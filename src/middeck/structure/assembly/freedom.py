@@ -2,7 +2,7 @@
 
 A clamp's directions need not be those of W. At a node that is held along others its coordinates are turned
 into them, and then some are struck out. Only equations are turned: shapes, gradients and masses stay in W.
-A general linear constraint would be another set of columns in the place of the turn.
+Links are another set of columns in the place of the turn: of coordinates that follow others, see `closing`.
 """
 
 from __future__ import annotations
@@ -37,38 +37,58 @@ class Held:
 
 
 class Freedom(NamedTuple):
-    """The coordinates that move, out of those that ``axes`` make."""
+    """The coordinates that move by themselves, out of those that ``axes`` make.
+
+    ``basis`` has how others follow them, and ``moving`` which these are too; None where links tie nothing.
+    """
 
     active: Bool[np.ndarray, " coordinate"]
     axes: sp.csr_array | None
+    basis: sp.csr_array | None = None
+    moving: Bool[np.ndarray, " coordinate"] | None = None
 
     def matrix(self, K: sp.csr_array) -> sp.csr_array:
         """Of a symmetric matrix in W what acts on the coordinates that move; itself where all do."""
-        return restrict(K if self.axes is None else sp.csr_array(self.axes.T @ K @ self.axes), self.active)
+        turned = K if self.axes is None else sp.csr_array(self.axes.T @ K @ self.axes)
+        if self.basis is None:
+            return restrict(turned, self.active)
+        own = sp.csr_array(self.basis.T @ turned @ self.basis)
+        return sp.csr_array(0.5 * (own + own.T))
 
     def part(self, load: np.ndarray) -> np.ndarray:
         """Of loads in W, one or more columns, what acts on the coordinates that move."""
-        return (load if self.axes is None else self.axes.T @ load)[self.active]
+        turned = load if self.axes is None else self.axes.T @ load
+        return turned[self.active] if self.basis is None else self.basis.T @ turned
 
     def columns(self, rows: sp.csr_array) -> sp.csr_array:
         """Readings of coordinates in W as readings of the coordinates that move."""
-        return sp.csr_array((rows if self.axes is None else rows @ self.axes)[:, self.active])
+        turned = rows if self.axes is None else rows @ self.axes
+        return sp.csr_array(turned[:, self.active] if self.basis is None else turned @ self.basis)
 
     def spread(self, q: np.ndarray) -> np.ndarray:
         """Displacements in W, one or more columns, of the coordinates that move: zero where they are held."""
+        if self.basis is not None:
+            full = self.basis @ q
+            return full if self.axes is None else self.axes @ full
         full = np.zeros((len(self.active), *q.shape[1:]), dtype=q.dtype)
         full[self.active] = q
         return full if self.axes is None else self.axes @ full
 
+    def coordinates(self, q: np.ndarray) -> np.ndarray:
+        """Of displacements in W, one or more columns, the coordinates that move by themselves."""
+        return (q if self.axes is None else self.axes.T @ q)[self.active]
+
     def beyond(self, load: np.ndarray) -> np.ndarray:
-        """What the others take of ``load`` in W: clamps, and joints that are held."""
+        """What the others take of ``load`` in W, that of links included: clamps, and joints that are held."""
         turned = load if self.axes is None else self.axes.T @ load
-        left = np.where(self.active, 0.0, turned)
+        left = np.where(self.active if self.moving is None else self.moving, 0.0, turned)
         return left if self.axes is None else self.axes @ left
 
     def within(self, load: np.ndarray) -> np.ndarray:
-        """``load`` in W without what clamps and held joints take."""
-        return self.spread(self.part(load))
+        """``load`` in W, that of links included, without what clamps and held joints take."""
+        turned = load if self.axes is None else self.axes.T @ load
+        kept = np.where(self.active if self.moving is None else self.moving, turned, 0.0)
+        return kept if self.axes is None else self.axes @ kept
 
 
 def allowed_motions(

@@ -12,6 +12,7 @@ from jaxtyping import Inexact, Int
 from middeck.errors import ConfigError
 from middeck.structure.assembly.carriers import bushing_stiffness, choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
+from middeck.structure.assembly.links import LinkRows, lay_out_links, link_points
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
 from middeck.structure.elements.component import ComponentElement
@@ -49,6 +50,7 @@ class Model:
         bushing_ends, load_point: Attach-point poses of its bushings, and poses of its loads.
         components: Reduced components.
         held: What clamps hold; None for a free article.
+        links: What links hold constant; None where there are none.
     """
 
     structure: Structure
@@ -70,6 +72,7 @@ class Model:
     load_point: Int[np.ndarray, " load"]
     components: tuple[ComponentElement, ...] = ()
     held: Held | None = None
+    links: LinkRows | None = None
 
     @functools.cached_property
     def drawn(self) -> Poses:
@@ -142,18 +145,24 @@ def lay_out(structure: Structure) -> Model:
     parts = structure.components
     points = [*(frame for frame, _ in bodies), *(index[a.frame] for a in at)]
     points += [index[frame] for part in parts for frame in part.frames]
+    linked = link_points(structure.links)
+    points += [index[frame] for frame, _ in linked]
     offsets = [*(b.cg for _, b in bodies), *(a.offset for a in at), *(o for p in parts for o in p.fixed_at)]
+    offsets += [offset for _, offset in linked]
+    first = ends + len(bodies) + len(at) + sum(len(part.grids) for part in parts)
     spring_ends, bushing_ends = (
         np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
         for ties in (structure.springs, structure.bushings)
     )
+    tree = _frame_tree(structure, len(x), index)
+    angle = np.array([held_angle(j) for j in structure.joints]) + 0.0
+    rest = Configuration(x, np.tile(np.eye(3), (len(x), 1, 1)), angle)
+    place = frame_poses(tree, rest).p if linked else x
     return Model(
         structure=structure,
         frames=frames,
-        tree=_frame_tree(structure, len(x), index),
-        rest=Configuration(
-            x, np.tile(np.eye(3), (len(x), 1, 1)), np.array([held_angle(j) for j in structure.joints]) + 0.0
-        ),
+        tree=tree,
+        rest=rest,
         points=PosePoints(
             np.concatenate([cut.frame.ravel(), np.array(points, dtype=int)]),
             np.concatenate([cut.offset.reshape(-1, 3), np.array(offsets).reshape(-1, 3)]),
@@ -171,6 +180,13 @@ def lay_out(structure: Structure) -> Model:
         bushing_ends=bushing_ends,
         load_point=ends + len(bodies) + len(attach) + np.arange(len(structure.loads)),
         components=_components(structure, ends + len(bodies) + len(at)),
+        links=lay_out_links(
+            structure.links,
+            {frame: place[index[frame]] for frame, _ in linked},
+            {joint.name: tree.size - len(structure.joints) + k for k, joint in enumerate(structure.joints)},
+            first,
+            tree.size,
+        ),
     )
 
 

@@ -10,11 +10,11 @@ import scipy.sparse as sp
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, DataError
+from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.rest.statics import dynamic_coordinates
 from middeck.values import record
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")

@@ -18,9 +18,9 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
-from middeck.structure.rest.statics import dynamic_freedom
 from middeck.values import record
 
 # Shapes or channels whose condition is beyond this are the same to all measurement.
@@ -121,7 +121,7 @@ def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> 
     """
     rest = modes.equilibrium
     check_beside_modes(modes, "a reduced mass")
-    free = dynamic_freedom(rest.model)
+    free = dynamic_freedom(rest.model, rest.config, in_world=True)
     K = free.matrix(assemble(rest.model, rest.config, rest.loads).tangent)
     M, L = free.matrix(modes.mass), free.columns(rows)
     unit = np.eye(channels)

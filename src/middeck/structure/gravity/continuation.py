@@ -11,16 +11,10 @@ from jaxtyping import Float
 from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass
 from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import closed, static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.rest.statics import (
-    STANDARD_GRAVITY,
-    TOLERANCE,
-    imbalance,
-    imbalance_scale,
-    move_whole,
-    static_freedom,
-)
+from middeck.structure.rest.statics import STANDARD_GRAVITY, TOLERANCE, imbalance, imbalance_scale, move_whole
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does
@@ -43,12 +37,12 @@ def rest_near(
     Nothing here descends: where the branch loses stability it is followed all the same. ``mass``, in carried
     coordinates, need not be exact.
     """
-    free = static_freedom(model)
     mass = carried_mass(model, config) if mass is None else mass
     # Of the weight on the ground, if that is more: the gravity of a path may be as small as it likes.
     lightness = max(1.0, STANDARD_GRAVITY / (float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY))
     scale = lightness * imbalance_scale(model, loads)
     at = assemble_carried(model, config, loads)
+    free = static_freedom(model, config)
     left, size, factor = imbalance(at, free, scale), np.inf, None
     for _ in range(MAX_ITERATIONS):
         if left < TOLERANCE:
@@ -57,17 +51,21 @@ def rest_near(
         if correction is None or np.abs(correction.q).max() > CONTRACTION * size:
             return None
         q, factor = correction
-        config, size = move_whole(model, config, q, mass), float(np.abs(q).max())
-        at = assemble_carried(model, config, loads)
+        moved, size = closed(model, move_whole(model, config, q, mass)), float(np.abs(q).max())
+        if moved is None:
+            return None
+        config = moved
+        at, free = assemble_carried(model, config, loads), static_freedom(model, config)
         left = imbalance(at, free, scale)
     if left >= TOLERANCE:
         return None
     if factor is not None and left > ROUNDED * TOLERANCE:  # one more step, to rounding, if it does any good
         q = free.spread(-factor.solve(free.part(at.gradient)))
-        moved = move_whole(model, config, q, mass)
-        new = assemble_carried(model, moved, loads)
-        if imbalance(new, free, scale) < left:
-            return moved, new
+        moved = closed(model, move_whole(model, config, q, mass))
+        if moved is not None:
+            new = assemble_carried(model, moved, loads)
+            if imbalance(new, static_freedom(model, moved), scale) < left:
+                return moved, new
     return config, at
 
 

@@ -10,16 +10,12 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import (
-    Assembly,
-    Loads,
-    assemble_carried,
-    carried_mass,
-    mass_matrix,
-    transport,
-)
+from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass, mass_matrix
 from middeck.structure.assembly.factorisation import order
+from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
@@ -27,7 +23,6 @@ from middeck.structure.modes.kinds import SMALL
 from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.rounding import rounding, separate_rigid
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.statics import dynamic_coordinates, dynamic_freedom
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
 HALF_SHAPE = float(np.sqrt(0.5))
@@ -69,9 +64,9 @@ def solve_spectrum(
     ``gradient`` [N or N m] make, is exactly zero. Raises `NumericalError` where a massless motion
     is held by nothing.
     """
-    pairs = _pairs(model, K, M, count, None)
-    noise = pairs.noise if gradient is None else rounding(model, pairs, gradient)
-    return _spectrum(model, pairs, noise, M, None)
+    pairs = _pairs(dynamic_freedom(model), model, K, M, count, None)
+    noise = pairs.noise if gradient is None else rounding(model, model.rest, pairs, gradient)
+    return _spectrum(dynamic_freedom(model), pairs, noise, M, None)
 
 
 def spectrum_at(
@@ -83,17 +78,19 @@ def spectrum_at(
     """
     at = assemble_carried(model, config, loads) if at is None else at
     mass = carried_mass(model, config, loads)
-    soft = uncarried(config.since_drawn, model.tree.size)[dynamic_coordinates(model)]
+    free = dynamic_freedom(model, config)
+    soft = uncarried(config.since_drawn, model.tree.size)[free.active]
     pairs = separate_rigid(
-        model, config, loads, _pairs(model, at.tangent, mass, count, None if np.all(soft) else soft)
+        model, config, loads, _pairs(free, model, at.tangent, mass, count, None if np.all(soft) else soft)
     )
     T = transport(config, model.tree)
     M = mass if np.all(soft) else mass_matrix(model, config, loads)
-    return _spectrum(model, pairs, rounding(model, pairs, at.gradient, T), M, T)
+    return _spectrum(free, pairs, rounding(model, config, pairs, at.gradient, T), M, T)
 
 
-def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.ndarray | None) -> Eigenpairs:
-    free = dynamic_freedom(model)
+def _pairs(
+    free: Freedom, model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.ndarray | None
+) -> Eigenpairs:
     stiffness, mass = free.matrix(K), free.matrix(M)
     small = order(stiffness) <= max(SMALL, 4 * (count + SPARE))
     pairs = solve_all(stiffness, mass, soft) if small else solve_lowest(stiffness, mass, count + SPARE, soft)
@@ -107,9 +104,9 @@ def _pairs(model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.
 
 
 def _spectrum(
-    model: Model, pairs: Eigenpairs, noise: np.ndarray, M: sp.csr_array, T: sp.csr_array | None
+    free: Freedom, pairs: Eigenpairs, noise: np.ndarray, M: sp.csr_array, T: sp.csr_array | None
 ) -> Spectrum:
-    shapes = dynamic_freedom(model).spread(pairs.shapes)
+    shapes = free.spread(pairs.shapes)
     shapes = shapes if T is None else T @ shapes
     return Spectrum(np.where(np.abs(pairs.lam) <= noise, 0.0, pairs.lam), shapes, M)
 

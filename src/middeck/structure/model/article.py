@@ -18,6 +18,7 @@ from jaxtyping import Float, Inexact
 from middeck.errors import ConfigError
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import Component
+from middeck.structure.model.links import AnyLink
 from middeck.values import record
 
 
@@ -410,6 +411,7 @@ class Structure:
     loads: tuple[PointLoad, ...] = ()
     load_cases: tuple[LoadCase, ...] = ()
     components: tuple[Component, ...] = ()
+    links: tuple[AnyLink, ...] = ()
 
     @cached_property
     def mass(self) -> float:

@@ -12,6 +12,7 @@ from middeck.structure.model.article import Body, Structure, held_angle
 from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import joined_nodes, separate_parts, some_names
+from middeck.structure.model.links import link_faults
 from middeck.structure.model.member_mesh import member_geometry
 
 FIELDS = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
@@ -32,6 +33,8 @@ def check_structure(structure: Structure) -> None:
         *_ties_and_loads(structure),
         *(fault for component in structure.components for fault in component_faults(component)),
     ]
+    joints = {joint.name for joint in structure.joints}
+    faults = faults or [f for link in structure.links for f in link_faults(link, joints)]
     faults = faults or [*_members(structure), *_parts(structure)]  # these need the names to be right
     if faults:
         raise ConfigError(
@@ -53,6 +56,7 @@ def _twice(structure: Structure) -> Iterator[str]:
         "load": structure.loads,
         "load case": structure.load_cases,
         "component": structure.components,
+        "link": structure.links,
     }
     for kind, parts in groups.items():
         count = Counter(part.name for part in parts)
@@ -79,6 +83,7 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
     ]
     uses += [("mass", m.name, "frame", m.frame, carriers) for m in structure.masses]
     uses += [("load", p.name, "frame", p.frame, carriers) for p in structure.loads]
+    uses += [("link", k.name, "frame", f, carriers) for k in structure.links for f in k.frames]
     uses += [("component", c.name, "frame", f, carriers) for c in structure.components for f in c.frames]
     for port in (*structure.actuators, *structure.sensors):
         kind, known = ("joint", joints) if port.axis is None else ("frame", carriers)

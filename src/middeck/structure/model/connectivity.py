@@ -31,14 +31,15 @@ def separate_parts(nodes: Sequence[str], pairs: Iterable[tuple[str, str]]) -> li
 
 
 def joined_nodes(structure: Structure) -> list[tuple[str, str]]:
-    """Pairs of nodes that a member or component joins, or a tie between points of them or their joints."""
+    """Pairs of nodes that a member, component or link joins, or a tie between points of them or joints."""
     node = {n.name: n.name for n in structure.nodes}
     for joint in structure.joints:
         node[joint.name] = node[joint.parent]
     at = {point.name: node[point.frame] for point in structure.attach_points}
     pairs = [(member.start, member.end) for member in structure.members]
     pairs += [(at[tie.start], at[tie.end]) for tie in (*structure.springs, *structure.bushings)]
-    return pairs + [(node[c.frames[0]], node[f]) for c in structure.components for f in c.frames[1:]]
+    tied = (*structure.components, *structure.links)
+    return pairs + [(node[c.frames[0]], node[f]) for c in tied for f in c.frames[1:]]
 
 
 def some_names(names: Sequence[str]) -> str:

@@ -25,13 +25,13 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.assembly.factorisation import Factor, order, positive_factor
+from middeck.structure.assembly.linked import dynamic_coordinates, refused
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.eigen import solve_all, solve_lowest
 from middeck.structure.modes.kinds import SMALL
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.rest.statics import dynamic_coordinates
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
 # rounding.
@@ -86,6 +86,8 @@ def reduce_structure(
     _check_nodes(structure, nodes, boundary, residual, recover)
     at = solve_equilibrium(structure, Environment.orbit())
     model = at.model
+    if model.links is not None:
+        raise refused(model, "a reduction to a component")
     K = assemble(model, at.config, at.loads).tangent
     M = mass_matrix(model, at.config, at.loads)
     rows = (6 * np.array([nodes.index(b) for b in boundary])[:, None] + np.arange(6)).ravel()

@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble_carried, inner_forces, split_tangent
+from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.strain import member_energy
 from middeck.structure.rest.equilibrium import HALF_ROUND, Equilibrium, bushing_turns
-from middeck.structure.rest.statics import ROUGH, imbalance_scale, static_freedom
+from middeck.structure.rest.statics import ROUGH, imbalance_scale
 
 HALF = 0.5
 FELT = 2e-4  # of omega^2: 1e-4 of a frequency, as of a mesh
@@ -37,7 +38,7 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     last = {factor: residual for factor, residual, _ in equilibrium.history}
     factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)
     gradient = assemble_carried(model, equilibrium.config, equilibrium.loads).gradient
-    left = np.abs(static_freedom(model).within(gradient))
+    left = np.abs(static_freedom(model, equilibrium.config).within(gradient))
     worst = int(np.argmax(left / imbalance_scale(model, equilibrium.loads)))
     roots, joint = model.tree.roots, worst - 6 * model.tree.roots
     turns = worst % 6 > 2 if joint < 0 else not model.tree.slides[joint]

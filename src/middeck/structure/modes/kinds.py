@@ -19,16 +19,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import (
-    assemble_carried,
-    carried_mass,
-    geometric_tangent,
-    no_loads,
-    transport,
-)
+from middeck.structure.assembly.energy import assemble_carried, carried_mass, geometric_tangent, no_loads
 from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import allowed_motions
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import FrameTree, rigid_columns
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.model.article import JointState
@@ -37,7 +33,6 @@ from middeck.structure.modes.repeated import repeated, turn_apart
 from middeck.structure.modes.rigid import rigid_motions
 from middeck.structure.modes.strain import device_energy, strain_share
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import dynamic_freedom
 
 HALF = 0.5
 HELD = ("suspension", "pendulum")
@@ -182,7 +177,11 @@ def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.nd
 
 def _null_space(equilibrium: Equilibrium) -> np.ndarray:
     """Modes of the strain alone that are at zero."""
-    model, config, free = equilibrium.model, equilibrium.config, dynamic_freedom(equilibrium.model)
+    model, config, free = (
+        equilibrium.model,
+        equilibrium.config,
+        dynamic_freedom(equilibrium.model, equilibrium.config),
+    )
     strain = assemble_carried(model, config, no_loads()).tangent - geometric_tangent(
         model, config, no_loads()
     )
@@ -203,6 +202,7 @@ def _in_one_piece(model: Model) -> bool:
         not structure.springs
         and not structure.bushings
         and not structure.components
+        and not structure.links
         and all(
             min(m.section.EA, m.section.GJ, m.section.EI_y, m.section.EI_z) > 0.0 for m in structure.members
         )
@@ -215,7 +215,8 @@ def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
     What members join to one piece has six, and one for each free joint; springs can add mechanisms or take
     joints away, and then the modes of no stiffness are counted.
     """
-    model, free = equilibrium.model, dynamic_freedom(equilibrium.model)
+    model = equilibrium.model
+    free = dynamic_freedom(model, model.rest)
     if _in_one_piece(model):
         whole = rigid_columns(model.tree, model.rest, np.zeros(3))
         return allowed_motions(model.held, whole).shape[1] + sum(

@@ -6,10 +6,10 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.model.article import Joint, JointState
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import dynamic_coordinates
 
 AXES = "xyz"
 # A motion that is less than this part new is one that earlier ones contain, e.g. a second coaxial joint.

@@ -7,10 +7,10 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import Loads, geometric_tangent, strain_energies
+from middeck.structure.assembly.linked import dynamic_freedom, static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.modes.eigen import ROUNDING, Eigenpairs
-from middeck.structure.rest.statics import dynamic_freedom, static_freedom
 
 # An omega^2 of so many times its rounding is good to eight digits, and better as it is.
 NEAR = 1e3
@@ -28,7 +28,7 @@ def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eig
     if few == 0:
         return pairs
     lowest = pairs.shapes[:, :few]
-    shapes = dynamic_freedom(model).spread(lowest)
+    shapes = dynamic_freedom(model, config).spread(lowest)
     G, strained = geometric_tangent(model, config, loads), strain_energies(model, config, loads, shapes)
     lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))
     shapes = shapes @ turn
@@ -46,6 +46,7 @@ def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eig
 
 def rounding(
     model: Model,
+    config: Configuration,
     pairs: Eigenpairs,
     gradient: Float[np.ndarray, " coordinate"],
     transport: sp.csr_array | None = None,
@@ -57,9 +58,9 @@ def rounding(
     coordinates are carried ones where ``transport`` takes them to W.
     """
     tree = model.tree
-    shapes = dynamic_freedom(model).spread(pairs.shapes)
+    shapes = dynamic_freedom(model, config).spread(pairs.shapes)
     own = (shapes if transport is None else transport @ shapes) ** 2
-    left = np.abs(static_freedom(model).within(gradient))
+    left = np.abs(static_freedom(model, config).within(gradient))
     at_roots = 6 * tree.roots
     moved = own[:at_roots].reshape(tree.roots, 6, -1).max(axis=1)
     force = left[:at_roots].reshape(tree.roots, 6).sum(axis=1)

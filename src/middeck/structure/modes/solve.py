@@ -7,10 +7,12 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
-from middeck.structure.assembly.energy import assemble, assemble_carried, carried_mass, mass_matrix, transport
+from middeck.structure.assembly.energy import assemble, assemble_carried, carried_mass, mass_matrix
 from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.places import transport
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.modes.diagnosis import (
     beyond_travel,
@@ -28,7 +30,6 @@ from middeck.structure.modes.naming import name_modes
 from middeck.structure.modes.rigid import rigid_basis
 from middeck.structure.modes.rounding import rounding, separate_rigid
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
-from middeck.structure.rest.statics import dynamic_coordinates, dynamic_freedom
 from middeck.values import record
 
 # Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
@@ -94,7 +95,9 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     shapes = shapes * _signs(M, shapes)
     names = name_modes(equilibrium, M, lam, shapes, kind, rigid_names)
     _check_stable(equilibrium, lam, shapes, names)
-    residual = _residual(dynamic_freedom(equilibrium.model), K, M, shapes, lam)
+    residual = _residual(
+        dynamic_freedom(equilibrium.model, equilibrium.config, in_world=True), K, M, shapes, lam
+    )
     omega = np.sqrt(lam)
     warnings = (
         *rest_warnings(equilibrium),
@@ -144,8 +147,8 @@ def _solve(
     equilibrium: Equilibrium, count: int | None
 ) -> tuple[sp.csr_array, sp.csr_array, np.ndarray, np.ndarray, int]:
     """Tangent, mass, omega^2, shapes, and how many of them, which come first, are rigid."""
-    model, free = equilibrium.model, dynamic_freedom(equilibrium.model)
-    config, loads = equilibrium.config, equilibrium.loads
+    model, config, loads = equilibrium.model, equilibrium.config, equilibrium.loads
+    free = dynamic_freedom(model, config)
     if not np.any(free.active):
         raise ConfigError(
             "clamps hold all that could move: there are no modes",
@@ -154,9 +157,9 @@ def _solve(
         )
     at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
-    pairs = _eigenpairs(model, free.matrix(at.tangent), free.matrix(mass), count, soft)
+    pairs = _eigenpairs(model, free, free.matrix(at.tangent), free.matrix(mass), count, soft)
     pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
-    rigid = np.abs(pairs.lam) <= rounding(model, pairs, at.gradient, T)
+    rigid = np.abs(pairs.lam) <= rounding(model, config, pairs, at.gradient, T)
     rank = np.argsort(~rigid, kind="stable")
     shapes = free.spread(pairs.shapes[:, rank])
     if config.since_drawn is not None and config.since_drawn.carries:
@@ -166,7 +169,7 @@ def _solve(
 
 
 def _eigenpairs(
-    model: Model, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
+    model: Model, free: Freedom, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
 ) -> Eigenpairs:
     if count is None or order(K) <= max(SMALL, 4 * count):
         pairs = solve_all(K, M, soft)
@@ -174,13 +177,13 @@ def _eigenpairs(
     else:
         pairs = solve_lowest(K, M, count, soft)
     if pairs is None:
-        raise _massless(model, K + M)
+        raise _massless(model, free, K + M)
     return pairs
 
 
-def _massless(model: Model, shifted: sp.csr_array) -> NumericalError:
+def _massless(model: Model, free: Freedom, shifted: sp.csr_array) -> NumericalError:
     worst = int(np.argmin(abs(shifted).sum(axis=0)))
-    coordinate = int(np.flatnonzero(dynamic_coordinates(model))[worst])
+    coordinate = int(np.flatnonzero(free.active)[worst])
     roots = model.tree.roots
     frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
     return NumericalError(

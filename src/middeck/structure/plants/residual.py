@@ -22,10 +22,10 @@ from middeck.signals.ports import Port
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
 from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.plants.port_rows import input_rows, output_rows
-from middeck.structure.rest.statics import dynamic_freedom
 from middeck.values import record
 
 # Residual of a solution, over the size of its terms, above which it is not one.
@@ -78,14 +78,14 @@ def residual_flexibility(
         )
     K, M, free = _matrices(modes)
     held = np.zeros(order(K), dtype=bool)
-    held[_statically_determinate(free.part(modes.shapes[:, :rigid]))] = True
+    held[_statically_determinate(free.coordinates(modes.shapes[:, :rigid]))] = True
     factor = positive_factor(sp.csr_array(K[~held][:, ~held]))
     if factor is None:
         raise NumericalError(
             "with its rigid modes held, the structure still moves without stiffness",
             hint="is there a rigid mode among those that are not zero? look at modes.rigid_residual",
         )
-    kept = _Kept(free.part(modes.shapes[:, :count]), M, modes.omega[:count] ** 2)
+    kept = _Kept(free.coordinates(modes.shapes[:, :count]), M, modes.omega[:count] ** 2)
     x = _answer_of_the_rest(K, factor, kept, free.part(force.T), ~held)
     return reading @ free.spread(x)
 
@@ -113,7 +113,7 @@ def compare_static_gain(
     B = free.part(drive.force.T)
     C = free.part((read.position + omega * read.rate - omega**2 * read.acceleration).T).T
     D = sp.csr_array(K - omega**2 * M)
-    kept = _Kept(free.part(modes.shapes[:, :count]), M, modes.omega[:count] ** 2 - omega**2)
+    kept = _Kept(free.coordinates(modes.shapes[:, :count]), M, modes.omega[:count] ** 2 - omega**2)
     _check_off_resonance(modes, omega)
     x, y = (kept.answer(F) + _dynamic_rest(D, kept, F) for F in (B, C.T))
     full, truncated = C @ x, C @ kept.answer(B)
@@ -204,7 +204,7 @@ def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
     """Stiffness and mass of the coordinates that move, and which they are."""
     equilibrium = modes.equilibrium
     check_beside_modes(modes, "the static residual")
-    free = dynamic_freedom(equilibrium.model)
+    free = dynamic_freedom(equilibrium.model, equilibrium.config, in_world=True)
     K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
     return free.matrix(K), free.matrix(modes.mass), free
 

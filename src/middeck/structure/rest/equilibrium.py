@@ -10,6 +10,7 @@ from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_states
+from middeck.structure.assembly.linked import check_links, link_warnings, static_freedom
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
@@ -19,14 +20,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.model.travel import check_travel
-from middeck.structure.rest.statics import (
-    TOLERANCE,
-    article_size,
-    imbalance_scale,
-    imbalance_weight,
-    settle,
-    static_freedom,
-)
+from middeck.structure.rest.statics import TOLERANCE, article_size, imbalance_scale, imbalance_weight, settle
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
@@ -107,6 +101,7 @@ def solve_equilibrium(
     structure, environment = apply_load_case(structure, environment, load_case)
     model = mesh_structure(structure, environment.clamps)
     check_environment(environment)
+    check_links(model)
     _check_idle(environment)
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
@@ -129,7 +124,7 @@ def solve_equilibrium(
         holding_torque=holding,
         tension=settled.assembly.tension,
         reactions=(
-            *_clamp_reactions(model, environment, settled.assembly.gradient),
+            *_clamp_reactions(model, environment, settled.config, settled.assembly.gradient),
             *_bushing_reactions(model, environment, settled.config, loads),
         ),
         enough=settled.enough,
@@ -138,9 +133,11 @@ def solve_equilibrium(
     )
 
 
-def _clamp_reactions(model: Model, environment: Environment, gradient: np.ndarray) -> tuple[Reaction, ...]:
+def _clamp_reactions(
+    model: Model, environment: Environment, config: Configuration, gradient: np.ndarray
+) -> tuple[Reaction, ...]:
     """At rest dE/dq of a held coordinate is the force that holds it."""
-    taken = static_freedom(model).beyond(gradient)
+    taken = static_freedom(model, config).beyond(gradient)
     nodes = [node.name for node in model.structure.nodes]
     held = dict.fromkeys(clamp.node for clamp in environment.clamps)
     at = {name: taken[6 * nodes.index(name) :][:6] for name in held}
@@ -256,7 +253,7 @@ def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
     scale = imbalance_scale(model, loads)
     weight = imbalance_weight(model, loads)
     gradient = assemble_carried(model, equilibrium.config, loads).gradient
-    left = np.abs(static_freedom(model).within(gradient)) / scale
+    left = np.abs(static_freedom(model, equilibrium.config).within(gradient)) / scale
     roots = model.tree.roots
     turns = np.concatenate([np.tile(np.repeat([False, True], 3), roots), ~model.tree.slides])
     worst = int(np.argmax(left)) if len(left) else 0
@@ -279,7 +276,7 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
 
 def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
     """A rest state that is not stable; a node that turned by more than `FAR_TURN`, probably by mistake."""
-    found: list[str] = []
+    found = list(link_warnings(equilibrium.model, equilibrium.config))
     if equilibrium.converged and not equilibrium.stable:
         found.append("the rest state is not stable: the least push would buckle or topple the article")
     rotations = node_rotations(equilibrium)

@@ -11,6 +11,7 @@ from jaxtyping import Float, Inexact, Int
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import Loads, assemble_carried, carried_mass, no_loads, pose_shift
 from middeck.structure.assembly.factorisation import factorise
+from middeck.structure.assembly.linked import closed, static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
 from middeck.structure.elements.since_drawn import uncarried
@@ -22,7 +23,6 @@ from middeck.structure.rest.statics import (
     imbalance,
     imbalance_scale,
     scale_loads,
-    static_freedom,
 )
 from middeck.values import record
 
@@ -133,11 +133,11 @@ def _settle_pinned(
 
     Or where its steps do not ``contract``: it is then on its way to some other branch.
     """
-    free = static_freedom(model)
     scale = imbalance_scale(model, loads)
-    hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
     size = np.inf
     for _ in range(MAX_ITERATIONS):
+        free = static_freedom(model, config)
+        hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
         at = assemble_carried(model, config, loads, load)
@@ -154,7 +154,10 @@ def _settle_pinned(
             raise _mechanism()
         if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
             return None
-        config, force = move_carried(model.tree, config, free.spread(q)), force - change
+        moved = closed(model, move_carried(model.tree, config, free.spread(q)))
+        if moved is None:
+            return None
+        config, force = moved, force - change
     return None
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import (
@@ -23,6 +23,7 @@ from middeck.structure.assembly.energy import (
 )
 from middeck.structure.assembly.factorisation import factorise, positive_factor
 from middeck.structure.assembly.freedom import Freedom, whole_motions
+from middeck.structure.assembly.linked import closed, followed, static_freedom, torn
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import (
@@ -33,7 +34,6 @@ from middeck.structure.elements.frames import (
 )
 from middeck.structure.elements.rotations import cross, skew, turn_of
 from middeck.structure.elements.since_drawn import SinceDrawn
-from middeck.structure.model.article import JointState
 
 # Largest imbalance that counts as rest, over `imbalance_scale`.
 TOLERANCE = 1e-9
@@ -90,35 +90,6 @@ class Settled(NamedTuple):
     followed: bool = False
 
 
-def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in statics: roots, sprung joints and modal coordinates; what is held does not.
-
-    Of a node that is held along axes of its clamp they are in those axes, see `static_freedom`.
-    """
-    return _moving(model, (JointState.SPRUNG, JointState.INTERNAL))
-
-
-def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in dynamics: roots, free and sprung joints, modal coordinates."""
-    return _moving(model, (JointState.FREE, JointState.SPRUNG, JointState.INTERNAL))
-
-
-def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
-    joints = [joint.state in states for joint in model.structure.joints]
-    free = np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
-    return free if model.held is None else free & ~model.held.fixed
-
-
-def static_freedom(model: Model) -> Freedom:
-    """What moves in statics, see `static_coordinates`."""
-    return Freedom(static_coordinates(model), None if model.held is None else model.held.axes)
-
-
-def dynamic_freedom(model: Model) -> Freedom:
-    """What moves in dynamics, see `dynamic_coordinates`."""
-    return Freedom(dynamic_coordinates(model), None if model.held is None else model.held.axes)
-
-
 def settle(model: Model, loads: Loads) -> Settled:
     """Equilibrium under gravity and preload: followed from the drawn state, or descended to.
 
@@ -172,7 +143,7 @@ def _by_steps(
     history += [(1.0, residual, damping) for residual, damping in steps]
     residual = history[-1][1]
     # Short of convergence stability is unknown: second-order strain of a step may act as tension.
-    stable = residual < enough and _is_stable(model, at, mass)
+    stable = residual < enough and _is_stable(model, config, at, mass)
     return Settled(config, at, residual, enough, tuple(history), stable)
 
 
@@ -186,8 +157,8 @@ def _holding(K: sp.csr_array, M: sp.csr_array) -> sp.csr_array:
     return sp.csr_array(K + min(LEAST_DAMPING, NEUTRAL * fastest or LEAST_DAMPING) * M)
 
 
-def _is_stable(model: Model, at: Assembly, mass: sp.csr_array) -> bool:
-    free = static_freedom(model)
+def _is_stable(model: Model, config: Configuration, at: Assembly, mass: sp.csr_array) -> bool:
+    free = static_freedom(model, config)
     return positive_factor(_holding(free.matrix(at.tangent), free.matrix(mass))) is not None
 
 
@@ -210,7 +181,9 @@ def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     if at is None or done < 1.0:
         return None
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
-    return Settled(config, at, history[-1][1], enough, tuple(history), _is_stable(model, at, mass), True)
+    return Settled(
+        config, at, history[-1][1], enough, tuple(history), _is_stable(model, config, at, mass), True
+    )
 
 
 def _newton(
@@ -221,18 +194,18 @@ def _newton(
     Forces inside are unknowns (see `_with_forces`). It ends where the next step would be rounding, whatever
     the loads are beside the weight; a ``rough`` state will do on the way. With the residuals.
     """
-    free, scale = static_freedom(model), imbalance_scale(model, loads)
-    inertia = free.matrix(mass)
+    scale = imbalance_scale(model, loads)
     config, inner = displace(model, config, loads, part)
     left, longest, before = [], 0.0, LONGEST_STEP
     for _ in range(MAX_NEWTON):
+        free = static_freedom(model, config)
         at = assemble_carried(model, config, loads)
         left.append(imbalance(at, free, scale))
         if left[-1] < (ROUGH if rough else TOLERANCE) and _is_settled(left, before, longest):
             return config, at, left
         inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
         bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
-        held = _holding(free.matrix(bent.tangent), inertia)
+        held = _holding(free.matrix(bent.tangent), free.matrix(mass))
         q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
         if q is None:
             return None
@@ -244,7 +217,10 @@ def _newton(
             return None
         longest, before = max(longest, step), step
         inner = predict_forces(model, config, loads, q)
-        config = move_carried(model.tree, config, q)
+        moved = closed(model, move_carried(model.tree, config, q))
+        if moved is None:
+            return None
+        config = moved
     return None
 
 
@@ -304,19 +280,23 @@ def displace(
     if model.held is None or since is None or not np.any(model.held.moved):
         return config, None
     moved = part * model.held.moved
-    free, pushed = static_freedom(model), np.zeros(model.tree.size)
+    free, pushed = static_freedom(model, config), np.zeros(model.tree.size)
     pushed[: moved.size] = moved.ravel()
+    drawn_along = followed(model, config, pushed)
+    pushed = pushed + drawn_along
     K = assemble_carried(model, config, loads).tangent
     factor = positive_factor(free.matrix(K))
     turn = turn_of(moved[:, 3:])
-    there = SinceDrawn(
-        since.drawn, since.carrier, since.shift + moved[:, :3], since.turn + turn + turn @ since.turn
+    shifted = since.shift + moved[:, :3]
+    displaced = placed(
+        SinceDrawn(since.drawn, since.carrier, shifted, since.turn + turn + turn @ since.turn), config.angle
     )
-    displaced = placed(there, config.angle)
-    if factor is None:
-        return displaced, None
-    q = free.spread(-factor.solve(free.part(K @ pushed)))
-    return move_carried(model.tree, displaced, q), predict_forces(model, config, loads, pushed + q)
+    q = None if factor is None else free.spread(-factor.solve(free.part(K @ pushed)))
+    there = move_carried(model.tree, displaced, drawn_along if q is None else drawn_along + q)
+    there = closed(model, there)
+    if there is None:
+        raise torn(model, config, pushed)
+    return there, None if q is None else predict_forces(model, config, loads, pushed + q)
 
 
 def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
@@ -328,11 +308,12 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
     Comput. Methods Appl. Mech. Eng. 313). Where a motion grows the step is damped, so that it leaves an
     unstable rest state; an article upright to rounding ends in that state, which is marked as unstable.
     """
-    free, scale = static_freedom(model), imbalance_scale(model, loads)
+    scale = imbalance_scale(model, loads)
     config, inner, damping, size_of = model.rest, None, 0.0, article_size(model)
-    least = LEAST_DAMPING * free.matrix(mass)
     history: list[tuple[float, float, float]] = []
     for _ in range(MIXED_ITERATIONS):
+        free = static_freedom(model, config)
+        least = LEAST_DAMPING * free.matrix(mass)
         at = assemble_carried(model, config, loads)
         residual = imbalance(at, free, scale)
         history.append((1.0, residual, damping))
@@ -352,7 +333,10 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
             return Settled(config, at, residual, enough, tuple(history), stable)
         q = q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP))
         inner = predict_forces(model, config, loads, q)
-        config = move_carried(model.tree, config, q)
+        moved = closed(model, move_carried(model.tree, config, q))
+        if moved is None:
+            return None
+        config = moved
     return None
 
 
@@ -459,17 +443,16 @@ def _descend(
 
     ``mass`` need not be exact. A descent of at ``most`` so many iterations ends where it begins to creep.
     """
-    free = static_freedom(model)
     at = assemble_carried(model, config, loads)
     damping, crept = 0.0, 0
     history: list[tuple[float, float]] = []
     for _ in range(MAX_ITERATIONS if most is None else min(most, MAX_ITERATIONS)):
-        residual = imbalance(at, free, scale)
+        residual = imbalance(at, static_freedom(model, config), scale)
         history.append((residual, damping))
         if residual < enough:
             break
         q, damping = _damped_step(model, config, at, mass, damping)
-        better = _shorten(_Descent(model, loads, mass, scale, free), config, at, q)
+        better = _shorten(_Descent(model, loads, mass, scale), config, at, q)
         if better is None:
             step = np.abs(q * scale).max() / scale.min()
             if damping == 0.0 and step < UNMOVED * article_size(model):
@@ -494,16 +477,12 @@ class _Descent(NamedTuple):
     loads: Loads
     mass: sp.csr_array
     scale: np.ndarray
-    free: Freedom
 
     def at(self, config: Configuration) -> Assembly:
         return assemble_carried(self.model, config, self.loads)
 
-    def lower(self, new: Assembly, at: Assembly) -> bool:
-        """Whether the energy or the imbalance is lower."""
-        return new.energy < at.energy or imbalance(new, self.free, self.scale) < imbalance(
-            at, self.free, self.scale
-        )
+    def imbalance(self, config: Configuration, at: Assembly) -> float:
+        return imbalance(at, static_freedom(self.model, config), self.scale)
 
 
 def _shorten(
@@ -514,10 +493,11 @@ def _shorten(
     None at rounding level.
     """
     for halvings in range(MAX_HALVINGS):
-        trial = move_whole(way.model, config, q, way.mass)
-        new = way.at(trial)
-        if way.lower(new, at):
-            return trial, new, halvings
+        trial = closed(way.model, move_whole(way.model, config, q, way.mass))
+        if trial is not None:
+            new = way.at(trial)
+            if new.energy < at.energy or way.imbalance(trial, new) < way.imbalance(config, at):
+                return trial, new, halvings
         q = 0.5 * q
     return None
 
@@ -572,7 +552,7 @@ def _damped_step(
     model: Model, config: Configuration, at: Assembly, mass: sp.csr_array, damping: float
 ) -> tuple[np.ndarray, float]:
     """Solve (K + damping M) q = -gradient with the least damping that makes the matrix positive definite."""
-    free = static_freedom(model)
+    free = static_freedom(model, config)
     stiffness, inertia = free.matrix(at.tangent), free.matrix(mass)
     damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
     while damping < MOST_DAMPING:

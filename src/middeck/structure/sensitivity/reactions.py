@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import assemble, energy_gradient, mass_matrix
 from middeck.structure.assembly.factorisation import factorise
+from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.pinned import (
@@ -27,7 +28,6 @@ from middeck.structure.rest.pinned import (
     support_coordinates,
     support_forces,
 )
-from middeck.structure.rest.statics import static_freedom
 from middeck.structure.rest.suspension_tuning import pinned_loads, pinned_points
 from middeck.structure.sensitivity.patches import (
     STEP,

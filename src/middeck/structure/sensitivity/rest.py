@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, Loads, assemble, device_tension
+from middeck.structure.assembly.linked import refused
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -106,6 +107,8 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 
 def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     """The derivative of the rest state, with the patches that it came from."""
+    if rest.model.links is not None:
+        raise refused(rest.model, "a derivative")
     check_beside_devices(rest, "derivatives of the rest state")
     if np.any(rest.loads.push[:, 3:]):
         raise NumericalError(

@@ -26,9 +26,9 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import dynamic_freedom
 from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import group_modes
 from middeck.structure.sensitivity.parameters import Parameter
@@ -89,7 +89,7 @@ def differentiate_shapes(
     free = dynamic_freedom(modes.equilibrium.model)
     pencil = _Pencil.of(modes, free)
     groups = group_modes(modes, count)
-    lam, shapes = modes.omega**2, free.part(modes.shapes)
+    lam, shapes = modes.omega**2, free.coordinates(modes.shapes)
     changes = [_changes(rest, free) for rest in perturbed]
     d_lambda = np.zeros((len(parameters), count, count))
     d_shapes = np.zeros((len(parameters), modes.shapes.shape[0], count))

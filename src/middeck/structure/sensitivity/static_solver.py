@@ -12,10 +12,10 @@ from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, mass_matrix
 from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom, allowed_motions
+from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.modes.eigen import ROUNDING
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import static_freedom
 
 # What a solution may leave of its load, over the terms that balance in it.
 SOLVED = 1e-9

@@ -13,14 +13,15 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.joints.element import check_amplitudes
 from middeck.joints.friction import Friction
-from middeck.structure.assembly.energy import assemble_carried, mass_matrix, transport
+from middeck.structure.assembly.energy import assemble_carried, mass_matrix
 from middeck.structure.assembly.factorisation import positive_factor
+from middeck.structure.assembly.linked import static_freedom
+from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import static_freedom
 from middeck.values import record
 
 UNMOVED = 1e-9
@@ -50,7 +51,7 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
     where the rest state is not stable against some motion: friction would then hold it anywhere.
     """
     model, config, loads = equilibrium.model, equilibrium.config, equilibrium.loads
-    free = static_freedom(model)
+    free = static_freedom(model, config)
     rows = device_rows(equilibrium)
     friction = np.array([0.0 if f is None else f.slip_torque for f in _frictions(equilibrium)])
     # Beside stiff members only carried coordinates keep the digits of what is soft.

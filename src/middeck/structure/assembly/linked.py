@@ -1,0 +1,221 @@
+"""Links at a configuration: what they leave to move, what they add to a potential, and how it stays closed.
+
+At every configuration some coordinates follow the others (`closing`), and every step ends with the links
+closed by those. So all that descends, balances or vibrates sees independent coordinates: the gradient with
+multipliers that leave none at the dependent ones, and the tangent with the second order of the links times
+these, which is the exact second derivative of the energy in the independent coordinates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Bool, Float
+
+from middeck.errors import ConfigError, EquilibriumError
+from middeck.structure.assembly.closing import NEARLY, Closing, close_rows
+from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.links import LinkState, link_state
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.places import At, carried_turning, moved_since, poses_at, symmetric, transport
+from middeck.structure.elements.frames import Configuration, move_carried
+from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.model.article import JointState
+from middeck.structure.model.connectivity import some_names
+
+# Part of the arm of a row by which a closed one may be open, and what is rounding of it.
+OPEN, CLOSED = 1e-9, 1e-15
+MOST_ROUNDS = 30
+
+
+def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
+    """Coordinates that move in statics: roots, sprung joints and modal coordinates; what is held does not.
+
+    Of a node that is held along axes of its clamp they are in those axes, see `static_freedom`.
+    """
+    return _moving(model, (JointState.SPRUNG, JointState.INTERNAL))
+
+
+def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
+    """Coordinates that move in dynamics: roots, free and sprung joints, modal coordinates."""
+    return _moving(model, (JointState.FREE, JointState.SPRUNG, JointState.INTERNAL))
+
+
+def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
+    joints = [joint.state in states for joint in model.structure.joints]
+    free = np.concatenate([np.ones(6 * model.tree.roots, dtype=bool), np.array(joints, dtype=bool)])
+    return free if model.held is None else free & ~model.held.fixed
+
+
+def static_freedom(model: Model, config: Configuration | None = None, *, in_world: bool = False) -> Freedom:
+    """What moves in statics, see `static_coordinates`; with links at ``config``, in carried coordinates or W.
+
+    Raises `ConfigError` for an article with links where the caller knows of no configuration.
+    """
+    return _freedom(model, static_coordinates(model), config, in_world)
+
+
+def dynamic_freedom(model: Model, config: Configuration | None = None, *, in_world: bool = False) -> Freedom:
+    """What moves in dynamics, see `dynamic_coordinates`; else as `static_freedom`."""
+    return _freedom(model, dynamic_coordinates(model), config, in_world)
+
+
+def _freedom(model: Model, moving: np.ndarray, config: Configuration | None, in_world: bool) -> Freedom:
+    axes = None if model.held is None else model.held.axes
+    if model.links is None:
+        return Freedom(moving, axes)
+    if config is None:
+        raise refused(model)
+    close = _closing(model, links_at(model, config), config, moving, in_world=in_world)
+    return Freedom(close.independent, axes, close.basis, moving)
+
+
+def refused(model: Model, what: str = "this computation") -> ConfigError:
+    """The error of what does not know links."""
+    names = ", ".join(repr(link.name) for link in model.structure.links[:3])
+    return ConfigError(
+        f"{what} does not know links, and the article has some: {names}",
+        where=f"structure {model.structure.title!r}",
+        hint="rest states, modes and plants do; take stiff bushings in the place of links here",
+    )
+
+
+def check_links(model: Model) -> None:
+    """Raise `ConfigError` where a link as drawn nearly repeats others: whether it does hangs on rounding."""
+    if model.links is None:
+        return
+    close = _closing(model, links_at(model, model.rest), model.rest, dynamic_coordinates(model))
+    if len(close.nearly):
+        row = int(close.nearly[0])
+        raise ConfigError(
+            f"{model.links.label[row]} nearly repeats what others hold: less than {NEARLY:g} of it is "
+            "a condition of its own, so that digits decide whether there is one",
+            where=f"link {model.structure.links[int(model.links.link[row])].name!r}",
+            hint="give places and axes with all their digits, or release what the others hold already",
+        )
+
+
+def link_warnings(model: Model, config: Configuration) -> tuple[str, ...]:
+    """A sentence for each row of links that repeats others at ``config``."""
+    if model.links is None:
+        return ()
+    label = model.links.label
+    close = _closing(model, links_at(model, config), config, dynamic_coordinates(model))
+    return tuple(
+        f"{label[row]} repeats "
+        + (some_names([label[other] for other in others]) if others else "what clamps and locks hold already")
+        + ": motions are as without it, and how the two share a load is not determined"
+        for row, others in close.spare
+    )
+
+
+def links_at(model: Model, config: Configuration) -> LinkState:
+    """What the links hold at zero, at ``config``; only for a model that has some."""
+    at = poses_at(model, config)
+    assert model.links is not None
+    return _state(model, at, model.pose_map.jacobian(at.poses), config)
+
+
+def _state(model: Model, at: At, J: sp.csr_array, config: Configuration) -> LinkState:
+    assert model.links is not None
+    ends = np.maximum(model.links.ends, 0).ravel()
+    turned = np.zeros(model.tree.size, np.result_type(config.angle))
+    turned[6 * model.tree.roots :] = config.angle - model.rest.angle
+    return link_state(model.links, J, at.world, moved_since(model, at, ends), turned)
+
+
+def _closing(
+    model: Model, state: LinkState, config: Configuration, moving: np.ndarray, *, in_world: bool = False
+) -> Closing:
+    C, since = state.jacobian, None if in_world else config.since_drawn
+    if since is not None and since.carries:
+        C = C @ transport(config, model.tree)
+    if model.held is not None and model.held.axes is not None:
+        C = C @ model.held.axes
+    turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
+    return close_rows(sp.csr_array(C), moving, turns, ~uncarried(since, model.tree.size))
+
+
+def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:
+    """The links at ``config`` and what follows in statics."""
+    state = links_at(model, config)
+    return state, _closing(model, state, config, static_coordinates(model))
+
+
+def link_part(
+    model: Model, config: Configuration, gradient: Float[np.ndarray, " coordinate"], *, in_world: bool
+) -> tuple[Float[np.ndarray, " coordinate"], sp.csr_array]:
+    """What links add to a ``gradient`` and its tangent, in carried coordinates or those of W.
+
+    The multipliers are those of statics: what free joints hold there is theirs.
+    """
+    at = poses_at(model, config)
+    J = model.pose_map.jacobian(at.poses)
+    state = _state(model, at, J, config)
+    T = transport(config, model.tree)
+    multiplier = multipliers(model, config, state, T.T @ gradient if in_world else gradient)
+    load = state.load(multiplier)
+    pull = state.jacobian.T @ multiplier
+    bent = state.bent(multiplier, J)
+    bent = bent + model.pattern.matrix(J.data, {"turning": model.pose_map.second_order(at.poses, load)})
+    since = config.since_drawn
+    if in_world or since is None or not since.carries:
+        return pull, symmetric(sp.csr_array(bent))
+    bent = T.T @ bent @ T + carried_turning(model, at, since, pull)
+    return T.T @ pull, symmetric(sp.csr_array(bent))
+
+
+def multipliers(
+    model: Model, config: Configuration, state: LinkState, gradient: Float[np.ndarray, " coordinate"]
+) -> Float[np.ndarray, " row"]:
+    """Multipliers of the rows of links under a ``gradient`` in carried coordinates, all else in balance."""
+    close = _closing(model, state, config, static_coordinates(model))
+    axes = None if model.held is None else model.held.axes
+    return close.multipliers(gradient if axes is None else axes.T @ gradient)
+
+
+def followed(
+    model: Model, config: Configuration, moved: Float[np.ndarray, " coordinate"]
+) -> Float[np.ndarray, " coordinate"]:
+    """What the dependent coordinates do, to first order, as carried coordinates have ``moved``."""
+    if model.links is None:
+        return np.zeros_like(moved)
+    state, close = static_closing(model, config)
+    axes = None if model.held is None else model.held.axes
+    step = close.follow(state.jacobian @ (transport(config, model.tree) @ moved))
+    return step if axes is None else axes @ step
+
+
+def torn(model: Model, config: Configuration, moved: Float[np.ndarray, " coordinate"]) -> EquilibriumError:
+    """The error of links that cannot close: after carried coordinates have ``moved`` from where they do."""
+    state, close = static_closing(model, config)
+    change = state.jacobian @ (transport(config, model.tree) @ (moved + followed(model, config, moved)))
+    worst = int(np.argmax(np.abs(change / close.size)))
+    return EquilibriumError(
+        f"the links cannot close: what else holds or moves the frames contradicts {state.rows.label[worst]}",
+        where=f"link {model.structure.links[int(state.rows.link[worst])].name!r}",
+        hint="release a direction of the link or of a clamp, or prescribe displacements that fit",
+    )
+
+
+def closed(model: Model, config: Configuration) -> Configuration | None:
+    """``config`` with its links closed by their dependent coordinates; None where they do not close.
+
+    Newton's method from nearby; it ends where rounding does, or a round does no good.
+    """
+    if model.links is None:
+        return config
+    before = np.inf
+    best = config
+    for _ in range(MOST_ROUNDS):
+        state, close = static_closing(model, config)
+        left = float(np.abs(state.value / close.size).max(initial=0.0))
+        if not left < before:
+            break
+        best, before = config, left
+        if left <= CLOSED:
+            break
+        axes = None if model.held is None else model.held.axes
+        step = close.follow(state.value)
+        config = move_carried(model.tree, config, step if axes is None else axes @ step)
+    return best if before < OPEN else None

@@ -1,0 +1,90 @@
+"""Where everything stands at a configuration, how far it has moved since drawn, and what carries it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import (
+    Configuration,
+    FrameTree,
+    PosePoints,
+    Poses,
+    frame_poses,
+    points_in_world,
+)
+from middeck.structure.elements.since_drawn import (
+    SinceDrawn,
+    chain_jacobian,
+    chain_stiffness,
+    chain_within,
+    whole_motion,
+)
+
+
+class At(NamedTuple):
+    """Poses and angles; where known, motion of the roots since drawn, and shift and turn as seen from W."""
+
+    poses: Poses
+    angle: np.ndarray
+    world: np.ndarray
+    since: SinceDrawn | None
+    motion: tuple[np.ndarray, np.ndarray]
+
+
+def poses_at(model: Model, config: Configuration) -> At:
+    """Where all points of the model are at ``config``."""
+    poses, since = frame_poses(model.tree, config), config.since_drawn
+    motion = (np.zeros((0, 3)), np.zeros((0, 3, 3))) if since is None else whole_motion(since)
+    return At(poses, config.angle, points_in_world(model.points, poses), since, motion)
+
+
+def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far poses have shifted and turned (less the identity) since drawn."""
+    frame = model.points.frame[pose]
+    drawn = model.drawn
+    moved, before = drawn_places(model, at, pose)[1], PosePoints(frame, model.points.offset[pose])
+    turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - np.eye(3)
+    if at.since is None:
+        return at.world[pose] - points_in_world(before, drawn), turn
+    own = frame < model.tree.roots
+    root = np.where(own, frame, 0)
+    away = at.world[pose] - points_in_world(before, drawn)
+    return np.where(own[:, None], moved, away), np.where(own[:, None, None], at.motion[1][root], turn)
+
+
+def drawn_places(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drawn places of poses and their shift since; on a joint's frame the present place and no shift."""
+    frame, offset = model.points.frame[pose], model.points.offset[pose]
+    if at.since is None:
+        return at.world[pose], np.zeros_like(at.world[pose])
+    own = frame < model.tree.roots
+    root = np.where(own, frame, 0)
+    change = at.motion[0][root] + (at.motion[1][root] @ offset[:, :, None])[:, :, 0]
+    drawn = np.where(own[:, None], at.since.drawn[root] + offset, at.world[pose])
+    return drawn, np.where(own[:, None], change, 0.0)
+
+
+def carried_turning(model: Model, at: At, since: SinceDrawn, gradient: np.ndarray) -> sp.csr_array:
+    """Second-order motion of the roots in W by carried coordinates, weighted by the ``gradient`` in W."""
+    roots = np.arange(model.tree.roots)
+    over = chain_within(since, roots, np.full(len(roots), -1))
+    load = gradient[: 6 * len(roots)].reshape(-1, 6)
+    return chain_stiffness(over, at.poses.p, at.poses.p[roots], load, model.tree.size)
+
+
+def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
+    """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
+    since, roots = config.since_drawn, np.arange(tree.roots)
+    if since is None or not since.carries:
+        return sp.csr_array(sp.eye_array(tree.size))
+    over = chain_within(since, roots, np.full(len(roots), -1))
+    return chain_jacobian(over, config.x, config.x, tree.size, len(tree.parent))
+
+
+def symmetric(K: sp.csr_array) -> sp.csr_array:
+    """Symmetric by construction; the mean removes the rounding."""
+    return sp.csr_array(0.5 * (K + K.T))
