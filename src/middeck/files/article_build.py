@@ -25,14 +25,13 @@ from middeck.structure.model.article import (
     Joint,
     JointState,
     Member,
-    MemberMass,
     Node,
-    Section,
     Sensor,
     SensorKind,
     Spring,
     Structure,
 )
+from middeck.structure.model.section import MemberMass, Section
 
 HERE = Path()
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}

@@ -18,8 +18,8 @@ from middeck.structure.elements.beam import (
     BeamState,
     beam_deformations,
     beam_state,
-    beam_stiffness,
     beam_weight,
+    tensioned,
 )
 from middeck.structure.elements.beam_inertia import beam_mass
 from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
@@ -222,7 +222,7 @@ def strain_energies(
         beams = select_beams(model.beams, rows)
         _, slope = beam_deformations(beams, x, T, known)
         strain = slope @ ends[rows]
-        out += np.einsum("eim,ein->mn", strain, beam_stiffness(beams) @ strain)
+        out += np.einsum("eim,ein->mn", strain, beams.stiffness @ strain)
     start, end = model.spring_ends.T
     stretched = _own_span(model, at)
     hung = _device_span(model, at, loads)
@@ -248,7 +248,7 @@ def predict_forces(
         beams = select_beams(model.beams, rows)
         value, slope = beam_deformations(beams, x, T, known)
         strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
-        forces.append((beam_stiffness(beams) @ strain[:, :, None])[:, :, 0])
+        forces.append(tensioned(beams, (beams.stiffness @ strain[:, :, None])[:, :, 0]))
     start, end = model.spring_ends.T
     own = predicted_tension(own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *_device_span(model, at, loads), motion[loads.attach_point, :3])
@@ -531,7 +531,7 @@ def _gather(
     """
     unstrained = None if inside is None else inside.beams.rows
     dtype = np.result_type(
-        *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.EA, loads.law.stiffness),
+        *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.stiffness, loads.law.stiffness),
         *(loads.push, loads.ground.stiffness, *(b.stiffness for b in model.structure.bushings)),
     )
     gradient = np.zeros((len(at.world), 6), dtype=np.result_type(dtype, model.beams.length, loads.anchor))

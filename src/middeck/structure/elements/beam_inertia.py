@@ -38,7 +38,9 @@ def beam_mass(
 def _local_mass(beams: BeamProperties, span: Array) -> Array:
     """Gauss quadrature of shape functions."""
     n, count = len(span), len(GAUSS)
-    dtype = np.result_type(span, beams.length, beams.rho_A, beams.rho_I_y, beams.rho_I_z, beams.shear_y)
+    dtype = np.result_type(
+        span, beams.length, beams.rho_A, beams.rho_I_y, beams.rho_I_z, beams.shear_y, beams.mass_centre_y
+    )
     N = np.zeros((n, count, 6, 12), dtype)  # displacement and rotation fields at the points
     for axis in (0, 3):
         N[:, :, axis, axis], N[:, :, axis, axis + 6] = 1.0 - GAUSS, GAUSS
@@ -49,6 +51,10 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
     sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
     N[:, :, 2, [2, 4, 8, 10]] = np.moveaxis(v, 1, 2) * sign
     N[:, :, 4, [2, 4, 8, 10]] = np.moveaxis(slope, 1, 2) * -sign
+    # Fields at the mass centre: the sections turn about the node line.
+    N[:, :, 0] += _tall(beams.mass_centre_z) * N[:, :, 4] - _tall(beams.mass_centre_y) * N[:, :, 5]
+    N[:, :, 1] -= _tall(beams.mass_centre_z) * N[:, :, 3]
+    N[:, :, 2] += _tall(beams.mass_centre_y) * N[:, :, 3]
     density = np.stack(
         [beams.rho_A] * 3 + [beams.rho_I_y + beams.rho_I_z, beams.rho_I_y, beams.rho_I_z], axis=1
     )
@@ -76,6 +82,10 @@ def transverse_shapes(xi: float | Array, L: Array, shear: Array) -> tuple[Array,
         f * (3 * xi2 - (2 - shear) * xi),
     ]
     return np.stack(v, axis=1), np.stack(slope, axis=1)
+
+
+def _tall(a: Array) -> Array:
+    return a[:, None, None]
 
 
 def _unit(v: Array) -> Array:
