@@ -5,6 +5,7 @@ All of it is analytic in the configuration, the model and the loads: complex one
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field
 from typing import NamedTuple
@@ -15,6 +16,7 @@ from jaxtyping import Inexact, Int
 
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.elements.beam import (
+    BeamProperties,
     BeamState,
     beam_deformations,
     beam_state,
@@ -75,7 +77,8 @@ class Loads:
     """Loads of the environment: gravity [m/s^2], and springs from anchors (in W) to attach points.
 
     ``mass`` [kg] of each device moves with its attach point along the device only. ``push`` is the force [N]
-    and moment [N m] in W of each load of the article, none of them where it is empty.
+    and moment [N m] in W of each load of the article, none of them where it is empty. ``tension`` is the part
+    of the members' tension as drawn that acts.
     """
 
     gravity: Inexact[np.ndarray, "3"]
@@ -85,6 +88,7 @@ class Loads:
     mass: Inexact[np.ndarray, " device"]
     push: Inexact[np.ndarray, "load 6"] = field(default_factory=lambda: np.zeros((0, 6)))
     ground: Ground = field(default_factory=Ground)
+    tension: float = 1.0
 
 
 @record(kw_only=True)
@@ -171,7 +175,7 @@ def assemble_carried(
     T, turning = transport(config, model.tree), _carried_turning(model, at, since, outside.gradient)
     energy, gradient = outside.energy, T.T @ outside.gradient
     tangent = T.T @ outside.tangent @ T + turning
-    for state, A, bent in _inside_parts(model, at, inside, inner):
+    for state, A, bent in _inside_parts(model, at, loads, inside, inner):
         energy = energy + float(np.sum(state.energy))
         gradient = gradient + A.T @ state.gradient.ravel()
         tangent = tangent + _sandwich(A, state.material + state.geometric) + bent
@@ -202,7 +206,7 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
     gradient = J.T @ total.gradient.ravel() + total.modal + _sprung_joints(model, config)[1]
     T, turning = transport(config, model.tree), _carried_turning(model, at, since, gradient)
     out = T.T @ bare @ T + turning
-    for state, A, bent in _inside_parts(model, at, inside):
+    for state, A, bent in _inside_parts(model, at, loads, inside):
         out = out + _sandwich(A, state.geometric) + bent
     return _symmetric(sp.csr_array(out))
 
@@ -245,7 +249,7 @@ def predict_forces(
     forces = [np.zeros((0, 6))]
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
-        beams = select_beams(model.beams, rows)
+        beams = _tensioned_beams(model, loads, rows)
         value, slope = beam_deformations(beams, x, T, known)
         strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
         forces.append(tensioned(beams, (beams.stiffness @ strain[:, :, None])[:, :, 0]))
@@ -309,7 +313,7 @@ def _within(model: Model, since: SinceDrawn | None, ends: np.ndarray) -> _Within
 
 
 def _inside_parts(
-    model: Model, at: _At, inside: _Inside, inner: Inner | None = None
+    model: Model, at: _At, loads: Loads, inside: _Inside, inner: Inner | None = None
 ) -> Iterable[tuple[BeamState | BushingState, sp.csr_array, sp.csr_array]]:
     """State of the beams inside carried parts, without their weight, and that of the bushings.
 
@@ -318,7 +322,7 @@ def _inside_parts(
     rows = inside.beams.rows
     x, T, known = _element_ends(model, at, rows)
     force = None if inner is None else inner.beam[rows]
-    beams = beam_state(select_beams(model.beams, rows), x, T, force, known)
+    beams = beam_state(_tensioned_beams(model, loads, rows), x, T, force, known)
     bushings = _own_bushings(model, at, inner, inside).of(inside.bushings.rows)
     for state, ends, part in (
         (beams, model.element_ends, inside.beams),
@@ -541,14 +545,13 @@ def _gather(
     forces: list[np.ndarray] = [np.zeros((0, 6))]
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
-        beams, ends = select_beams(model.beams, rows), model.element_ends[rows]
-        # A copy: what is `unstrained` is cleared below, and its forces are the caller's.
-        given = None if inner is None else inner.beam[rows].copy()
-        strain = beam_state(beams, x, T, given, known)
-        if unstrained is not None:
+        beams, ends = _tensioned_beams(model, loads, rows), model.element_ends[rows]
+        given = None if inner is None else inner.beam[rows]
+        if unstrained is None:
+            strain = beam_state(beams, x, T, given, known)
+        else:
             some = unstrained[(rows.start <= unstrained) & (unstrained < rows.stop)] - rows.start
-            for part in strain:
-                part[some] = 0.0
+            strain = _state_of_others(beams, x, T, given, known, some)
         weight = beam_weight(beams, x, T, loads.gravity)
         gradient[ends] += (strain.gradient + weight.gradient).reshape(-1, 2, 6)
         energy += np.sum(strain.energy + weight.energy)
@@ -599,6 +602,39 @@ def _gather(
         },
         held,
     )
+
+
+def _tensioned_beams(model: Model, loads: Loads, rows: slice | np.ndarray) -> BeamProperties:
+    """Some of the elements, with as much of their tension as acts."""
+    beams = select_beams(model.beams, rows)
+    if loads.tension == 1.0:
+        return beams
+    return dataclasses.replace(beams, tension=loads.tension * beams.tension)
+
+
+def _state_of_others(
+    beams: BeamProperties,
+    x: np.ndarray,
+    T: np.ndarray,
+    force: np.ndarray | None,
+    known: EndStrain | None,
+    some: np.ndarray,
+) -> BeamState:
+    """State of all but ``some`` beams, zero for these."""
+    others = np.setdiff1d(np.arange(len(x)), some)
+    own = beam_state(
+        select_beams(beams, others),
+        x[others],
+        T[others],
+        None if force is None else force[others],
+        None if known is None else EndStrain(*(part[others] for part in known)),
+    )
+    if not len(some):
+        return own
+    state = BeamState(*(np.zeros((len(x), *part.shape[1:]), part.dtype) for part in own))
+    for part, value in zip(state, own, strict=True):
+        part[others] = value
+    return state
 
 
 def _own_springs(model: Model, at: _At, gradient: np.ndarray, tension: np.ndarray | None) -> SpringState:

@@ -41,6 +41,7 @@ class BeamProperties:
         length: Undeformed length [m].
         stiffness: On (stretch, y1, z1, y2, z2, twist), see `section_stiffness`.
         bow: Mean squared slope of the centre line against its chord, a quadratic form in (y1, z1, y2, z2).
+        slant: Shear strains that (extension, twist, curvatures) bring at no shear force, with opposite sign.
         tension: Axial force [N] as drawn.
         EA, GJ, EI_y, EI_z: Diagonal of the section's stiffness.
         shear_y, shear_z: Phi = 12 EI_z / (GA_y L^2) of bending in the own x-y plane, and of that in x-z.
@@ -51,6 +52,7 @@ class BeamProperties:
     length: Inexact[np.ndarray, " element"]
     stiffness: Inexact[np.ndarray, "element 6 6"]
     bow: Inexact[np.ndarray, "element 4 4"]
+    slant: Inexact[np.ndarray, "element 2 4"]
     tension: Inexact[np.ndarray, " element"]
     EA: Inexact[np.ndarray, " element"]
     GJ: Inexact[np.ndarray, " element"]
@@ -88,6 +90,7 @@ def beam_properties(
         length=lengths,
         stiffness=element.stiffness,
         bow=element.bow,
+        slant=forms.P[which],
         tension=np.zeros(len(lengths)) if tension is None else tension,
         **{name: column(name) for name in names},
         shear_y=element.shear[:, 1, 1],

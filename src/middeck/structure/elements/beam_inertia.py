@@ -51,6 +51,7 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
     sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
     N[:, :, 2, [2, 4, 8, 10]] = np.moveaxis(v, 1, 2) * sign
     N[:, :, 4, [2, 4, 8, 10]] = np.moveaxis(slope, 1, 2) * -sign
+    _add_slant(N, beams, L)
     # Fields at the mass centre: the sections turn about the node line.
     N[:, :, 0] += _tall(beams.mass_centre_z) * N[:, :, 4] - _tall(beams.mass_centre_y) * N[:, :, 5]
     N[:, :, 1] -= _tall(beams.mass_centre_z) * N[:, :, 3]
@@ -64,6 +65,18 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
     for i, j, sign in ((0, 0, 1.0), (6, 6, 1.0), (0, 6, -1.0), (6, 0, -1.0)):
         mass[:, i, j] += sign * lumped
     return mass
+
+
+def _add_slant(N: Array, beams: BeamProperties, L: Array) -> None:
+    """Deflection and rotation by the shear that mean strains bring: without it, the chord leans less."""
+    ends = np.zeros((4, 12))
+    ends[[0, 1, 2, 3], [0, 3, 4, 5]], ends[[0, 1, 2, 3], [6, 9, 10, 11]] = -1.0, 1.0
+    shear = -(beams.slant @ ends / L[:, :, None])[:, None]
+    for across, about in ((1, 5), (2, 4)):
+        lean = 0.5 * L[:, :, None] * (N[:, :, :, across] - N[:, :, :, across + 6])
+        lean[:, :, across] += L * (GAUSS - 0.5)
+        for field in (across, about):
+            N[:, :, field] += lean[:, :, field, None] * shear[:, :, across - 1]
 
 
 def transverse_shapes(xi: float | Array, L: Array, shear: Array) -> tuple[Array, Array]:

@@ -73,6 +73,12 @@ class BushingState(NamedTuple):
         )
 
 
+# What most articles have.
+NONE = BushingState(
+    *(np.zeros((0, *shape)) for shape in ((), (6,), (6,), (12,), (12, 12), (12, 12), (6, 12), (6, 6), ()))
+)
+
+
 def bushing_state(
     stiffness: Inexact[np.ndarray, "bushing 6 6"],
     axes: Inexact[np.ndarray, "bushing 3 3"],
@@ -86,6 +92,8 @@ def bushing_state(
     ``turn`` are the rotations since drawn less the identity, which keeps the digits of small ones; ``axes``
     have the bushing's own axes as columns. ``force`` takes the place of their own.
     """
+    if not len(span):
+        return NONE
     moved = relative_motion(span, change, turn)
     own = np.zeros((len(span), 6, 6), np.result_type(stiffness, axes))
     own[:, :3, :3] = own[:, 3:, 3:] = axes
