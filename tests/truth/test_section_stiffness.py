@@ -111,7 +111,7 @@ def section_mass(s: Section) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [1])
 def test_coupled_frequencies(seed: int):
-    """Bending, torsion and axial motion coupled by stiffness and by centres; one extrapolation of order two."""
+    """Bending, torsion and axial motion, coupled by stiffness and centres; one extrapolation of order two."""
     centre, mass = (0.03, -0.05), (-0.04, 0.06)
     stiffness = positive(seed, 6)
     section = coupled_section(stiffness, shear_centre=centre, mass_centre=mass, **INERTIA)
@@ -184,8 +184,9 @@ def test_tapered_cantilever():
     s = np.linspace(0.0, L, 20001)
     exact = np.trapezoid((L - s) ** 2 / (100.0 - 60.0 * s / L), s)
     errors = []
+    middle = dataclasses.replace(TUBE, EI_z=70.0, rho_A=0.3)
     for elements in (8, 16):
-        beam = cantilever(ends[0], elements, stations=((0.5, dataclasses.replace(TUBE, EI_z=70.0, rho_A=0.3)), (1.0, ends[1])))  # fmt: skip
+        beam = cantilever(ends[0], elements, stations=((0.5, middle), (1.0, ends[1])))
         assert beam.mass == pytest.approx(0.3 * L, rel=1e-12)
         assert summarise(beam).mass == pytest.approx(0.3 * L, rel=1e-12)
         K, _, keep = clamped_matrices(mesh_structure(beam))

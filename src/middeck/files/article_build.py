@@ -31,7 +31,7 @@ from middeck.structure.model.article import (
     Spring,
     Structure,
 )
-from middeck.structure.model.section import MemberMass, Section
+from middeck.structure.model.section import MemberMass, Section, coupled_section, shifted_section
 
 HERE = Path()
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
@@ -149,9 +149,30 @@ def tube_section(section: forms.SectionForm, material: forms.MaterialForm) -> Se
     )
 
 
-def _section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) -> Section:
+def build_section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) -> Section:
+    """A section with its centres; bending stiffness not by a matrix is about the centroid."""
+    centres = {
+        f"{what}_centre_{axis}": at
+        for what, place in (("shear", form.shear_centre_m), ("mass", form.mass_centre_m))
+        for axis, at in zip("yz", place, strict=True)
+    }
+    bare = _centred_section(form, materials)
+    return dataclasses.replace(
+        shifted_section(bare, form.centroid_m) if any(form.centroid_m) else bare, **centres
+    )
+
+
+def _centred_section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) -> Section:
     if form.material is not None:
         return tube_section(form, materials[form.material])
+    if form.stiffness is not None:
+        coupled = coupled_section(
+            np.array(form.stiffness),
+            rho_A=form.rho_A_kg_per_m or 0.0,
+            rho_I_y=form.rho_I_y_kg_m or 0.0,
+            rho_I_z=form.rho_I_z_kg_m or 0.0,
+        )
+        return dataclasses.replace(coupled, mass=MemberMass(form.mass))
     return Section(
         EA=form.EA_n or 0.0,
         GJ=form.GJ_nm2 or 0.0,
@@ -184,7 +205,12 @@ def _member(strut: forms.StrutForm, form: forms.ArticleForm, positions: dict[str
         name=strut.name or f"{strut.from_}-{strut.to}",
         start=strut.from_,
         end=strut.to,
-        section=_section(form.section[strut.section], form.material),
+        section=build_section(form.section[strut.section], form.material),
+        tension=strut.tension_n,
+        stations=tuple(
+            (station.at, build_section(form.section[station.section], form.material))
+            for station in strut.stations
+        ),
         elements=strut.elements or form.mesh.elements_per_strut,
         up=default_up(along) if strut.up is None else np.array(strut.up),
         start_offset=start,
