@@ -2,15 +2,19 @@
 
     python benchmarks/hardware.py [--data FOLDER] [--only CASES] [--made DATE]
 
-FOLDER holds takacs_beam.
+FOLDER holds takacs_beam and pazy_skin_off.
 """
 
 from __future__ import annotations
 
-from measured import deck, takacs
+from measured import deck, pazy, takacs
 from measured.result_file import options_of, write_rows
 
-CASES = {"Takacs": lambda o: takacs.rows(o.data), "Deck": lambda o: deck.rows()}
+CASES = {
+    "Takacs": lambda o: takacs.rows(o.data),
+    "Pazy": lambda o: pazy.rows(o.data),
+    "Deck": lambda o: deck.rows(),
+}
 
 
 def main() -> None:

@@ -27,6 +27,7 @@ FORMS: list[type[Form]] = [
     article_form.SectionForm,
     article_form.NodeForm,
     article_form.StrutForm,
+    article_form.StationForm,
     article_form.GimbalForm,
     article_form.RevoluteForm,
     article_form.ProofMassForm,

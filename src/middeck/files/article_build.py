@@ -25,14 +25,13 @@ from middeck.structure.model.article import (
     Joint,
     JointState,
     Member,
-    MemberMass,
     Node,
-    Section,
     Sensor,
     SensorKind,
     Spring,
     Structure,
 )
+from middeck.structure.model.section import MemberMass, Section, coupled_section, shifted_section
 
 HERE = Path()
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
@@ -45,8 +44,8 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
     """
     nodes = tuple(_node(n) for n in form.node)
     positions = {n.name: n.position for n in nodes}
-    used = dict.fromkeys(s.section for s in form.strut)
-    sections = {name: _section(form.section[name], form.material) for name in used}
+    used = dict.fromkeys(name for s in form.strut for name in (s.section, *(t.section for t in s.stations)))
+    sections = {name: build_section(form.section[name], form.material) for name in used}
     actuators, sensors = default_ports(form)
     listed_a = tuple(
         Actuator(
@@ -61,9 +60,7 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
     return Structure(
         title=form.title or form.name,
         nodes=nodes,
-        members=tuple(
-            _member(s, sections[s.section], form.mesh.elements_per_strut, positions) for s in form.strut
-        ),
+        members=tuple(_member(s, sections, form.mesh.elements_per_strut, positions) for s in form.strut),
         joints=(
             *(j for g in form.gimbal for j in _gimbal(g)),
             *(_revolute(r) for r in form.revolute),
@@ -155,9 +152,30 @@ def tube_section(section: forms.SectionForm, material: forms.MaterialForm) -> Se
     )
 
 
-def _section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) -> Section:
+def build_section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) -> Section:
+    """A section with its centres; bending stiffness not by a matrix is about the centroid."""
+    centres = {
+        f"{what}_centre_{axis}": at
+        for what, place in (("shear", form.shear_centre_m), ("mass", form.mass_centre_m))
+        for axis, at in zip("yz", place, strict=True)
+    }
+    bare = _centred_section(form, materials)
+    return dataclasses.replace(
+        shifted_section(bare, form.centroid_m) if any(form.centroid_m) else bare, **centres
+    )
+
+
+def _centred_section(form: forms.SectionForm, materials: dict[str, forms.MaterialForm]) -> Section:
     if form.material is not None:
         return tube_section(form, materials[form.material])
+    if form.stiffness is not None:
+        coupled = coupled_section(
+            np.array(form.stiffness),
+            rho_A=form.rho_A_kg_per_m or 0.0,
+            rho_I_y=form.rho_I_y_kg_m or 0.0,
+            rho_I_z=form.rho_I_z_kg_m or 0.0,
+        )
+        return dataclasses.replace(coupled, mass=MemberMass(form.mass))
     return Section(
         EA=form.EA_n or 0.0,
         GJ=form.GJ_nm2 or 0.0,
@@ -184,7 +202,7 @@ def _node(form: forms.NodeForm) -> Node:
 
 
 def _member(
-    strut: forms.StrutForm, section: Section, elements: int, positions: dict[str, np.ndarray]
+    strut: forms.StrutForm, sections: dict[str, Section], elements: int, positions: dict[str, np.ndarray]
 ) -> Member:
     start, end = np.array(strut.from_offset_m), np.array(strut.to_offset_m)
     along = positions[strut.to] + end - positions[strut.from_] - start
@@ -192,7 +210,9 @@ def _member(
         name=strut.name or f"{strut.from_}-{strut.to}",
         start=strut.from_,
         end=strut.to,
-        section=section,
+        section=sections[strut.section],
+        tension=strut.tension_n,
+        stations=tuple((station.at, sections[station.section]) for station in strut.stations),
         elements=strut.elements or elements,
         up=default_up(along) if strut.up is None else np.array(strut.up),
         start_offset=start,

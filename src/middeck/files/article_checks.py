@@ -11,8 +11,9 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import Any, cast, get_args
 
 import numpy as np
+from pydantic_core import PydanticCustomError
 
-from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm, State
+from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm, State, section_stiffness
 from middeck.files.boundary_checks import bushing_findings, clamp_findings
 from middeck.files.boundary_form import BushingForm, PrescribedForm, build_bushing
 from middeck.files.damping_checks import damping_findings
@@ -22,10 +23,13 @@ from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 from middeck.structure.elements.rotations import cross
 from middeck.structure.model.connectivity import separate_parts, some_names
+from middeck.structure.model.section_checks import RIGID_IN_SHEAR, stiffness_faults
 
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
 STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
-GENERAL_KEYS = (*STIFFNESS_KEYS, "GA_y_n", "GA_z_n", "rho_I_y_kg_m", "rho_I_z_kg_m")
+SHEAR_KEYS = ("GA_y_n", "GA_z_n")
+INERTIA_KEYS = ("rho_A_kg_per_m", "rho_I_y_kg_m", "rho_I_z_kg_m")
+GENERAL_KEYS = (*STIFFNESS_KEYS, *SHEAR_KEYS, *INERTIA_KEYS[1:])
 AT_POINT = {"force": "a force", "accelerometer": "an accelerometer"}
 FORMS = {"node": NodeForm, "gimbal": GimbalForm, "revolute": RevoluteForm}
 # Decimal input of a flat body meets the triangle inequality with equality only to rounding.
@@ -36,6 +40,7 @@ def article_findings(data: Table) -> list[Finding]:
     """All faults of an article's content; ``data`` need not fit the form."""
     return [
         *_sections(data),
+        *_stations(data),
         *_names(data),
         *_references(data),
         *_geometry(data),
@@ -113,10 +118,15 @@ def _sections(data: Table) -> Iterator[Finding]:
     materials = named_tables(data, "material")
     for name, section in named_tables(data, "section").items():
         path = ("section", name)
+        if "stiffness" in section:
+            yield from _matrix(path, section)
+            continue
         tube, general = "material" in section, any(k in section for k in GENERAL_KEYS)
         if not tube and not general:
             yield finding(
-                (*path, "material"), "missing", hint="a material and diameters, or EA_n, GJ_nm2, ..."
+                (*path, "material"),
+                "missing",
+                hint="a material and diameters, stiffness, or EA_n ...",
             )
         for key in (k for k in (GENERAL_KEYS if tube else TUBE_KEYS if general else ()) if k in section):
             kind = "material and diameters" if tube else "stiffnesses"
@@ -131,6 +141,48 @@ def _sections(data: Table) -> Iterator[Finding]:
             yield finding((*path, "outer_diameter_m"), "missing, in m")
         elif _all_numbers(outer, inner) and not inner < outer:
             yield finding((*path, "inner_diameter_m"), f"must be < outer_diameter_m = {outer:g} m", inner)
+
+
+def _matrix(path: Path, section: Table) -> Iterator[Finding]:
+    """Faults of a section by its stiffness matrix."""
+    others = ("material", *TUBE_KEYS, *STIFFNESS_KEYS[:-1], *SHEAR_KEYS, "centroid_m")
+    for key in (k for k in others if k in section):
+        yield finding((*path, key), "a section by its matrix has no such key", section[key])
+    if "rho_A_kg_per_m" not in section:
+        yield finding((*path, "rho_A_kg_per_m"), "missing in a section by its matrix")
+    try:
+        matrix = np.array(section_stiffness(section["stiffness"]))
+    except PydanticCustomError:  # reported by the form
+        return
+    yield from (finding((*path, "stiffness"), fault) for fault in stiffness_faults(matrix))
+
+
+def _stations(data: Table) -> Iterator[Finding]:
+    """Sections along tapered members: in order, up to the end, of one kind."""
+    sections = named_tables(data, "section")
+    for i, strut in tables(data, "strut"):
+        reach, kinds = 0.0, {_kind(sections.get(str(strut.get("section"))))}
+        for k, station in tables(strut, "stations"):
+            at, path = station.get("at"), ("strut", i, "stations", k)
+            yield from _unknown((*path, "section"), station.get("section"), list(sections), "section")
+            kinds.add(_kind(sections.get(str(station.get("section")))))
+            if _all_numbers(at) and not at > reach:
+                yield finding((*path, "at"), f"must be > {reach:g}, where the section before it is", at)
+            reach = at if _all_numbers(at) else reach
+        if "stations" in strut and reach != 1.0:
+            yield finding(("strut", i, "stations"), "the last one is at 1, the end of the member", reach)
+        if len(kinds - {None}) > 1:
+            message = "its sections are rigid in shear at some stations only, or have two kinds of mass"
+            yield finding(("strut", i, "stations"), message)
+
+
+def _kind(section: Table | None) -> tuple[object, ...] | None:
+    """What sections of one member share; None for a section that there is not."""
+    if section is None:
+        return None
+    full = len(array_of(section, "stiffness")) > len(RIGID_IN_SHEAR)
+    shears = (full or key in section for key in ("GA_y_n", "GA_z_n"))
+    return ("shear" in section, *shears, section.get("mass", "consistent"))
 
 
 def _names(data: Table) -> Iterator[Finding]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, PlainValidator
+from pydantic_core import PydanticCustomError
 
 from middeck.files.boundary_form import BushingForm, LoadCaseForm
 from middeck.files.component_form import ComponentForm
@@ -24,6 +26,22 @@ from middeck.files.form import (
 State = Literal["free", "sprung", "locked", "driven", "hinged"]
 Ratio = Annotated[float, within(least=0.0, below=1.0)]
 ORIGIN = (0.0, 0.0, 0.0)
+Plane = Annotated[tuple[Finite, Finite], Field(strict=False)]
+
+
+def section_stiffness(value: Any) -> tuple[tuple[float, ...], ...]:
+    """Rows of a 4x4 or 6x6; whether it can be a stiffness is checked with the article."""
+    try:
+        matrix: np.ndarray = np.array(value, dtype=float)
+    except (ValueError, TypeError):
+        matrix = np.zeros(0)
+    if matrix.shape not in ((4, 4), (6, 6)) or not np.all(np.isfinite(matrix)):
+        allowed = {"allowed": "4x4: extension, twist, curvatures about y and z; 6x6: with shears y, z second"}
+        raise PydanticCustomError("stiffness", "not a 4x4 nor a 6x6 matrix of numbers", allowed)
+    return tuple(tuple(map(float, row)) for row in matrix)
+
+
+SectionStiffness = Annotated[Any, PlainValidator(section_stiffness)]
 
 
 class MeshForm(Form):
@@ -41,9 +59,9 @@ class MaterialForm(Form):
 
 
 class SectionForm(Form):
-    """A round tube (material, diameters, shear coefficient) or any section by its stiffnesses.
+    """A round tube (material, diameters, shear coefficient), or a section by its stiffnesses or their matrix.
 
-    ``mass`` is the formulation of an element's mass, see `MemberMass`.
+    ``mass`` is the formulation of an element's mass, see `MemberMass`; for ``stiffness`` `coupled_section`.
     """
 
     material: str | None = None
@@ -59,6 +77,10 @@ class SectionForm(Form):
     rho_A_kg_per_m: NotNegative | None = None
     rho_I_y_kg_m: NotNegative | None = None
     rho_I_z_kg_m: NotNegative | None = None
+    stiffness: SectionStiffness | None = None
+    centroid_m: Plane = (0.0, 0.0)
+    shear_centre_m: Plane = (0.0, 0.0)
+    mass_centre_m: Plane = (0.0, 0.0)
     mass: Literal["consistent", "coupled", "rod", "coupled rod"] = "consistent"
 
 
@@ -76,10 +98,18 @@ class NodeForm(Form):
     rotors_excluded: bool = False
 
 
+class StationForm(Form):
+    """A section of a tapered member, at a fraction of its length."""
+
+    at: Annotated[float, within(above=0.0, most=1.0)]
+    section: str
+
+
 class StrutForm(Form):
     """A member; ``up`` fixes its own y axis (default: world y, or world x for an upright member).
 
-    It begins at ``from_offset_m`` from its first node, rigidly joined to it, and ends likewise.
+    It begins at ``from_offset_m`` from its first node, rigidly joined to it, and ends likewise; from its
+    ``section`` it tapers through ``stations``.
     """
 
     name: Name | None = None
@@ -89,6 +119,8 @@ class StrutForm(Form):
     up: Vector | None = None
     from_offset_m: Vector = ORIGIN
     to_offset_m: Vector = ORIGIN
+    tension_n: Finite = 0.0
+    stations: Annotated[tuple[StationForm, ...], Field(strict=False)] = ()
     elements: Annotated[int, whole(1, 200)] | None = None
 
 

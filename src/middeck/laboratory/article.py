@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -105,14 +106,21 @@ def holding_torque(article: RigArticle, joint: str) -> float:
 
 def _refine(structure: Structure, factor: int, shear: float | None) -> Structure:
     def finer(member: Member) -> Member:
-        section = member.section if shear is None else _in_shear(member.section, shear)
-        return dataclasses.replace(member, elements=factor * member.elements, section=section)
+        stiff = partial(_in_shear, coefficient=shear)
+        return dataclasses.replace(
+            member,
+            elements=factor * member.elements,
+            section=stiff(member.section),
+            stations=tuple((at, stiff(section)) for at, section in member.stations),
+        )
 
     return dataclasses.replace(structure, members=tuple(finer(m) for m in structure.members))
 
 
-def _in_shear(section: Section, coefficient: float) -> Section:
+def _in_shear(section: Section, coefficient: float | None) -> Section:
     """k G A of a round section from its other stiffnesses: GJ = 2 G I, so that G A = GJ EA / (2 EI)."""
+    if coefficient is None:
+        return section
     stiff = coefficient * section.GJ * section.EA / (section.EI_y + section.EI_z)
     GA_y = section.GA_y if np.isfinite(section.GA_y) else stiff
     GA_z = section.GA_z if np.isfinite(section.GA_z) else stiff

@@ -92,12 +92,18 @@ def hide_in_structure(structure: Structure, hidden: HiddenErrors) -> Structure:
 
 
 def _member(member: Member, hidden: HiddenErrors) -> Member:
-    E, bending, s = hidden.modulus, dict(hidden.strut).get(member.name, 1.0), member.section
-    section = dataclasses.replace(
-        s, EA=E * s.EA, GJ=E * s.GJ, EI_y=E * bending * s.EI_y, EI_z=E * bending * s.EI_z,
-        GA_y=E * s.GA_y, GA_z=E * s.GA_z,
-    )  # fmt: skip
-    return dataclasses.replace(member, section=section)
+    E, bending = hidden.modulus, dict(hidden.strut).get(member.name, 1.0)
+    # In halves on rows and columns, so that couplings stay possible.
+    half = np.array([1.0, 1.0, 1.0, 1.0, bending, bending]) ** 0.5
+
+    def altered(s: Section) -> Section:
+        return dataclasses.replace(
+            s, EA=E * s.EA, GJ=E * s.GJ, EI_y=E * bending * s.EI_y, EI_z=E * bending * s.EI_z,
+            GA_y=E * s.GA_y, GA_z=E * s.GA_z, coupling=E * np.outer(half, half) * s.coupling,
+        )  # fmt: skip
+
+    stations = tuple((at, altered(s)) for at, s in member.stations)
+    return dataclasses.replace(member, section=altered(member.section), stations=stations)
 
 
 def _node(node: Node, hidden: HiddenErrors) -> Node:

@@ -26,11 +26,12 @@ from middeck.structure.assembly.places import (
     transport,
 )
 from middeck.structure.elements.beam import (
+    BeamProperties,
     BeamState,
     beam_deformations,
     beam_state,
-    beam_stiffness,
     beam_weight,
+    tensioned,
 )
 from middeck.structure.elements.beam_inertia import beam_mass
 from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
@@ -83,7 +84,8 @@ class Loads:
     """Loads of the environment: gravity [m/s^2], and springs from anchors (in W) to attach points.
 
     ``mass`` [kg] of each device moves with its attach point along the device only. ``push`` is the force [N]
-    and moment [N m] in W of each load of the article, none of them where it is empty.
+    and moment [N m] in W of each load of the article, none of them where it is empty. ``tension`` is the part
+    of the members' tension as drawn that acts.
     """
 
     gravity: Inexact[np.ndarray, "3"]
@@ -93,6 +95,7 @@ class Loads:
     mass: Inexact[np.ndarray, " device"]
     push: Inexact[np.ndarray, "load 6"] = field(default_factory=lambda: np.zeros((0, 6)))
     ground: Ground = field(default_factory=Ground)
+    tension: float = 1.0
 
 
 @record(kw_only=True)
@@ -191,7 +194,7 @@ def assemble_carried(
     T, turning = transport(config, model.tree), carried_turning(model, at, since, outside.gradient)
     energy, gradient = outside.energy, T.T @ outside.gradient
     tangent = T.T @ outside.tangent @ T + turning
-    for state, A, bent in _inside_parts(model, at, inside, inner):
+    for state, A, bent in _inside_parts(model, at, loads, inside, inner):
         energy = energy + float(np.sum(state.energy))
         gradient = gradient + A.T @ state.gradient.ravel()
         tangent = tangent + _sandwich(A, state.material + state.geometric) + bent
@@ -222,7 +225,7 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
     if since is not None and since.carries:
         T, turning = transport(config, model.tree), carried_turning(model, at, since, gradient)
         out, gradient = T.T @ out @ T + turning, T.T @ gradient
-        for state, A, bent in _inside_parts(model, at, inside):
+        for state, A, bent in _inside_parts(model, at, loads, inside):
             out = out + _sandwich(A, state.geometric) + bent
             gradient = gradient + A.T @ state.gradient.ravel()
         out = symmetric(sp.csr_array(out))
@@ -246,7 +249,7 @@ def strain_energies(
         beams = select_beams(model.beams, rows)
         _, slope = beam_deformations(beams, x, T, known)
         strain = slope @ ends[rows]
-        out += np.einsum("eim,ein->mn", strain, beam_stiffness(beams) @ strain)
+        out += np.einsum("eim,ein->mn", strain, beams.stiffness @ strain)
     start, end = model.spring_ends.T
     stretched = _own_span(model, at)
     hung = _device_span(model, at, loads)
@@ -269,10 +272,10 @@ def predict_forces(
     forces = [np.zeros((0, 6))]
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
-        beams = select_beams(model.beams, rows)
+        beams = _tensioned_beams(model, loads, rows)
         value, slope = beam_deformations(beams, x, T, known)
         strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
-        forces.append((beam_stiffness(beams) @ strain[:, :, None])[:, :, 0])
+        forces.append(tensioned(beams, (beams.stiffness @ strain[:, :, None])[:, :, 0]))
     start, end = model.spring_ends.T
     own = predicted_tension(own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *_device_span(model, at, loads), motion[loads.attach_point, :3])
@@ -333,7 +336,7 @@ def _within(model: Model, since: SinceDrawn | None, ends: np.ndarray) -> _Within
 
 
 def _inside_parts(
-    model: Model, at: At, inside: _Inside, inner: Inner | None = None
+    model: Model, at: At, loads: Loads, inside: _Inside, inner: Inner | None = None
 ) -> Iterable[tuple[BeamState | BushingState, sp.csr_array, sp.csr_array]]:
     """State of the beams inside carried parts, without their weight, and that of the bushings.
 
@@ -342,7 +345,7 @@ def _inside_parts(
     rows = inside.beams.rows
     x, T, known = _element_ends(model, at, rows)
     force = None if inner is None else inner.beam[rows]
-    beams = beam_state(select_beams(model.beams, rows), x, T, force, known)
+    beams = beam_state(_tensioned_beams(model, loads, rows), x, T, force, known)
     bushings = _own_bushings(model, at, inner, inside).of(inside.bushings.rows)
     for state, ends, part in (
         (beams, model.element_ends, inside.beams),
@@ -520,7 +523,7 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
     """
     unstrained = None if inside is None else inside.beams.rows
     dtype = np.result_type(
-        *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.EA, loads.law.stiffness),
+        *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.stiffness, loads.law.stiffness),
         *(loads.push, loads.ground.stiffness, *(b.stiffness for b in model.structure.bushings)),
     )
     gradient = np.zeros((len(at.world), 6), dtype=np.result_type(dtype, model.beams.length, loads.anchor))
@@ -530,14 +533,13 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
     forces: list[np.ndarray] = [np.zeros((0, 6))]
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
-        beams, ends = select_beams(model.beams, rows), model.element_ends[rows]
-        # A copy: what is `unstrained` is cleared below, and its forces are the caller's.
-        given = None if inner is None else inner.beam[rows].copy()
-        strain = beam_state(beams, x, T, given, known)
-        if unstrained is not None:
+        beams, ends = _tensioned_beams(model, loads, rows), model.element_ends[rows]
+        given = None if inner is None else inner.beam[rows]
+        if unstrained is None:
+            strain = beam_state(beams, x, T, given, known)
+        else:
             some = unstrained[(rows.start <= unstrained) & (unstrained < rows.stop)] - rows.start
-            for part in strain:
-                part[some] = 0.0
+            strain = _state_of_others(beams, x, T, given, known, some)
         weight = beam_weight(beams, x, T, loads.gravity)
         gradient[ends] += (strain.gradient + weight.gradient).reshape(-1, 2, 6)
         energy += np.sum(strain.energy + weight.energy)
@@ -588,6 +590,39 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
         },
         held,
     )
+
+
+def _tensioned_beams(model: Model, loads: Loads, rows: slice | np.ndarray) -> BeamProperties:
+    """Some of the elements, with as much of their tension as acts."""
+    beams = select_beams(model.beams, rows)
+    if loads.tension == 1.0:
+        return beams
+    return dataclasses.replace(beams, tension=loads.tension * beams.tension)
+
+
+def _state_of_others(
+    beams: BeamProperties,
+    x: np.ndarray,
+    T: np.ndarray,
+    force: np.ndarray | None,
+    known: EndStrain | None,
+    some: np.ndarray,
+) -> BeamState:
+    """State of all but ``some`` beams, zero for these."""
+    others = np.setdiff1d(np.arange(len(x)), some)
+    own = beam_state(
+        select_beams(beams, others),
+        x[others],
+        T[others],
+        None if force is None else force[others],
+        None if known is None else EndStrain(*(part[others] for part in known)),
+    )
+    if not len(some):
+        return own
+    state = BeamState(*(np.zeros((len(x), *part.shape[1:]), part.dtype) for part in own))
+    for part, value in zip(state, own, strict=True):
+        part[others] = value
+    return state
 
 
 def _own_springs(model: Model, at: At, gradient: np.ndarray, tension: np.ndarray | None) -> SpringState:

@@ -170,7 +170,11 @@ def lay_out(structure: Structure) -> Model:
         element_ends=np.arange(ends).reshape(-1, 2),
         element_triad=geometry.triad[cut.member],
         element_member=cut.member,
-        beams=beam_properties([structure.members[m].section for m in cut.member.tolist()], cut.length),
+        beams=beam_properties(
+            [section for m in structure.members for section in m.sections],
+            cut.length,
+            (np.array([m.tension for m in structure.members]) + 0.0)[cut.member],
+        ),
         body_point=ends + np.arange(len(bodies)),
         body_mass=np.array([b.mass for _, b in bodies]) + 0.0,
         body_inertia=np.array([b.inertia for _, b in bodies]).reshape(len(bodies), 3, 3),

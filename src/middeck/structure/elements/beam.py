@@ -6,6 +6,7 @@ the tangent is symmetric and contains the whole geometric stiffness. Arrays hold
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,25 +14,21 @@ from jaxtyping import Bool, Inexact
 
 from middeck.structure.elements.beam_kinematics import (
     ONE,
-    PHI,
     STRETCH,
     TWO,
-    Y1,
-    Y2,
-    Z1,
-    Z2,
     EndStrain,
     add_cosine_hessian,
-    bowing,
     chord,
     deform,
     geometric_stiffness,
 )
 from middeck.structure.elements.rotations import cross, symmetric_double_cross
-from middeck.structure.model.article import MemberMass, Section
+from middeck.structure.elements.section_stiffness import SectionForms, element_forms, section_forms
+from middeck.structure.model.section import MemberMass, Section
 from middeck.values import record
 
 Array = np.ndarray
+AXIAL = np.eye(6)[STRETCH]
 # Shares of the mass that are lumped along and across the axis, and whether it goes straight between the ends;
 # see `MemberMass`.
 SPREAD = {
@@ -44,24 +41,46 @@ SPREAD = {
 
 @record(kw_only=True)
 class BeamProperties:
-    """Length [m], stiffness and inertia of each element; the fields of `Section`, one row an element."""
+    """Stiffness and inertia of each element, one row an element.
+
+    Attributes:
+        length: Undeformed length [m].
+        stiffness: On (stretch, y1, z1, y2, z2, twist), see `section_stiffness`.
+        bow: Mean squared slope of the centre line against its chord, a quadratic form in (y1, z1, y2, z2).
+        slant: Shear strains that (extension, twist, curvatures) bring at no shear force, with opposite sign.
+        tension: Axial force [N] as drawn.
+        EA, GJ, EI_y, EI_z: Diagonal of the section's stiffness.
+        shear_y, shear_z: Phi = 12 EI_z / (GA_y L^2) of bending in the own x-y plane, and of that in x-z.
+        rho_A, rho_I_y, rho_I_z, mass_centre_y, mass_centre_z: As of `Section`.
+        lumped: Share of the axial mass that is lumped at the ends.
+    """
 
     length: Inexact[np.ndarray, " element"]
+    stiffness: Inexact[np.ndarray, "element 6 6"]
+    bow: Inexact[np.ndarray, "element 4 4"]
+    slant: Inexact[np.ndarray, "element 2 4"]
+    tension: Inexact[np.ndarray, " element"]
     EA: Inexact[np.ndarray, " element"]
     GJ: Inexact[np.ndarray, " element"]
     EI_y: Inexact[np.ndarray, " element"]
     EI_z: Inexact[np.ndarray, " element"]
+    shear_y: Inexact[np.ndarray, " element"]
+    shear_z: Inexact[np.ndarray, " element"]
     rho_A: Inexact[np.ndarray, " element"]
     rho_I_y: Inexact[np.ndarray, " element"]
     rho_I_z: Inexact[np.ndarray, " element"]
-    shear_y: Inexact[np.ndarray, " element"]  # Phi = 12 EI_z / (GA_y L^2): bending in the own x-y plane
-    shear_z: Inexact[np.ndarray, " element"]
+    mass_centre_y: Inexact[np.ndarray, " element"]
+    mass_centre_z: Inexact[np.ndarray, " element"]
     lumped: Inexact[np.ndarray, "element 2"]  # shares of the mass, along and across, lumped at the ends
     straight: Bool[np.ndarray, " element"]  # whether the mass goes straight between the ends
 
 
-def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " element"]) -> BeamProperties:
-    """Gather one section and one length per element."""
+def beam_properties(
+    sections: Sequence[Section],
+    lengths: Inexact[np.ndarray, " element"],
+    tension: Inexact[np.ndarray, " element"] | None = None,
+) -> BeamProperties:
+    """Gather one section, one length and one tension (none: zero) per element."""
 
     distinct = {id(s): s for s in sections}
     place = {key: i for i, key in enumerate(distinct)}
@@ -72,13 +91,18 @@ def beam_properties(sections: list[Section], lengths: Inexact[np.ndarray, " elem
 
     lengths = np.asarray(lengths)
     spread = [SPREAD[s.mass] for s in distinct.values()]
-    names = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
+    names = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z", "mass_centre_y", "mass_centre_z")
+    forms = section_forms(tuple(distinct.values()))
+    element = element_forms(SectionForms(*(part[which] for part in forms)), lengths)
     return BeamProperties(
         length=lengths,
+        stiffness=element.stiffness,
+        bow=element.bow,
+        slant=forms.P[which],
+        tension=np.zeros(len(lengths)) if tension is None else tension,
         **{name: column(name) for name in names},
-        # By the flexibility 1/GA: infinity times a complex length would be no number.
-        shear_y=12.0 * column("EI_z") * (1.0 / column("GA_y")) / lengths**2,
-        shear_z=12.0 * column("EI_y") * (1.0 / column("GA_z")) / lengths**2,
+        shear_y=element.shear[:, 1, 1],
+        shear_z=element.shear[:, 0, 0],
         lumped=np.array([row[:2] for row in spread]).reshape(-1, 2)[which],
         straight=np.array([row[2] for row in spread], dtype=bool)[which],
     )
@@ -115,11 +139,11 @@ def beam_state(
     ``force`` takes the place of the elements' own, for a tangent with the forces of another state; ``known``
     has digits of the strain that the poses have not.
     """
-    strain = deform(beams.length, bowing(beams.shear_y, beams.shear_z), x, T, known)
-    k = beam_stiffness(beams)
+    strain = deform(beams.length, beams.bow, x, T, known)
+    k = beams.stiffness
     own = (k @ strain.value[:, :, None])[:, :, 0]
-    energy = 0.5 * np.einsum("ei,ei->e", own, strain.value)
-    force = own if force is None else force
+    energy = 0.5 * np.einsum("ei,ei->e", own, strain.value) + beams.tension * strain.value[:, STRETCH]
+    force = tensioned(beams, own) if force is None else force
     gradient = (force[:, None] @ strain.slope)[:, 0]
     material = np.swapaxes(strain.slope, 1, 2) @ (k @ strain.slope)
     return BeamState(energy, force, gradient, material, geometric_stiffness(strain, force))
@@ -132,26 +156,18 @@ def beam_deformations(
     known: EndStrain | None = None,
 ) -> tuple[Inexact[np.ndarray, "element 6"], Inexact[np.ndarray, "element 6 12"]]:
     """(stretch, y1, z1, y2, z2, twist) and their derivative in the twelve pose coordinates."""
-    strain = deform(beams.length, bowing(beams.shear_y, beams.shear_z), x, T, known)
+    strain = deform(beams.length, beams.bow, x, T, known)
     return strain.value, strain.slope
 
 
-def beam_stiffness(beams: BeamProperties) -> Inexact[np.ndarray, "element 6 6"]:
-    """Stiffness on (stretch, y1, z1, y2, z2, twist): Przemieniecki 1968, with shear factor Phi."""
-    dtype = np.result_type(
-        beams.length, beams.EA, beams.GJ, beams.EI_y, beams.EI_z, beams.shear_y, beams.shear_z
-    )
-    k = np.zeros((len(beams.length), 6, 6), dtype)
-    k[:, STRETCH, STRETCH] = beams.EA / beams.length
-    k[:, PHI, PHI] = beams.GJ / beams.length
-    for (i, j), EI, shear in (
-        ((Y1, Y2), beams.EI_y, beams.shear_z),
-        ((Z1, Z2), beams.EI_z, beams.shear_y),
-    ):
-        scale = EI / (beams.length * (1.0 + shear))
-        k[:, i, i] = k[:, j, j] = scale * (4.0 + shear)
-        k[:, i, j] = k[:, j, i] = scale * (2.0 - shear)
-    return k
+def tensioned(beams: BeamProperties, elastic: Inexact[np.ndarray, "element 6"]) -> Array:
+    """Forces on the six deformations: ``elastic`` ones and the tension as drawn."""
+    return elastic + beams.tension[:, None] * AXIAL
+
+
+def mass_arms(beams: BeamProperties, T: Inexact[np.ndarray, "element end 3 3"]) -> Array:
+    """From the node line to the mass centre at both ends."""
+    return beams.mass_centre_y[:, None, None] * T[..., 1] + beams.mass_centre_z[:, None, None] * T[..., 2]
 
 
 class BeamWeight(NamedTuple):
@@ -179,7 +195,8 @@ def beam_weight(
         mean = (x1 + x2)/2 + L/12 (t1 - q1) - L/20 (t1.e - q1.e) e,
 
     so that the tension inside an element varies linearly, as it does under weight. Where the mass goes
-    straight between the ends, so does the line.
+    straight between the ends, so does the line. A mass centre off the line adds the mean of its arms at both
+    ends.
     """
     n = len(beams.length)
     W = (beams.rho_A * beams.length)[:, None] * gravity
@@ -189,7 +206,8 @@ def beam_weight(
     t, q = T[:, 0, :, 0], T[:, 1, :, 0]
     down, lean = np.einsum("ei,ei->e", W, e), np.einsum("ei,ei->e", t - q, e)
     mean = 0.5 * (x[:, 0] + x[:, 1]) + lever[:, None] * (t - q)
-    energy = -np.einsum("ei,ei->e", W, mean) - along * down * lean
+    aside = 0.5 * mass_arms(beams, T)
+    energy = -np.einsum("ei,ei->e", W, mean + aside[:, 0] + aside[:, 1]) - along * down * lean
     dtype = np.result_type(W, x, T)
     d_down, d_lean = np.zeros((n, 12), dtype), np.zeros((n, 12), dtype)
     for slope, vector in ((d_down, W), (d_lean, t - q)):
@@ -201,8 +219,8 @@ def beam_weight(
     hessian = -along[:, None, None] * (both + np.swapaxes(both, 1, 2))
     add_cosine_hessian(hessian, e, span, -(along * lean)[:, None] * W, None)
     for rows, normal, sign in ((ONE, t, 1.0), (TWO, q, -1.0)):
-        arm = sign * lever[:, None] * normal
         gradient[:, rows.start - 3 : rows.start] -= 0.5 * W
+        arm = sign * lever[:, None] * normal + aside[:, 0 if rows is ONE else 1]
         gradient[:, rows] -= cross(arm, W)
         hessian[:, rows, rows] -= symmetric_double_cross(W, arm)
         add_cosine_hessian(hessian, e, span, -(sign * along * down)[:, None] * normal, rows)

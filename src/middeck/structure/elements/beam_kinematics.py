@@ -99,7 +99,7 @@ def deform(
     T: Inexact[np.ndarray, "element 2 3 3"],
     strain: EndStrain | None = None,
 ) -> Deformation:
-    """Deformations of elements of undeformed ``length`` and mean squared slope ``bow`` (see `bowing`).
+    """Deformations of elements of undeformed ``length`` and mean squared slope ``bow`` (see `element_forms`).
 
     Where the ``strain`` of the ends is known they have all its digits.
     """
@@ -125,19 +125,6 @@ def _refine(s: _Invariants, length: Array, strain: EndStrain) -> Array:
     s.value[:, [5, 6]] = across / _tall(span)
     s.value[:, TWIST] = arctan2(M[:, 2, 1] - M[:, 1, 2], s.cosine.value)
     return (2.0 * length * w[:, 0] + _dot(w, w)) / (span + length)
-
-
-def bowing(
-    shear_y: Inexact[np.ndarray, " element"], shear_z: Inexact[np.ndarray, " element"]
-) -> Inexact[np.ndarray, "element 4 4"]:
-    """Mean squared slope of the centre line against its chord, a quadratic form in (y1, z1, y2, z2)."""
-    out = np.zeros((len(shear_y), 4, 4), dtype=np.result_type(shear_y, shear_z))
-    for first, shear in ((0, shear_z), (1, shear_y)):
-        extra = shear / 6.0 + shear**2 / 12.0
-        factor = 1.0 / (1.0 + shear) ** 2
-        out[:, first, first] = out[:, first + 2, first + 2] = factor * (2.0 / 15.0 + extra)
-        out[:, first, first + 2] = out[:, first + 2, first] = -factor * (1.0 / 30.0 + extra)
-    return out
 
 
 def geometric_stiffness(

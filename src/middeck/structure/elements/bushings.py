@@ -73,10 +73,10 @@ class BushingState(NamedTuple):
         )
 
 
+# What most articles have: their state need not be computed in every assembly.
 NO_BUSHINGS = BushingState(
-    *(np.zeros((0, *size)) for size in ((), (6,), (6,), (12,), (12, 12), (12, 12), (6, 12), (6, 6), ()))
+    *(np.zeros((0, *shape)) for shape in ((), (6,), (6,), (12,), (12, 12), (12, 12), (6, 12), (6, 6), ()))
 )
-"""Most articles have none: their state need not be computed in every assembly."""
 
 
 def bushing_state(
@@ -92,6 +92,8 @@ def bushing_state(
     ``turn`` are the rotations since drawn less the identity, which keeps the digits of small ones; ``axes``
     have the bushing's own axes as columns. ``force`` takes the place of their own.
     """
+    if not len(span):
+        return NO_BUSHINGS
     moved = relative_motion(span, change, turn)
     own = np.zeros((len(span), 6, 6), np.result_type(stiffness, axes))
     own[:, :3, :3] = own[:, 3:, 3:] = axes

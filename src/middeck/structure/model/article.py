@@ -19,50 +19,9 @@ from middeck.errors import ConfigError
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import Component
 from middeck.structure.model.links import AnyLink
+from middeck.structure.model.section import MemberMass as MemberMass
+from middeck.structure.model.section import Section, mean_section, sections_along
 from middeck.values import record
-
-
-class MemberMass(Enum):
-    """How the mass of an element of a member is spread over its ends; in the first two bending is consistent.
-
-    ``COUPLED`` is the coupled bar mass of NX Nastran 9 and of older MSC Nastran: along the axis the mean of
-    the lumped and the consistent mass. Those bars have no rotary inertia either: that is a matter of
-    ``rho_I`` of the section. In a ``ROD`` all points between the ends go straight from one to the other,
-    however the ends turn (Przemieniecki 1968, 11.3); ``COUPLED_ROD`` is the coupled rod mass of those
-    programs: along the axis as ``COUPLED``, across it halves at the ends.
-    """
-
-    CONSISTENT = "consistent"
-    COUPLED = "coupled"
-    ROD = "rod"
-    COUPLED_ROD = "coupled rod"
-
-
-@record(kw_only=True)
-class Section:
-    """Cross-section of a member with its material, all constant along it.
-
-    Attributes:
-        EA, GJ: Axial [N] and torsional [N m^2] stiffness.
-        EI_y, EI_z: Bending stiffness [N m^2] about the member's own y and z axes.
-        rho_A: Mass per length [kg/m].
-        rho_I_y, rho_I_z: Rotary inertia per length [kg m] about the own axes; their sum is the polar one.
-        GA_y, GA_z: Shear stiffness [N] along own y and z; infinite for a Bernoulli beam.
-        density: Of its material [kg/m^3], where there is one; only doubted, see `summarise`.
-        mass: Formulation of the mass of each element.
-    """
-
-    EA: float
-    GJ: float
-    EI_y: float
-    EI_z: float
-    rho_A: float
-    rho_I_y: float
-    rho_I_z: float
-    GA_y: float = np.inf
-    GA_z: float = np.inf
-    density: float | None = None
-    mass: MemberMass = MemberMass.CONSISTENT
 
 
 @record
@@ -97,6 +56,11 @@ class Member:
     axes, and size/2 further, towards its other end. So members and bodies of any rigid part stand on one
     node. ``up`` fixes the member's own y axis: the part of ``up`` normal to the member. ``elements`` is the
     mesh.
+
+    As drawn it pulls its ends together with ``tension`` [N]; a negative one pushes them apart. Its section
+    may vary: ``section`` is then that at its start, and ``stations`` are (fraction of its clear length,
+    section) of others, ascending up to 1; between them every number is linear. An element has the section at
+    its middle.
     """
 
     name: str
@@ -107,6 +71,13 @@ class Member:
     up: Inexact[np.ndarray, "3"]
     start_offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
     end_offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    tension: float = 0.0
+    stations: tuple[tuple[float, Section], ...] = ()
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The section of every element."""
+        return sections_along(self.section, self.stations, self.elements)
 
 
 class JointState(Enum):
@@ -419,7 +390,7 @@ class Structure:
         rigid = sum(part.body.mass for part in (*self.nodes, *self.joints, *self.masses))
         rigid += sum(component.weight for component in self.components)
         by_name = {n.name: n for n in self.nodes}
-        return rigid + sum(m.section.rho_A * clear_length(m, by_name) for m in self.members)
+        return rigid + sum(mean_section(m.sections).rho_A * clear_length(m, by_name) for m in self.members)
 
 
 def clear_length(member: Member, nodes: dict[str, Node]) -> float:

@@ -8,12 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.structure.model.article import Body, Structure, held_angle
+from middeck.structure.model.article import Body, Member, Structure, held_angle
 from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import joined_nodes, separate_parts, some_names
 from middeck.structure.model.links import link_faults
 from middeck.structure.model.member_mesh import member_geometry
+from middeck.structure.model.section import Section
+from middeck.structure.model.section_checks import stiffness_faults
 
 FIELDS = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
 # A unit axis is one to rounding; anything further off is a mistake.
@@ -27,6 +29,7 @@ def check_structure(structure: Structure) -> None:
         *_unknown_names(structure),
         *_bodies(structure),
         *_stiffnesses(structure),
+        *_stations(structure),
         *_offsets(structure),
         *_axes(structure),
         *_travels(structure),
@@ -132,7 +135,9 @@ def _possible(body: Body) -> bool:
 
 def _stiffnesses(structure: Structure) -> Iterator[str]:
     """Stiffnesses of sections, springs and joints must be numbers, none of them negative."""
-    sections = {id(m.section): (m.name, m.section) for m in structure.members}
+    sections = {id(s): (m.name, s) for m in structure.members for s in _every_section(m)}
+    for name, section in sections.values():
+        yield from (f"member {name!r}: {fault}" for fault in stiffness_faults(section.stiffness))
     parts = [
         *((f"member {name!r}", s, FIELDS, s.GA_y > 0.0 and s.GA_z > 0.0) for name, s in sections.values()),
         *((f"spring {s.name!r}", s, ("stiffness", "free_length"), True) for s in structure.springs),
@@ -143,6 +148,19 @@ def _stiffnesses(structure: Structure) -> Iterator[str]:
         if wrong or not more:
             named = ", ".join(f"{f} = {getattr(part, f):g}" for f in wrong) or "GA or target"
             yield f"{what} has {named}: not a number, endless or negative"
+
+
+def _every_section(member: Member) -> tuple[Section, ...]:
+    return (member.section, *(section for _, section in member.stations))
+
+
+def _stations(structure: Structure) -> Iterator[str]:
+    for member in structure.members:
+        reach = [0.0, *(at for at, _ in member.stations)]
+        if member.stations and not (np.all(np.diff(reach) > 0.0) and reach[-1] == 1.0):
+            yield f"member {member.name!r} has stations at {reach[1:]}: they ascend from above 0 up to 1"
+        if len({(np.isfinite(s.GA_y), np.isfinite(s.GA_z), s.mass) for s in _every_section(member)}) > 1:
+            yield f"member {member.name!r} is rigid in shear at some stations only, or has two kinds of mass"
 
 
 def _axes(structure: Structure) -> Iterator[str]:
@@ -184,6 +202,8 @@ def _members(structure: Structure) -> Iterator[str]:
             yield f"member {member.name!r} has no length between its nodes' ends"
         elif not sine > UNIT_ERROR:
             yield f"member {member.name!r} has its up vector along itself"
+        if not np.isfinite(member.tension):
+            yield f"member {member.name!r} has a tension that is not a number"
         if member.elements < 1:
             yield f"member {member.name!r} has {member.elements} elements"
 

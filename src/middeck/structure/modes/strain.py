@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Inexact
 
 from middeck.structure.assembly.energy import bushing_states, component_states, element_poses
-from middeck.structure.elements.beam import beam_deformations, beam_stiffness
+from middeck.structure.elements.beam import beam_deformations
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.elements.devices import spring_state
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
@@ -154,7 +154,7 @@ def _element_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.n
     _, slope = beam_deformations(model.beams, x, T)
     ends = changes[model.element_ends].reshape(len(x), 12, -1)
     deformation = slope @ ends
-    return 0.5 * deformation * (beam_stiffness(model.beams) @ deformation)
+    return 0.5 * deformation * (model.beams.stiffness @ deformation)
 
 
 def _member_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Inexact[np.ndarray, "mode 5"]:

@@ -54,6 +54,8 @@ LEAST_PART, MAX_NEWTON = 1e-3, 20
 # Of the step before, the longest that Newton's method takes on the branch that it follows (Deuflhard 2004,
 # section 2.1); and of the longest, what shows that the next, its square, is rounding.
 CONTRACTION, SQUARED = 0.5, 1e-7
+# Of the longest step, the last one to a state on the way; of the longest step there may be, one aimed at.
+NEARBY, FITTING = 0.15, 0.9
 # Halvings of a step after which, twice, it does.
 SHORT = 3
 STANDARD_GRAVITY = 9.80665
@@ -165,19 +167,20 @@ def _is_stable(model: Model, config: Configuration, at: Assembly, mass: sp.csr_a
 def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     """Along the branch of the drawn state by Newton's method, stable or not, as all that acts grows together.
 
-    None where the branch ends. A step is halved until Newton's method converges, and doubled after.
+    None where the branch ends. A step is as long as the last one shows that Newton's method follows, or half
+    of it where that leaves the branch.
     """
-    config, at, done, step = model.rest, None, 0.0, 1.0 / _prescribed_steps(model)
+    config, inner, at, done, step = model.rest, None, None, 0.0, 1.0 / _prescribed_steps(model)
     history: list[tuple[float, float, float]] = []
     while done < 1.0 and step > LEAST_PART:
         part = min(1.0, done + step)
-        found = _newton(model, config, scale_loads(loads, part), part - done, mass, part < 1.0)
-        if found is None:
-            step *= 0.5
+        found = _newton(model, _Way(config, inner), scale_loads(loads, part), part - done, mass, part < 1.0)
+        step = (part - done) * min(2.0, max(found.fitting, 0.25) if found.to is None else found.fitting)
+        if found.to is None:
             continue
-        config, at, left = found
-        history += [(part, residual, 0.0) for residual in left]
-        done, step = part, 2.0 * step
+        (config, inner), at = found.to, found.at
+        history += [(part, residual, 0.0) for residual in found.left]
+        done = part
     if at is None or done < 1.0:
         return None
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
@@ -186,42 +189,63 @@ def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     )
 
 
-def _newton(
-    model: Model, config: Configuration, loads: Loads, part: float, mass: sp.csr_array, rough: bool
-) -> tuple[Configuration, Assembly, list[float]] | None:
-    """Newton's method from nearby, after a further ``part`` of what is prescribed; None where it leaves.
+class _Way(NamedTuple):
+    """Where Newton's method is: the configuration, and the forces inside where they are unknowns."""
+
+    config: Configuration
+    inner: Inner | None
+
+
+class _Newton(NamedTuple):
+    """Where Newton's method ended, None where it left the branch, and the residuals of its iterations.
+
+    ``fitting`` times the step of the loads would have made its first step as long as it may be.
+    """
+
+    fitting: float
+    to: _Way | None = None
+    at: Assembly | None = None
+    left: tuple[float, ...] = ()
+
+
+def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_array, rough: bool) -> _Newton:
+    """Newton's method from nearby, after a further ``part`` of what is prescribed.
 
     Forces inside are unknowns (see `_with_forces`). It ends where the next step would be rounding, whatever
-    the loads are beside the weight; a ``rough`` state will do on the way. With the residuals.
+    the loads are beside the weight; on the way a ``rough`` state will do, to which it contracts.
     """
     scale = imbalance_scale(model, loads)
-    config, inner = displace(model, config, loads, part)
-    left, longest, before = [], 0.0, LONGEST_STEP
+    config, moved = displace(model, way.config, loads, part)
+    inner = way.inner if moved is None else moved
+    left, longest, before, fitting = [], 0.0, LONGEST_STEP, 0.5
     for _ in range(MAX_NEWTON):
         free = static_freedom(model, config)
         at = assemble_carried(model, config, loads)
         left.append(imbalance(at, free, scale))
-        if left[-1] < (ROUGH if rough else TOLERANCE) and _is_settled(left, before, longest):
-            return config, at, left
+        settled = left[-1] < TOLERANCE and _is_settled(left, before, longest)
+        if settled or (rough and before < NEARBY * longest):
+            return _Newton(fitting, _Way(config, inner), at, tuple(left))
         inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
         bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
         held = _holding(free.matrix(bent.tangent), free.matrix(mass))
         q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
         if q is None:
-            return None
+            return _Newton(0.5)
         q = free.spread(q)
         step = stride(model, q)
+        if longest == 0.0:
+            fitting = FITTING * LONGEST_STEP / max(step, UNMOVED)
         if left[-1] < ROUNDED and step < UNMOVED:
-            return config, at, left
+            return _Newton(fitting, _Way(config, inner), at, tuple(left))
         if not step < (CONTRACTION * before if longest > 0.0 else LONGEST_STEP):
-            return None
+            return _Newton(min(fitting, 0.5) if longest > 0.0 else fitting)
         longest, before = max(longest, step), step
         inner = predict_forces(model, config, loads, q)
         moved = closed(model, move_carried(model.tree, config, q))
         if moved is None:
-            return None
+            return _Newton(0.5)
         config = moved
-    return None
+    return _Newton(0.5)
 
 
 def _is_settled(left: list[float], step: float, longest: float) -> bool:
@@ -385,6 +409,8 @@ def _damped(K: sp.csr_array, least: sp.csr_array, damping: float) -> sp.csr_arra
 
 def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:
     """Springs without free length keep their own forces, as stiff across as along wherever they point."""
+    if not len(inner.spring) and not len(inner.device):
+        return inner
     own = inner_forces(model, config, loads)
     linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
     return inner._replace(
@@ -394,9 +420,15 @@ def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inne
 
 
 def scale_loads(loads: Loads, factor: float) -> Loads:
-    """Gravity, preloads and applied loads times ``factor``; stiffnesses as they are."""
+    """Gravity, preloads, tensions and applied loads times ``factor``; stiffnesses as they are."""
     law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
-    return dataclasses.replace(loads, gravity=loads.gravity * factor, law=law, push=loads.push * factor)
+    return dataclasses.replace(
+        loads,
+        gravity=loads.gravity * factor,
+        law=law,
+        push=loads.push * factor,
+        tension=loads.tension * factor,
+    )
 
 
 def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:

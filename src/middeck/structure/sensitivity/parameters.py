@@ -23,19 +23,17 @@ from middeck.structure.model.article import (
     DamperPlace,
     Damping,
     JointState,
-    Section,
     Sensor,
     SensorKind,
     Structure,
 )
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.section import CENTRES, INERTIA, STIFFNESS, Section
 from middeck.values import record
 
 AXES = "xyz"
 SIX = "123456"  # of a bushing: shifts along, then turns about its axes
 SHOWN = 5  # names in a hint
-STIFFNESS = ("EA", "GJ", "EI_y", "EI_z", "GA_y", "GA_z")
-INERTIA = ("rho_A", "rho_I_y", "rho_I_z")
 # Fields of each part and their units. Not here is what changes no rest state and no small motion about it:
 # travels and torque limits, friction.
 BODY = {"mass": "kg", "cg": "m", "inertia": "kg m^2"}
@@ -44,6 +42,9 @@ SECTION = {
     **{"EA": "N", "GJ": "N m^2", "EI_y": "N m^2", "EI_z": "N m^2", "GA_y": "N", "GA_z": "N"},
     **{"rho_A": "kg/m", "rho_I_y": "kg m", "rho_I_z": "kg m"},
 }
+# Listed where they are not zero.
+COUPLED = {"coupling": "N, N m or N m^2", **dict.fromkeys(CENTRES, "m")}
+SETTING = {"start_offset": "m", "end_offset": "m", "tension": "N"}
 SPRING = {"stiffness": "N/m", "free_length": "m"}
 BUSHING = {"stiffness": "N/m, N or N m/rad"}
 DAMPING = {"flexible": "", "suspension": "", "rigid": ""}
@@ -188,19 +189,29 @@ def _members(structure: Structure) -> Iterator[Parameter]:
     sections: list[tuple[Path, Section]] = []
     for i, member in enumerate(structure.members):
         path: Path = ("structure", "members", i)
-        sections.append(((*path, "section"), member.section))
-        yield from _fields(f"member.{member.name}", member.section, sections[-1][0], SECTION)
-        offsets = {o: "m" for o in ("start_offset", "end_offset") if np.any(getattr(member, o))}
-        yield from _fields(f"member.{member.name}", member, path, {"up": "", **offsets})
-        yield from _factors(f"member.{member.name}", sections[-1:])
+        own: list[tuple[Path, Section]] = [((*path, "section"), member.section)]
+        own += [((*path, "stations", k, 1), section) for k, (_, section) in enumerate(member.stations)]
+        more = {name: unit for name, unit in COUPLED.items() if np.any(getattr(member.section, name))}
+        yield from _fields(f"member.{member.name}", member.section, own[0][0], {**SECTION, **more})
+        for k, (at, section) in enumerate(own[1:], start=1):
+            yield from _fields(f"member.{member.name}.station{k}", section, at, SECTION)
+        more = {name: unit for name, unit in SETTING.items() if np.any(getattr(member, name))}
+        yield from _fields(f"member.{member.name}", member, path, {"up": "", **more})
+        yield from _factors(f"member.{member.name}", own)
+        sections += own
     if sections:
         yield from _factors("members", sections)
 
 
 def _factors(name: str, sections: Sequence[tuple[Path, Section]]) -> Iterator[Parameter]:
     for what, fields in (("E", STIFFNESS), ("rho", INERTIA)):
-        spots = tuple((*p, f) for p, s in sections for f in fields if np.isfinite(getattr(s, f)))
+        spots = tuple((*p, f) for p, s in sections for f in fields if _scales(getattr(s, f)))
         yield Parameter(name=f"{name}.{what}", unit="", value=1.0, spots=spots, scales=True)
+
+
+def _scales(value: Any) -> bool:
+    """Neither infinite nor an array of zeros."""
+    return bool(np.any(value)) if isinstance(value, np.ndarray) else bool(np.isfinite(value))
 
 
 def _joints(structure: Structure) -> Iterator[Parameter]:

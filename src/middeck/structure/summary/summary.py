@@ -10,10 +10,11 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.mesh import lay_out
 from middeck.structure.elements.frames import Poses, frame_poses, points_in_world
-from middeck.structure.model.article import Structure
+from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.component import body_of
 from middeck.structure.model.member_mesh import member_geometry
+from middeck.structure.model.section import mean_section
 from middeck.structure.summary.doubts import Measures, doubt_measures
 from middeck.values import record
 
@@ -66,6 +67,8 @@ class _Rods(NamedTuple):
     rho_A: np.ndarray
     rho_I: np.ndarray
     elements: np.ndarray
+    centre: np.ndarray  # from the start, own axes
+    spread: np.ndarray  # mean square of the mass along the length about its centre, over the length squared
 
 
 def summarise(structure: Structure) -> Summary:
@@ -114,11 +117,12 @@ def _rods(structure: Structure) -> _Rods:
     geometry = member_geometry(structure)
     x = np.array([n.position for n in structure.nodes]).reshape(-1, 3)[geometry.nodes[:, 0]]
     along = geometry.triad[:, :, 0]
-    sections = [m.section for m in members]
+    sections = [mean_section(m.sections) for m in members]
 
     def column(name: str) -> np.ndarray:
         return np.array([getattr(s, name) for s in sections], dtype=float)
 
+    mean, spread = np.array([_spread(m) for m in members]).reshape(-1, 2).T
     return _Rods(
         x + geometry.offset[:, 0],
         along,
@@ -129,13 +133,26 @@ def _rods(structure: Structure) -> _Rods:
         column("rho_A"),
         np.stack([column("rho_I_y") + column("rho_I_z"), column("rho_I_y"), column("rho_I_z")], axis=1),
         np.array([m.elements for m in members], dtype=float),
+        np.stack([geometry.length * mean, column("mass_centre_y"), column("mass_centre_z")], axis=1),
+        spread,
     )
+
+
+def _spread(member: Member) -> tuple[float, float]:
+    """Mean place of a member's mass, and its mean square about that, of its length."""
+    if not member.stations:
+        return 0.5, 1.0 / 12.0
+    rho = np.array([s.rho_A for s in member.sections])
+    share = rho / rho.sum() if rho.sum() > 0.0 else np.full(len(rho), 1.0 / len(rho))
+    at = (np.arange(len(rho)) + 0.5) / len(rho)
+    mean = float(share @ at)
+    return mean, float(share @ (at - mean) ** 2 + 1.0 / (12.0 * len(rho) ** 2))
 
 
 def _mass_properties(
     structure: Structure, rods: _Rods, bodies_at: np.ndarray, poses: Poses
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """Bodies where they stand, members as uniform rods with their rotary inertia, components as bodies."""
+    """Bodies where they stand, members as rods with their rotary inertia, components as bodies."""
     frames = (*structure.nodes, *structure.joints)
     carried = [
         (i, part.body) for i, part in enumerate(frames) if part.body.mass != 0.0 or np.any(part.body.inertia)
@@ -146,7 +163,7 @@ def _mass_properties(
     mass = np.concatenate(
         [[body.mass for _, body in carried], rods.rho_A * rods.length, [whole.mass for whole in wholes]]
     )
-    middle = rods.start + 0.5 * rods.length[:, None] * rods.along
+    middle = rods.start + (rods.triad @ rods.centre[:, :, None])[:, :, 0]
     parts = np.zeros((len(wholes), 3))
     for k, (part, whole) in enumerate(zip(structure.components, wholes, strict=True)):
         i = names.index(part.frames[0])
@@ -157,7 +174,7 @@ def _mass_properties(
     own = np.zeros((len(x), 3, 3))
     for row, (i, body) in enumerate(carried):
         own[row] = poses.R[i] @ body.inertia @ poses.R[i].T
-    bare = rods.rho_A * rods.length**3 / 12.0
+    bare = rods.spread * rods.rho_A * rods.length**3
     spin = rods.rho_I * rods.length[:, None]
     straight = slice(len(carried), len(carried) + len(middle))
     own[straight] = bare[:, None, None] * (np.eye(3) - rods.along[:, :, None] * rods.along[:, None, :])

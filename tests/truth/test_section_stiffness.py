@@ -1,0 +1,268 @@
+"""Members with coupled sections, centres off the node line, tension and taper, against independent truths."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+from scipy.optimize import brentq
+
+import middeck as md
+from middeck.errors import ConfigError
+from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.model.article import PointLoad, Structure
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.section import Section, coupled_section, shifted_section
+from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.structure.summary.summary import summarise
+from repeats import repeats
+from structure_builders import TUBE, clamped_matrices, straight_beam
+
+L = 2.0
+RIGID = [0, 3, 4, 5]  # of (extension, shears, twist, curvatures), what a section rigid in shear has
+INERTIA = {"rho_A": 0.5, "rho_I_y": 2e-3, "rho_I_z": 3e-3}
+BARE = {"rho_A": 0.0, "rho_I_y": 0.0, "rho_I_z": 0.0}
+FULL = Section(EA=2e4, GJ=30.0, EI_y=50.0, EI_z=80.0, **INERTIA)
+
+
+def positive(seed: int, size: int) -> np.ndarray:
+    """A well coupled stiffness with entries of the sizes that beams have."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((size, 2 * size))
+    unit = A @ A.T
+    scale = np.sqrt(np.array([2e4, 4e4, 3e4, 30.0, 50.0, 80.0])[RIGID if size == 4 else slice(None)])
+    d = scale / np.sqrt(np.diag(unit))
+    return unit * np.outer(d, d)
+
+
+def compliance(stiffness: np.ndarray, centre: tuple[float, float]) -> np.ndarray:
+    """6x6 strains on the node line per section force, shears taken at ``centre``."""
+    C = np.zeros((6, 6))
+    rows = RIGID if len(stiffness) == 4 else list(range(6))
+    C[np.ix_(rows, rows)] = np.linalg.inv(stiffness)
+    T = np.eye(6)
+    # The displacement of the centre is that of the line + twist x arm; its shears are those less that turn.
+    T[1, 3], T[2, 3] = centre[1], -centre[0]
+    return T @ C @ T.T
+
+
+def tip_flexibility(C: np.ndarray) -> np.ndarray:
+    """Of a cantilever: the integral of the strains' work under tip loads, by Gauss quadrature."""
+    points, weights = np.polynomial.legendre.leggauss(4)
+    F = np.zeros((6, 6))
+    for s, w in zip(0.5 * L * (points + 1.0), 0.5 * L * weights, strict=True):
+        B = np.eye(6)
+        B[4, 2], B[5, 1] = -(L - s), L - s  # moments of the tip's forces
+        F += w * B.T @ C @ B
+    return F
+
+
+def cantilever(section: Section, elements: int, **more: object) -> Structure:
+    beam = straight_beam(section, L, elements)
+    return dataclasses.replace(beam, members=(dataclasses.replace(beam.members[0], **more),))
+
+
+@pytest.mark.parametrize("size", [4, 6])
+@pytest.mark.parametrize("seed", repeats(range(40), 3))
+def test_coupled_cantilever_under_tip_loads(size: int, seed: int):
+    stiffness, centre = positive(seed, size), tuple(np.random.default_rng(seed).uniform(-0.1, 0.1, 2))
+    section = coupled_section(stiffness, shear_centre=centre, **BARE)
+    exact = tip_flexibility(compliance(stiffness, centre))
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    for elements in (1, 3):
+        K, _, keep = clamped_matrices(mesh_structure(straight_beam(section, L, elements)))
+        found = np.linalg.inv(K)[np.ix_(*2 * [np.searchsorted(keep, np.arange(6, 12))])]
+        assert np.abs((found - exact) / scale).max() < 1e-8  # rounding times condition
+
+
+def test_pull_off_the_centroid_bends():
+    """N e L^2 / 2 EI: the centroid is below the node line, so that a pull on it lowers the tip."""
+    section = shifted_section(dataclasses.replace(FULL, **BARE), (-0.02, 0.0))
+    K, _, keep = clamped_matrices(mesh_structure(straight_beam(section, L, 2)))
+    pull = np.zeros(len(keep))
+    pull[np.searchsorted(keep, 6)] = 1.0
+    down = np.linalg.solve(K, pull)[np.searchsorted(keep, 7)]
+    assert down == pytest.approx(-0.02 * L**2 / (2 * 80.0), rel=1e-10)
+
+
+def transfer(C: np.ndarray, M: np.ndarray, omega: float) -> float:
+    """Determinant whose zeros are the frequencies of a cantilever: exact for any C and M of its section."""
+    A = np.zeros((12, 12))
+    A[1, 5], A[2, 4] = 1.0, -1.0  # u' = turn x e1 + shear
+    A[:6, 6:] = C
+    A[6:, :6] = -(omega**2) * M
+    A[10, 8], A[11, 7] = 1.0, -1.0  # M' = -e1 x N
+    scale = np.array([1.0] * 6 + [1e3] * 6)
+    return float(np.linalg.det(sla.expm(A * L * scale / scale[:, None])[6:, 6:]))
+
+
+def section_mass(s: Section) -> np.ndarray:
+    arm = np.zeros((3, 6))
+    arm[:, :3] = np.eye(3)
+    y, z = s.mass_centre_y, s.mass_centre_z
+    arm[0, 4], arm[0, 5], arm[1, 3], arm[2, 3] = z, -y, -z, y
+    own = np.diag([0.0, 0.0, 0.0, s.rho_I_y + s.rho_I_z, s.rho_I_y, s.rho_I_z])
+    return s.rho_A * arm.T @ arm + own
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_coupled_frequencies(seed: int):
+    """Bending, torsion and axial motion, coupled by stiffness and centres; one extrapolation of order two."""
+    centre, mass = (0.03, -0.05), (-0.04, 0.06)
+    stiffness = positive(seed, 6)
+    section = coupled_section(stiffness, shear_centre=centre, mass_centre=mass, **INERTIA)
+    C, M = compliance(stiffness, centre), section_mass(section)
+    found = []
+    for elements in (12, 24):
+        K, mass_matrix, _ = clamped_matrices(mesh_structure(straight_beam(section, L, elements)))
+        found.append(np.sqrt(sla.eigh(K, mass_matrix, eigvals_only=True)[:6]))
+    limit = (4.0 * found[1] - found[0]) / 3.0
+    for omega in limit:
+        exact = brentq(lambda w: transfer(C, M, w), 0.995 * omega, 1.005 * omega, xtol=1e-12)
+        assert omega == pytest.approx(exact, rel=1e-4)
+
+
+def test_shifted_section_is_an_offset_member():
+    """Centroid, shear centre and mass centre off the node line are a member offset from its nodes, bent far.
+
+    To the square of the strain on the node line, offset times curvature: 1.5 % here.
+    """
+    y, z = 0.01, -0.012
+    stiff = dataclasses.replace(FULL, GA_y=4e4, GA_z=3e4)
+    shifted = dataclasses.replace(
+        shifted_section(stiff, (y, z)),
+        shear_centre_y=y,
+        shear_centre_z=z,
+        mass_centre_y=y,
+        mass_centre_z=z,
+    )
+    load = md.LoadCase(name="tip", loads=(PointLoad(name="tip", frame="b", force=np.array([3.0, -25, 18])),))
+    tips, modes = [], []
+    arm = np.array([0.0, y, z])
+    for section, offset in ((stiff, 0.0 * arm), (stiff, arm), (shifted, 0.0 * arm)):
+        beam = cantilever(section, 10, start_offset=offset, end_offset=offset)
+        rest = md.solve_equilibrium(beam, md.Environment.clamped("a"), load)
+        tips.append(rest.config.x[1])
+        modes.append(md.solve_modes(rest, 4).frequency_hz)
+    assert np.linalg.norm(tips[2] - [L, 0.0, 0.0]) > 0.4 * L
+    assert np.linalg.norm(tips[2] - tips[1]) < 0.02 * np.linalg.norm(tips[2] - tips[0])
+    assert modes[2] == pytest.approx(modes[1], rel=6e-4)
+
+
+def test_weight_off_the_line_twists():
+    section = dataclasses.replace(FULL, mass_centre_z=0.03)
+    g = 1e-4  # so weak that geometry stays linear
+    rest = md.solve_equilibrium(straight_beam(section, L, 4), md.Environment.clamped("a", gravity=g))
+    twist = 0.5 * (rest.config.R[1][2, 1] - rest.config.R[1][1, 2])
+    assert twist == pytest.approx(0.03 * 0.5 * g * L**2 / (2 * 30.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [-0.5, 2.0])
+def test_pretensioned_beam(share: float):
+    """Between hinges rho_A omega^2 = EI k^4 + N k^2; let go at one end it shortens by N/EA and is slack."""
+    force = share * np.pi**2 * 100.0 / L**2
+    beam = cantilever(TUBE, 16, tension=force)
+    hinged = dataclasses.replace(
+        md.Environment.orbit(), clamps=(Clamp(node="a", about="x"), Clamp(node="b", about="x"))
+    )
+    rest = md.solve_equilibrium(beam, hinged)
+    exact = np.sqrt((100.0 * (np.pi / L) ** 4 + force * (np.pi / L) ** 2) / 0.5) / (2 * np.pi)
+    assert md.solve_modes(rest, 1).frequency_hz[0] == pytest.approx(exact, rel=1e-5)
+    let_go = md.solve_equilibrium(beam, md.Environment.clamped("a", gravity=0.0))
+    assert let_go.config.x[1, 0] == pytest.approx(L * (1.0 - force / TUBE.EA), rel=1e-12)
+    slack = md.solve_modes(let_go, 1).frequency_hz[0]
+    assert slack == pytest.approx(1.8751040687**2 / L**2 * np.sqrt(200.0) / (2 * np.pi), rel=1e-3)
+
+
+def test_tapered_cantilever():
+    """EI linear from 100 to 40: tip flexibility by its integral; every mesh has the mass to rounding."""
+    ends = TUBE, dataclasses.replace(TUBE, EI_z=40.0, rho_A=0.1)
+    s = np.linspace(0.0, L, 20001)
+    exact = np.trapezoid((L - s) ** 2 / (100.0 - 60.0 * s / L), s)
+    errors = []
+    middle = dataclasses.replace(TUBE, EI_z=70.0, rho_A=0.3)
+    for elements in (8, 16):
+        beam = cantilever(ends[0], elements, stations=((0.5, middle), (1.0, ends[1])))
+        assert beam.mass == pytest.approx(0.3 * L, rel=1e-12)
+        assert summarise(beam).mass == pytest.approx(0.3 * L, rel=1e-12)
+        K, _, keep = clamped_matrices(mesh_structure(beam))
+        at = np.searchsorted(keep, 7)
+        errors.append(abs(np.linalg.inv(K)[at, at] / exact - 1.0))
+    assert errors[1] < 1e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_summary_has_the_mass_where_it_is():
+    """Against the mass matrix under rigid motions."""
+    first = dataclasses.replace(FULL, mass_centre_y=0.05, mass_centre_z=-0.1)
+    beam = cantilever(first, 8, stations=((1.0, dataclasses.replace(first, rho_A=0.1, mass_centre_y=0.05)),))
+    summary, model = summarise(beam), mesh_structure(beam)
+    _, M, _ = clamped_matrices(model, fixed=())
+    x = model.rest.x - summary.centre
+    rigid = np.zeros((len(x), 6, 6))
+    rigid[:, :3, :3] = rigid[:, 3:, 3:] = np.eye(3)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rigid[:, k, 3 + i], rigid[:, j, 3 + i] = x[:, j], -x[:, k]
+    whole = (R := rigid.reshape(-1, 6)).T @ M @ R
+    expected = sla.block_diag(summary.mass * np.eye(3), summary.inertia)
+    assert whole == pytest.approx(expected, abs=1e-9)
+
+
+def test_derivatives_by_couplings_and_centres():
+    section = coupled_section(positive(3, 6), mass_centre=(0.02, 0.01), shear_centre=(0.01, 0.03), **INERTIA)
+    beam = cantilever(section, 3, tension=5.0)
+    world = md.Environment.clamped("a", gravity=1.0)
+    names = ("coupling.15", "coupling.24", "mass_centre_y", "shear_centre_z", "tension", "E", "rho")
+    parameters = find_parameters(beam, world, [f"member.a-b.{name}" for name in names])
+    found = differentiate_frequencies(md.solve_modes(md.solve_equilibrium(beam, world), 3), parameters)
+    for i, parameter in enumerate(parameters):
+        step = 1e-5 * max(abs(parameter.value), 0.1)
+        ends = [
+            md.solve_modes(
+                md.solve_equilibrium(*set_parameter(beam, world, parameter, parameter.value + h)), 3
+            ).frequency_hz
+            for h in (step, -step)
+        ]
+        difference = (ends[0] - ends[1]) / (2.0 * step)
+        assert found.d_hz[i] == pytest.approx(difference, rel=1e-4, abs=1e-6), parameter.name
+
+
+def test_impossible_stiffness_is_refused():
+    K = positive(1, 4)
+    wrong = K.copy()
+    wrong[0, 3] *= 1.01
+    indefinite = K.copy()
+    indefinite[0, 3] = indefinite[3, 0] = 1.2 * np.sqrt(K[0, 0] * K[3, 3])
+    for bad, word in ((wrong, "not symmetric"), (indefinite, "indefinite"), (K[:3, :3], "4x4 or 6x6")):
+        with pytest.raises(ConfigError, match=word):
+            coupled_section(bad, **BARE)
+    for section, word in (
+        (dataclasses.replace(TUBE, coupling=_entry(1, 5, 3.0)), "infinite stiffness"),
+        (dataclasses.replace(TUBE, coupling=_entry(0, 5, 2e4)), "indefinite"),
+    ):
+        with pytest.raises(ConfigError, match=f"member 'a-b': .*{word}"):
+            mesh_structure(straight_beam(section, L, 2))
+    for stations in (((0.5, TUBE),), ((0.5, TUBE), (0.4, TUBE), (1.0, TUBE))):
+        with pytest.raises(ConfigError, match="stations"):
+            mesh_structure(cantilever(TUBE, 2, stations=stations))
+    with pytest.raises(ConfigError, match="tension"):
+        mesh_structure(cantilever(TUBE, 2, tension=np.nan))
+
+
+def _entry(i: int, j: int, value: float) -> np.ndarray:
+    out = np.zeros((6, 6))
+    out[i, j] = out[j, i] = value
+    return out
+
+
+def test_semidefinite_sections_are_taken():
+    """Rods that do not bend, and a section that couples to its limit."""
+    for i, j in itertools.pairwise((0, 4, 5)):
+        K = np.diag([4.0, np.inf, np.inf, 1.0, 9.0, 16.0])
+        off = _entry(i, j, np.sqrt(K[i, i] * K[j, j]))
+        section = Section(EA=4.0, GJ=1.0, EI_y=9.0, EI_z=16.0, coupling=off, **BARE)
+        assert np.all(np.isfinite(mesh_structure(straight_beam(section, L, 2)).beams.stiffness))
