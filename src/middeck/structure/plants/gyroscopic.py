@@ -119,7 +119,6 @@ def solve_gyroscopic_modes(
     shapes[:, : found.drifts], names[: found.drifts] = rigid_basis(
         equilibrium, modes.mass, np.real(basis @ found.q[:, : found.drifts])
     )
-    told = _left_out(modes, spin, kept, found, names)
     return GyroscopicModes(
         standstill=modes,
         s=found.s[:count],
@@ -128,7 +127,17 @@ def solve_gyroscopic_modes(
         kind=tuple(_kind(modes.kind[:kept], part, m < first) for m, part in enumerate(share.T))[:count],
         name=tuple(names[:count]),
         residual=_residual(modes, spin, basis, 2.0 * zeta * omega, found)[:count],
-        warnings=(*damped.warnings, *told),
+        warnings=(*damped.warnings, *_left_out(modes, spin, kept, found)),
+    )
+
+
+def momentum_warnings(modes: Modes, spin: Spin, zeta: Float[np.ndarray, " mode"]) -> tuple[str, ...]:
+    """What the modes beyond those with the ratios ``zeta`` would change in the others where wheels spin."""
+    kept = len(zeta)
+    if not spin.turns:
+        return ()
+    return _left_out(
+        modes, spin, kept, solve_whirls(modes.omega[:kept], zeta, spin, spin.turn @ modes.shapes[:, :kept])
     )
 
 
@@ -242,7 +251,7 @@ def _residual(modes: Modes, spin: Spin, basis: np.ndarray, d: np.ndarray, found:
     return left / np.where(size > 0.0, size, 1.0)
 
 
-def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls, names: list[str]) -> tuple[str, ...]:
+def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, ...]:
     """A warning where the modes beyond ``kept`` would move a frequency, by their flexibility at the wheels.
 
     They give way to the torque f of a wheel by R f, which takes f^H R f from the stiffness of a mode.
@@ -265,10 +274,10 @@ def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls, names: list[st
     worst = int(np.argmax(error))
     if error[worst] <= FAR:
         return ()
+    hz = np.abs(found.s[worst]) / (2.0 * np.pi)
     return (
-        f"of {kept} modes at standstill, those left out would lower the frequency of {names[worst]!r} at "
-        f"{np.abs(found.s[worst]) / (2.0 * np.pi):.4g} Hz by {error[worst]:.1%}: the wheels' momentum joins "
-        "them; take more modes",
+        f"of {len(modes.omega)} modes at standstill {kept} are taken: by what the others give way to the "
+        f"wheels, the whirl at {hz:.4g} Hz is {error[worst]:.1%} lower; take more modes",
     )
 
 
