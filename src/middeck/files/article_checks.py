@@ -27,6 +27,8 @@ STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
 GENERAL_KEYS = (*STIFFNESS_KEYS, "GA_y_n", "GA_z_n", "rho_I_y_kg_m", "rho_I_z_kg_m")
 AT_POINT = {"force": "a force", "accelerometer": "an accelerometer"}
 FORMS = {"node": NodeForm, "gimbal": GimbalForm, "revolute": RevoluteForm}
+# Tables of bodies: how keys of their inertia begin, and how names of their frames end.
+BODIES = (("node", "", ""), ("revolute", "", ""), ("gimbal", "stage_", "_x"), ("gimbal", "payload_", "_z"))
 # Decimal input of a flat body meets the triangle inequality with equality only to rounding.
 ROUNDING = 1e-9
 
@@ -43,6 +45,7 @@ def article_findings(data: Table) -> list[Finding]:
         *_axes(data),
         *_travels(data),
         *_proof_masses(data),
+        *_wheels(data),
         *_ports(data),
         *_attach(data),
         *_cycles(data),
@@ -86,6 +89,11 @@ def attach_names(data: Table) -> list[str]:
     """Names of the attach points: the suspension's nodes and the listed ones."""
     listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
     return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *listed]
+
+
+def wheel_names(data: Table) -> list[str]:
+    """Names of the wheels."""
+    return [str(t["name"]) for _, t in tables(data, "wheel") if "name" in t]
 
 
 def _damped_names(data: Table) -> dict[str, list[str]]:
@@ -142,6 +150,7 @@ def _names(data: Table) -> Iterator[Finding]:
     yield from _twice(
         [(("component", i, "name"), t.get("name")) for i, t in tables(data, "component")], "component"
     )
+    yield from _twice([(("wheel", i, "name"), t.get("name")) for i, t in tables(data, "wheel")], "wheel")
     for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
         yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
@@ -157,6 +166,7 @@ def _default_ports(data: Table, kind: str) -> list[str]:
     for _, t in tables(data, "gimbal"):
         ports += [f"{t.get('name')}_rel_{a}" for a in "xz"]
         ports += [f"{t.get('name')}_in_{a}" for a in "xz"] if kind == "sensor" else []
+    ports += [str(t.get("name")) for _, t in tables(data, "wheel")]
     slides_or_turns = (*tables(data, "revolute"), *tables(data, "proof_mass"))
     return ports + [f"{t.get('name')}_rel" for _, t in slides_or_turns]
 
@@ -183,6 +193,7 @@ def _references(data: Table) -> Iterator[Finding]:
         ("revolute", "parent", frames, "frame"),
         ("proof_mass", "node", frames, "frame"),
         ("attach", "frame", frames, "frame"),
+        ("wheel", "frame", frames, "frame"),
         ("spring", "from", points, "attach point"),
         ("spring", "to", points, "attach point"),
         ("sensor", "axis_frame", frames, "frame"),
@@ -333,7 +344,7 @@ def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
 
 def _axes(data: Table) -> Iterator[Finding]:
     """Axis vectors must have a length; spring and target keys belong to one state each."""
-    for table in ("revolute", "proof_mass", "actuator", "sensor"):
+    for table in ("revolute", "proof_mass", "wheel", "actuator", "sensor"):
         for i, t in tables(data, table):
             if _is_vector(t.get("axis")) and not any(t["axis"]):
                 yield finding((table, i, "axis"), "must not be the zero vector", t["axis"])
@@ -379,6 +390,30 @@ def _proof_masses(data: Table) -> Iterator[Finding]:
                 "beside stiffness_n_per_m",
                 t["natural_hz"],
                 hint="leave out one of the two",
+            )
+
+
+def _wheels(data: Table) -> Iterator[Finding]:
+    """Across its axis a rotor has half of its inertia about it, or more: its frame's body has that too."""
+    bodies = {f"{t.get('name')}{end}": t.get(f"{part}inertia_kg_m2") for table, part, end in BODIES
+              for _, t in tables(data, table)}  # fmt: skip
+    in_component = {name for _, c in tables(data, "component") for name in table_of(c, "nodes").values()}
+    for i, t in tables(data, "wheel"):
+        frame, axis, rotor = str(t.get("frame")), t.get("axis"), t.get("rotor_inertia_kg_m2")
+        if frame not in bodies or frame in in_component or not _is_vector(axis) or not any(axis):
+            continue
+        try:
+            own = np.zeros((3, 3)) if bodies[frame] is None else np.array(inertia_matrix(bodies[frame]))
+        except ValueError:  # the form has refused it
+            continue
+        across = np.linalg.svd(np.array([axis], dtype=float))[2][1:].T
+        least = float(np.linalg.eigvalsh(across.T @ own @ across)[0])
+        if is_number(rotor) and least < 0.5 * rotor * (1.0 - ROUNDING):
+            yield finding(
+                ("wheel", i, "rotor_inertia_kg_m2"),
+                f"a rotor has half of this across its axis or more, and frame {frame!r} has {least:g} kg m^2",
+                rotor,
+                hint="give the frame the rotor's mass and its inertia across the axis (inertia_kg_m2)",
             )
 
 

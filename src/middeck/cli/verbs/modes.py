@@ -19,6 +19,11 @@ Examples:
   middeck modes articles/mace-simple.toml --figure modes.html
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
+# What the document says of modes one by one.
+OF_MODES = (
+    *("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share", "most_strained"),
+    *("mesh_error", "mode_residual", "residual"),
+)
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
 HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
 
@@ -43,7 +48,8 @@ def verb(
 
     First its mass, centre of mass and inertia; with the modes the reactions of the suspension and of clamps,
     the torques that hold the joints, and how far the nodes turn. Of a load case that is applied the masses
-    count as the article's.
+    count as the article's. Where wheels spin, the modes are those at their speeds, forward and backward;
+    those at standstill stand below them.
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import apply_case, find_case, solve_in
@@ -57,7 +63,7 @@ def verb(
         summary = summarise(structure)
     if not as_json:  # at once: what is wrong with it shows here, whatever becomes of the solution
         show(False, {"warnings": summary.warnings}, *summary_lines(summary_numbers(summary)))
-    modes = solve_in(structure, surroundings, *files, count=count)
+    modes = solve_in(structure, surroundings, *files, count=count, standstill=True)
     document = describe(modes, count, summary)
     later = [w for w in document["warnings"] if w not in summary.warnings]
     shown = document if as_json else {**document, "warnings": later}
@@ -79,7 +85,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     rest = modes.equilibrium
     suspension, environment = rest.suspension, rest.environment
     joints = [j for j in rest.model.structure.joints if j.state.value in HELD_BY]  # no modal coordinates
-    return {
+    document = {
         "schema": "middeck.modes/1",
         "article": rest.model.structure.title,
         "environment": environment.title,
@@ -106,6 +112,39 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
             {"at": r.at, "force_n": r.force, "moment_nm": r.moment} for r in rest.reactions
         ],
     }
+    return _at_speed(document, modes, count) if environment.spins else document
+
+
+def _at_speed(document: dict[str, Any], modes: Modes, count: int) -> dict[str, Any]:
+    """The document with the modes at the wheels' speeds, and apart what it said of them at standstill."""
+    import numpy as np
+
+    from middeck.errors import ConfigError
+    from middeck.structure.model.article import Damping
+    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
+
+    try:
+        found = solve_gyroscopic_modes(modes, count=count)
+        zeta, said = found.zeta.tolist(), found.warnings
+    except ConfigError:  # no ratios, as is said of those at standstill
+        found = solve_gyroscopic_modes(modes, Damping(), count=count)
+        zeta, said = [None] * len(found.s), found.warnings
+    return {
+        **{key: value for key, value in document.items() if key not in OF_MODES},
+        "frequency_hz": found.frequency_hz,
+        "damping": zeta,
+        "sense": found.sense,
+        "whirl": found.whirl,
+        "kind": found.kind,
+        "name": found.name,
+        "mode_residual": found.residual,
+        "residual": float(found.residual.max()),
+        "wheel_speed_rpm": {
+            name: speed * 30.0 / np.pi for name, speed in modes.equilibrium.environment.wheel_speeds
+        },
+        "standstill": {key: document[key] for key in OF_MODES},
+        "warnings": tuple(dict.fromkeys((*document["warnings"], *said))),
+    }
 
 
 def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
@@ -121,14 +160,16 @@ def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, .
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
+    still = document.get("standstill", document)
     blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
         f"residual     {_imbalance(document)}",
-        _modes_table(document),
+        *_whirl_blocks(document),
+        _modes_table(still),
         "\nrigid: part of the motion that strains nothing when the article is free;"
         "\nstrain: part of the energy",
-        _parts_table(document),
+        _parts_table(still),
     ]
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
@@ -154,6 +195,24 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *([Table("holding torque", ["joint", "N m", "held by"], torques)] if torques else []),
         *([Table("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
         Table("rotation vector of the nodes", ["node", "x deg", "y deg", "z deg"], turned),
+    ]
+
+
+def _whirl_blocks(document: dict[str, Any]) -> list[str | Table]:
+    """The modes at the wheels' speeds, if they spin."""
+    if "standstill" not in document:
+        return []
+    keys = ("frequency_hz", "damping", "sense", "whirl", "kind", "name")
+    rows = [
+        [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:z.3f}", way, f"{w:z.4f}" if way else "", k, n]
+        for i, (f, z, way, w, k, n) in enumerate(zip(*(document[key] for key in keys), strict=True))
+    ]
+    speeds = ", ".join(f"{name} {rpm:g}" for name, rpm in document["wheel_speed_rpm"].items())
+    headers = ["", "frequency Hz", "damping %", "sense", "whirl", "kind", "name"]
+    return [
+        Table(f"modes with the wheels at their speeds, in rpm: {speeds}", headers, rows),
+        "\nwhirl: per cent of frequency for a per cent more speed, forward with the spin;"
+        "\nbelow, the same article with its wheels at standstill",
     ]
 
 

@@ -48,7 +48,7 @@ class GyroscopicModes:
 
     Attributes:
         standstill: The real modes about the same rest state with the wheels at rest.
-        s: Eigenvalue [rad/s] of each, in the upper half plane.
+        omega, zeta: Angular frequency [rad/s], the size of the eigenvalue s, and damping ratio.
         shapes: The motion is the real part of shape times exp(s t), in the coordinates of
             ``standstill.shapes``. Mass-normalised, shape^H M shape = 1, the entry of largest kinetic energy
             positive.
@@ -62,7 +62,8 @@ class GyroscopicModes:
     """
 
     standstill: Modes
-    s: Complex[np.ndarray, " mode"]
+    omega: Float[np.ndarray, " mode"]
+    zeta: Float[np.ndarray, " mode"]
     shapes: Complex[np.ndarray, "coordinate mode"]
     whirl: Float[np.ndarray, " mode"]
     kind: tuple[str, ...]
@@ -71,19 +72,14 @@ class GyroscopicModes:
     warnings: tuple[str, ...]
 
     @property
-    def omega(self) -> Float[np.ndarray, " mode"]:
-        """Angular frequency [rad/s]: the size of s."""
-        return np.abs(self.s)
-
-    @property
     def frequency_hz(self) -> Float[np.ndarray, " mode"]:
-        """The same in Hz."""
+        """The size of s in Hz."""
         return self.omega / (2.0 * np.pi)
 
     @property
-    def zeta(self) -> Float[np.ndarray, " mode"]:
-        """Damping ratio; zero for a mode at zero."""
-        return np.divide(-np.real(self.s), self.omega, out=np.zeros(len(self.s)), where=self.omega > 0.0)
+    def s(self) -> Complex[np.ndarray, " mode"]:
+        """Eigenvalues [rad/s], those in the upper half plane."""
+        return _eigenvalues(self.omega, self.zeta)
 
     @property
     def sense(self) -> tuple[str, ...]:
@@ -111,7 +107,7 @@ def solve_gyroscopic_modes(
     spin = spinning_wheels(equilibrium.model, equilibrium.config, equilibrium.environment)
     found = solve_whirls(omega, zeta, spin, spin.turn @ basis) if spin.turns else _still(omega, zeta)
     first = found.drifts + found.attitudes
-    share = np.abs(found.q) ** 2 * (np.abs(found.s) ** 2 + omega[:, None] ** 2)
+    share = np.abs(found.q) ** 2 * (found.omega**2 + omega[:, None] ** 2)
     share[:, :first] = np.abs(found.q[:, :first]) ** 2
     names = [leading_parts(modes.name[:kept], part)[0] for part in share.T]
     names[found.drifts : first] = [f"attitude: {name}" for name in names[found.drifts : first]]
@@ -121,7 +117,8 @@ def solve_gyroscopic_modes(
     )
     return GyroscopicModes(
         standstill=modes,
-        s=found.s[:count],
+        omega=found.omega[:count],
+        zeta=found.zeta[:count],
         shapes=shapes[:, :count],
         whirl=found.whirl[:count],
         kind=tuple(_kind(modes.kind[:kept], part, m < first) for m, part in enumerate(share.T))[:count],
@@ -156,19 +153,29 @@ def _in_phase(modes: Modes, shapes: np.ndarray) -> np.ndarray:
 
 
 class Whirls(NamedTuple):
-    """Eigenvalues, modal coordinates of unit size, whirl; the ``drifts`` first, then ``attitudes``."""
+    """Frequencies, modal coordinates of unit size, whirl; the ``drifts`` first, then ``attitudes``."""
 
-    s: Complex[np.ndarray, " mode"]
+    omega: Float[np.ndarray, " mode"]
+    zeta: Float[np.ndarray, " mode"]
     q: Complex[np.ndarray, "basis mode"]
     whirl: Float[np.ndarray, " mode"]
     drifts: int
     attitudes: int
 
+    @property
+    def s(self) -> Complex[np.ndarray, " mode"]:
+        """Eigenvalues."""
+        return _eigenvalues(self.omega, self.zeta)
+
+
+def _eigenvalues(omega: np.ndarray, zeta: np.ndarray) -> Complex[np.ndarray, " mode"]:
+    return omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+
 
 def _still(omega: np.ndarray, zeta: np.ndarray) -> Whirls:
     """The real modes."""
-    s = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
-    return Whirls(s, np.eye(len(s), dtype=complex), np.zeros(len(s)), int(np.sum(omega == 0.0)), 0)
+    n = len(omega)
+    return Whirls(omega, zeta, np.eye(n, dtype=complex), np.zeros(n), int(np.sum(omega == 0.0)), 0)
 
 
 def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarray) -> Whirls:
@@ -203,7 +210,8 @@ def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarr
     still[:rigid] = np.hstack([drift, attitude])
     zero = np.zeros(still.shape[1])
     return Whirls(
-        np.concatenate([zero, s[rank]]),
+        np.concatenate([zero, np.abs(s[rank])]),
+        np.concatenate([zero, np.minimum(-np.real(s[rank]) / np.abs(s[rank]), 1.0)]),
         np.hstack([still, q[:, rank]]),
         np.concatenate([zero, whirl[rank]]),
         drift.shape[1],
@@ -269,12 +277,12 @@ def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, 
         return (f"what the modes beyond {kept} do to those of the spinning wheels is unknown: {error.what}",)
     f = spin.forces(turn[:, :kept] @ found.q) * found.s
     taken = np.real(np.einsum("im,im->m", f.conj(), R @ f))
-    store = modes.omega[:kept] ** 2 @ np.abs(found.q) ** 2 + np.abs(found.s) ** 2
+    store = modes.omega[:kept] ** 2 @ np.abs(found.q) ** 2 + found.omega**2
     error = np.divide(taken, store, out=np.zeros_like(taken), where=store > 0.0)
     worst = int(np.argmax(error))
     if error[worst] <= FAR:
         return ()
-    hz = np.abs(found.s[worst]) / (2.0 * np.pi)
+    hz = found.omega[worst] / (2.0 * np.pi)
     return (
         f"of {len(modes.omega)} modes at standstill {kept} are taken: by what the others give way to the "
         f"wheels, the whirl at {hz:.4g} Hz is {error[worst]:.1%} lower; take more modes",
