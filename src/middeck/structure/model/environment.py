@@ -203,6 +203,14 @@ class Environment:
                     where=f"environment {self.title!r}",
                     hint="each bushing needs a name of its own, which no clamped node has",
                 )
+        turning = [name for name, _ in self.wheel_speeds]
+        for name in turning:
+            if turning.count(name) > 1:
+                raise ConfigError(
+                    f"two speeds of wheel {name!r}",
+                    where=f"environment {self.title!r}",
+                    hint="one speed [rad/s] for each",
+                )
 
     @property
     def spins(self) -> bool:

@@ -100,13 +100,26 @@ def solve_gyroscopic_modes(
     With all wheels at rest these are ``modes``. Raises `ConfigError` where `estimate_damping` does.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
-    kept = min(len(modes.omega), max(WHOLE, 2 * count))
     damped = estimate_damping(modes, damping, count=count)
-    zeta = np.concatenate([damped.zeta, np.full(kept - count, damped.zeta[-1] if count else 0.0)])
-    equilibrium, omega, basis = modes.equilibrium, modes.omega[:kept], modes.shapes[:, :kept]
-    zeta = np.where(omega > 0.0, zeta, 0.0)
+    equilibrium = modes.equilibrium
     spin = spinning_wheels(equilibrium.model, equilibrium.config, equilibrium.environment)
-    found = solve_whirls(omega, zeta, spin, spin.turn @ basis) if spin.turns else _still(omega, zeta)
+    if not spin.turns:
+        return GyroscopicModes(
+            standstill=modes,
+            omega=modes.omega[:count],
+            zeta=damped.zeta,
+            shapes=modes.shapes[:, :count].astype(complex),
+            whirl=np.zeros(count),
+            kind=modes.kind[:count],
+            name=modes.name[:count],
+            residual=modes.residual[:count],
+            warnings=damped.warnings,
+        )
+    kept = min(len(modes.omega), max(WHOLE, 2 * count))
+    omega, basis = modes.omega[:kept], modes.shapes[:, :kept]
+    beyond = np.full(kept - count, damped.zeta[-1] if count else 0.0)
+    zeta = np.where(omega > 0.0, np.concatenate([damped.zeta, beyond]), 0.0)
+    found = solve_whirls(omega, zeta, spin, spin.turn @ basis)
     first = found.drifts + found.attitudes
     share = np.abs(found.q) ** 2 * (found.omega**2 + omega[:, None] ** 2)
     share[:, :first] = np.abs(found.q[:, :first]) ** 2
@@ -171,12 +184,6 @@ class Whirls(NamedTuple):
 
 def _eigenvalues(omega: np.ndarray, zeta: np.ndarray) -> Complex[np.ndarray, " mode"]:
     return omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
-
-
-def _still(omega: np.ndarray, zeta: np.ndarray) -> Whirls:
-    """The real modes."""
-    n = len(omega)
-    return Whirls(omega, zeta, np.eye(n, dtype=complex), np.zeros(n), int(np.sum(omega == 0.0)), 0)
 
 
 def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarray) -> Whirls:
@@ -265,7 +272,7 @@ def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, 
 
     They give way to the torque f of a wheel by R f, which takes f^H R f from the stiffness of a mode.
     """
-    if not spin.turns or _complete(modes, kept):
+    if _complete(modes, kept):
         return ()
     turn = spin.turn @ modes.shapes
     try:
@@ -286,7 +293,7 @@ def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, 
     hz = found.omega[worst] / (2.0 * np.pi)
     return (
         f"of {len(modes.omega)} modes at standstill {kept} are taken: by what the others give way to the "
-        f"wheels, the whirl at {hz:.4g} Hz is {error[worst]:.1%} lower; take more modes",
+        f"wheels, the whirl at {hz:.4g} Hz is {100.0 * error[worst]:.2g} % lower; take more modes",
     )
 
 
