@@ -87,12 +87,16 @@ def test_whirl_of_an_overhung_rotor(seed: int):
     m, across, length = rng.uniform(1.0, 8.0), rng.uniform(0.01, 0.1), rng.uniform(0.2, 0.8)
     polar = across * rng.uniform(0.2, 2.0)
     speed = float(rng.uniform(-1.0, 1.0) * 10 ** rng.uniform(0.0, 3.5))
-    found = whirls(overhung(m, across, polar, length), spinning(Environment.clamped("wall", gravity=0.0), w=speed))
+    found = whirls(
+        overhung(m, across, polar, length), spinning(Environment.clamped("wall", gravity=0.0), w=speed)
+    )
     bends = np.array([sense != "" for sense in found.sense])
     signed = found.omega * np.where([sense == "backward" for sense in found.sense], -1.0, 1.0)
     # With the spin is positive: the roots are those of the speed's size.
     exact = closed_form(m, across, polar * abs(speed), length)
-    assert np.sort(signed[bends]) == pytest.approx(exact, rel=1e-9)  # the reference's polynomial rounds to that
+    assert np.sort(signed[bends]) == pytest.approx(
+        exact, rel=1e-9
+    )  # the reference's polynomial rounds to that
     assert np.all(found.zeta == 0.0)
     assert found.residual.max() < 1e-12
 
@@ -169,7 +173,8 @@ def test_wheels_that_cancel_do_nothing():
     rng = np.random.default_rng(23)
     parts, _ = satellite(rng, np.array([0.0, 3.0, 4.0]))
     twice = dataclasses.replace(
-        parts, wheels=(*parts.wheels, dataclasses.replace(parts.wheels[0], name="v", axis=-parts.wheels[0].axis))
+        parts,
+        wheels=(*parts.wheels, dataclasses.replace(parts.wheels[0], name="v", axis=-parts.wheels[0].axis)),
     )
     found = whirls(twice, spinning(Environment.orbit(), w=100.0, v=100.0))
     assert found.omega.tolist() == [0.0] * 6
@@ -202,8 +207,13 @@ def test_linear_motion_is_the_limit_of_the_nonlinear_one():
     rng = np.random.default_rng(24)
     h = np.array([2.0, -1.0, 5.0])
     parts, J = satellite(rng, h)
-    sensors = tuple(Sensor(name=f"s{a}", frame="bus", axis=v, axis_frame="bus") for a, v in zip("xyz", np.eye(3), strict=True))
-    torques = tuple(Actuator(name=f"t{a}", frame="bus", axis=v) for a, v in zip("xyz", np.eye(3), strict=True))
+    sensors = tuple(
+        Sensor(name=f"s{a}", frame="bus", axis=v, axis_frame="bus")
+        for a, v in zip("xyz", np.eye(3), strict=True)
+    )
+    torques = tuple(
+        Actuator(name=f"t{a}", frame="bus", axis=v) for a, v in zip("xyz", np.eye(3), strict=True)
+    )
     parts = dataclasses.replace(parts, sensors=sensors, actuators=torques)
     modes = standstill(parts, spinning(Environment.orbit(), w=100.0))
     plant = build_plant(
@@ -257,7 +267,10 @@ def robot(rng: np.random.Generator) -> Structure:
     ]
     parts = structure(nodes, [member("a", "b", tube, 2)], joints)
     frames = ["a", "b", *(j.name for j in joints)]
-    wheels = [wheel(str(f), axis(), float(rng.uniform(0.01, 0.05)), f"w{i}") for i, f in enumerate(rng.permutation(frames)[:3])]
+    wheels = [
+        wheel(str(f), axis(), float(rng.uniform(0.01, 0.05)), f"w{i}")
+        for i, f in enumerate(rng.permutation(frames)[:3])
+    ]
     ports = [str(f) for f in rng.permutation(frames)[:2]]
     return dataclasses.replace(
         parts,
@@ -290,7 +303,9 @@ def test_matrix_is_the_derivative_of_the_momentum(seed: int):
         """a(q), by central differences of rotations as `move` makes them."""
         step, here, out = 1e-5, frame_poses(model.tree, move(model.tree, at, q)).R, []
         for e in unit:
-            ahead, behind = (frame_poses(model.tree, move(model.tree, at, q + t * e)).R for t in (step, -step))
+            ahead, behind = (
+                frame_poses(model.tree, move(model.tree, at, q + t * e)).R for t in (step, -step)
+            )
             spin = (ahead - behind) / (2.0 * step) @ np.swapaxes(here, 1, 2)
             rate = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
             out.append(sum((here[f] @ h) @ rate[f] for f, h in frames))
@@ -298,7 +313,9 @@ def test_matrix_is_the_derivative_of_the_momentum(seed: int):
 
     some = rng.permutation(model.tree.size)[:6]
     step = 1e-4
-    da = np.array([(one_form(step * unit[i]) - one_form(-step * unit[i])) / (2.0 * step) for i in some]).T[some]
+    da = np.array([(one_form(step * unit[i]) - one_form(-step * unit[i])) / (2.0 * step) for i in some]).T[
+        some
+    ]
     exact = spinning_wheels(model, at, rest.environment).reduced(unit)
     assert np.array_equal(exact, -exact.T)
     scale = np.abs(exact).max()
@@ -318,14 +335,16 @@ class Dense:
         self.C = (P * d) @ P.T
 
     def correction(self, s: complex, x: np.ndarray) -> float:
-        """Newton's step on (s^2 M + s (G + C) + K) x = 0, relative to s; the residual in extended precision."""
+        """Newton's step on (s^2 M + s (G + C) + K) x = 0 over s; the residual in extended precision."""
         M, D, K = (np.asarray(matrix, dtype=np.longdouble) for matrix in (self.M, self.G + self.C, self.K))
         x = np.asarray(x, dtype=np.clongdouble)
         left = (s * s * (M @ x) + s * (D @ x) + K @ x).astype(complex)
         x = x.astype(complex)
         Q = s * s * self.M + s * (self.G + self.C) + self.K
         slope = (2.0 * s * self.M + self.G + self.C) @ x
-        step = np.linalg.solve(np.block([[Q, slope[:, None]], [x.conj()[None], np.zeros((1, 1))]]), [*-left, 0.0])
+        step = np.linalg.solve(
+            np.block([[Q, slope[:, None]], [x.conj()[None], np.zeros((1, 1))]]), [*-left, 0.0]
+        )
         return float(abs(step[-1]) / abs(s))
 
     def response(self, omega: float, B: np.ndarray) -> np.ndarray:
@@ -345,7 +364,7 @@ def turning_robot(seed: int, fastest: float = 3.5) -> tuple[Structure, Modes, De
 
 @pytest.mark.parametrize("seed", repeats(range(60), 3))
 def test_modes_of_any_structure(seed: int):
-    parts, modes, dense = turning_robot(seed)
+    _, modes, dense = turning_robot(seed)
     found = solve_gyroscopic_modes(modes)
     shapes = dense.free.part(found.shapes)
     moves = np.flatnonzero(found.omega > 0.0)

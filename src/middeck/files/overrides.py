@@ -109,9 +109,7 @@ def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]
     """
     table = bare(annotation)
     of_values = get_origin(table) is dict and not is_form(bare(get_args(table)[1]))
-    optional = of_values or (
-        is_form(table) and not any(f.is_required() for f in table.model_fields.values())
-    )
+    optional = of_values or (is_form(table) and not any(f.is_required() for f in table.model_fields.values()))
     for segment in segments:
         annotation = bare(annotation)
         key = _match(segment, None, annotation)

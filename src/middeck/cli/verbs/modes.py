@@ -11,6 +11,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
+    from middeck.structure.plants.gyroscopic import GyroscopicModes
     from middeck.structure.summary.summary import Summary
 
 EPILOG = """\
@@ -67,7 +68,9 @@ def verb(
     document = describe(modes, count, summary)
     later = [w for w in document["warnings"] if w not in summary.warnings]
     shown = document if as_json else {**document, "warnings": later}
-    if figure_file is not None:
+    if figure_file is not None and surroundings.spins:
+        figures.draw_whirls_to(_whirls(modes, count)[0], figure_file, _whirl_rows(document))
+    elif figure_file is not None:
         figures.draw_modes_to(modes, count, figure_file, _page_rows(document))
     show(as_json, shown, *_tables(document))
 
@@ -119,20 +122,11 @@ def _at_speed(document: dict[str, Any], modes: Modes, count: int) -> dict[str, A
     """The document with the modes at the wheels' speeds, and apart what it said of them at standstill."""
     import numpy as np
 
-    from middeck.errors import ConfigError
-    from middeck.structure.model.article import Damping
-    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
-
-    try:
-        found = solve_gyroscopic_modes(modes, count=count)
-        zeta, said = found.zeta.tolist(), found.warnings
-    except ConfigError:  # no ratios, as is said of those at standstill
-        found = solve_gyroscopic_modes(modes, Damping(), count=count)
-        zeta, said = [None] * len(found.s), found.warnings
+    found, damped = _whirls(modes, count)
     return {
         **{key: value for key, value in document.items() if key not in OF_MODES},
         "frequency_hz": found.frequency_hz,
-        "damping": zeta,
+        "damping": found.zeta.tolist() if damped else [None] * len(found.zeta),
         "sense": found.sense,
         "whirl": found.whirl,
         "kind": found.kind,
@@ -143,8 +137,20 @@ def _at_speed(document: dict[str, Any], modes: Modes, count: int) -> dict[str, A
             name: speed * 30.0 / np.pi for name, speed in modes.equilibrium.environment.wheel_speeds
         },
         "standstill": {key: document[key] for key in OF_MODES},
-        "warnings": tuple(dict.fromkeys((*document["warnings"], *said))),
+        "warnings": tuple(dict.fromkeys((*document["warnings"], *found.warnings))),
     }
+
+
+def _whirls(modes: Modes, count: int) -> tuple[GyroscopicModes, bool]:
+    """Modes at the wheels' speeds, and whether the article has a damping ratio for each."""
+    from middeck.errors import ConfigError
+    from middeck.structure.model.article import Damping
+    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
+
+    try:
+        return solve_gyroscopic_modes(modes, count=count), True
+    except ConfigError:
+        return solve_gyroscopic_modes(modes, Damping(), count=count), False
 
 
 def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
@@ -202,18 +208,22 @@ def _whirl_blocks(document: dict[str, Any]) -> list[str | Table]:
     """The modes at the wheels' speeds, if they spin."""
     if "standstill" not in document:
         return []
+    headers, *rows = _whirl_rows(document)
+    speeds = ", ".join(f"{name} {rpm:g}" for name, rpm in document["wheel_speed_rpm"].items())
+    return [
+        Table(f"modes with the wheels at their speeds, in rpm: {speeds}", ["", *headers[1:]], rows),
+        "\nwhirl: change of the frequency in per cent for 1 % more speed of all wheels;"
+        "\nforward: with the spin. Below, the same article with its wheels at standstill",
+    ]
+
+
+def _whirl_rows(document: dict[str, Any]) -> list[list[str]]:
+    """Headers, then one row a mode."""
     keys = ("frequency_hz", "damping", "sense", "whirl", "kind", "name")
-    rows = [
+    return [["mode", "frequency Hz", "damping %", "sense", "whirl", "kind", "name"], *(
         [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:z.3f}", way, f"{w:z.4f}" if way else "", k, n]
         for i, (f, z, way, w, k, n) in enumerate(zip(*(document[key] for key in keys), strict=True))
-    ]
-    speeds = ", ".join(f"{name} {rpm:g}" for name, rpm in document["wheel_speed_rpm"].items())
-    headers = ["", "frequency Hz", "damping %", "sense", "whirl", "kind", "name"]
-    return [
-        Table(f"modes with the wheels at their speeds, in rpm: {speeds}", headers, rows),
-        "\nwhirl: per cent of frequency for a per cent more speed, forward with the spin;"
-        "\nbelow, the same article with its wheels at standstill",
-    ]
+    )]  # fmt: skip
 
 
 def _modes_table(document: dict[str, Any]) -> Table:

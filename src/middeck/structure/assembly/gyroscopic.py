@@ -68,7 +68,9 @@ def check_speeds(model: Model, environment: Environment) -> None:
     wheels = [wheel.name for wheel in model.structure.wheels]
     for name, speed in environment.wheel_speeds:
         if name not in wheels or not np.isfinite(speed):
-            known = f"one of {', '.join(wheels)}" if wheels else "the article has no wheels: give it [[wheel]]"
+            known = (
+                f"one of {', '.join(wheels)}" if wheels else "the article has no wheels: give it [[wheel]]"
+            )
             raise ConfigError(
                 f"a speed of {speed:g} rad/s for wheel {name!r}",
                 where=f"environment {environment.title!r}",

@@ -80,8 +80,8 @@ def reduce_structure(
         raise ConfigError(
             f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
             where="reduction",
-            hint="take the wheels out here, and give them to the article that takes the component, at nodes of "
-            "the boundary",
+            hint="take the wheels out here, and give them to the article that takes the component, at its "
+            "boundary",
         )
     if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
         raise ConfigError(

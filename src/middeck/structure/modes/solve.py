@@ -75,9 +75,7 @@ class Modes:
         return self.omega / (2.0 * np.pi)
 
 
-def solve_modes(
-    equilibrium: Equilibrium, count: int | None = None, *, standstill: bool = False
-) -> Modes:
+def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstill: bool = False) -> Modes:
     """All modes of finite frequency about ``equilibrium``, or the ``count`` lowest of a large model.
 
     Where wheels spin, modes are complex: `solve_gyroscopic_modes` and `build_plant` find them from those
@@ -129,7 +127,7 @@ def solve_modes(
 def _spinning(environment: Environment) -> ConfigError:
     turning = ", ".join(name for name, speed in environment.wheel_speeds if speed != 0.0)
     return ConfigError(
-        f"wheels spin ({turning}): the modes are complex, and what asks for real ones leaves their momentum out",
+        f"wheels spin ({turning}): the modes are complex, and real ones leave the momentum out",
         where=f"environment {environment.title!r}",
         hint="modes, response, design and qualify take the momentum; for compare, budget, path, sensitivity, "
         "correlate and the rig set the speeds to zero; in Python solve_modes(rest, standstill=True), then "

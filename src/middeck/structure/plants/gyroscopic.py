@@ -14,6 +14,7 @@ frequency by the speed too, so that "forward" means both: with the spin, and fas
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -39,8 +40,7 @@ JOINED = 1e-10
 CLEAR = 1e-6
 """Part of a mode's frequency that the wheels make, from which on its whirl has a sense."""
 FAR = 4e-4
-"""Relative error of a frequency, by what is left out, that is warned about; near the last mode kept it is twice
-what is estimated, and a part in a thousand should not pass."""
+"""Estimated relative error of a frequency that is warned about; of the last modes kept it is half."""
 
 
 @record(kw_only=True)
@@ -86,6 +86,22 @@ class GyroscopicModes:
     def sense(self) -> tuple[str, ...]:
         """How the wheels' axes circle: "forward" with the spin, "backward" against it, "" not at all."""
         return tuple("" if abs(w) < CLEAR else "forward" if w > 0.0 else "backward" for w in self.whirl)
+
+    @property
+    def parts(self) -> Modes:
+        """For drawings: the real parts of the shapes, then the imaginary ones, as modes."""
+        called = [f"{name}, {way}" if way else name for name, way in zip(self.name, self.sense, strict=True)]
+        none = np.zeros(2 * len(called))
+        return dataclasses.replace(
+            self.standstill,
+            omega=np.tile(self.omega, 2),
+            shapes=np.hstack([np.real(self.shapes), np.imag(self.shapes)]),
+            kind=self.kind * 2,
+            name=(*called, *(f"{name}, a quarter of a period before" for name in called)),
+            rigid_share=none,
+            strain_share=none,
+            residual=none,
+        )
 
 
 def solve_gyroscopic_modes(
