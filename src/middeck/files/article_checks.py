@@ -399,8 +399,9 @@ def _wheels(data: Table) -> Iterator[Finding]:
               for _, t in tables(data, table)}  # fmt: skip
     in_component = {name for _, c in tables(data, "component") for name in table_of(c, "nodes").values()}
     for i, t in tables(data, "wheel"):
-        frame, axis, rotor = str(t.get("frame")), t.get("axis"), t.get("rotor_inertia_kg_m2")
-        if frame not in bodies or frame in in_component or not _is_vector(axis) or not any(axis):
+        frame, axis, rotor = str(t.get("frame")), array_of(t, "axis"), t.get("rotor_inertia_kg_m2")
+        known = frame in bodies and frame not in in_component
+        if not (known and _is_vector(axis) and any(axis) and rotor is not None and is_number(rotor)):
             continue
         try:
             own = np.zeros((3, 3)) if bodies[frame] is None else np.array(inertia_matrix(bodies[frame]))
@@ -408,7 +409,7 @@ def _wheels(data: Table) -> Iterator[Finding]:
             continue
         across = np.linalg.svd(np.array([axis], dtype=float))[2][1:].T
         least = float(np.linalg.eigvalsh(across.T @ own @ across)[0])
-        if is_number(rotor) and least < 0.5 * rotor * (1.0 - ROUNDING):
+        if least < 0.5 * rotor * (1.0 - ROUNDING):
             yield finding(
                 ("wheel", i, "rotor_inertia_kg_m2"),
                 f"a rotor has half of this across its axis or more, and frame {frame!r} has {least:g} kg m^2",

@@ -286,21 +286,21 @@ def _residual(modes: Modes, spin: Spin, basis: np.ndarray, d: np.ndarray, found:
 def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, ...]:
     """A warning where the modes beyond ``kept`` would move a frequency, by their flexibility at the wheels.
 
-    They give way to the torque f of a wheel by R f, which takes f^H R f from the stiffness of a mode.
+    They give way to the torques f of the wheels by R f, which takes f^H R f from the stiffness of a mode.
     """
     if _complete(modes, kept):
         return ()
     turn = spin.turn @ modes.shapes
     try:
         if _complete(modes, len(modes.omega)):
-            R = (turn[:, kept:] / modes.omega[kept:] ** 2) @ turn[:, kept:].T
+            gives = (turn[:, kept:] / modes.omega[kept:] ** 2) @ turn[:, kept:].T
         else:
             rows = spin.turn.toarray()
-            R = residual_flexibility(modes, rows, rows, kept)
+            gives = residual_flexibility(modes, rows, rows, kept)
     except NumericalError as error:
         return (f"what the modes beyond {kept} do to those of the spinning wheels is unknown: {error.what}",)
     f = spin.forces(turn[:, :kept] @ found.q) * found.s
-    taken = np.real(np.einsum("im,im->m", f.conj(), R @ f))
+    taken = np.real(np.einsum("im,im->m", f.conj(), gives @ f))
     store = modes.omega[:kept] ** 2 @ np.abs(found.q) ** 2 + found.omega**2
     error = np.divide(taken, store, out=np.zeros_like(taken), where=store > 0.0)
     worst = int(np.argmax(error))
