@@ -367,7 +367,8 @@ def test_modes_of_any_structure(seed: int):
     _, modes, dense = turning_robot(seed)
     found = solve_gyroscopic_modes(modes)
     shapes = dense.free.part(found.shapes)
-    moves = np.flatnonzero(found.omega > 0.0)
+    # A rigid turn about a slanting hinge may come out at 1e-7 rad/s: rounding of the clamp's axes.
+    moves = np.flatnonzero(found.omega > 1e-5)
     # Rigid motions strain these matrices by rounding; the modes have none of that.
     rounding = 1e-13 * np.abs(dense.K).max() / found.omega[moves] ** 2
     steps = np.array([dense.correction(found.s[m], shapes[:, m]) for m in moves])
@@ -379,7 +380,8 @@ def test_modes_of_any_structure(seed: int):
     size = np.linalg.norm(both, axis=0)
     assert np.linalg.matrix_rank(both / size, tol=1e-6) == both.shape[1]
     # What is at zero moves without strain, or is held against momentum by strain alone.
-    assert np.abs(dense.K @ shapes[:, found.omega == 0.0]).max() < 1e-9 * np.abs(dense.K).max()
+    still = dense.K @ shapes[:, found.omega <= 1e-5]
+    assert np.abs(still).max(initial=0.0) < 1e-9 * np.abs(dense.K).max()
 
 
 @pytest.mark.parametrize("seed", repeats(range(60), 3))
@@ -388,7 +390,7 @@ def test_plant_of_any_structure(seed: int):
     parts, modes, dense = turning_robot(seed, 3.0)
     u, y = [a.name for a in parts.actuators], [*(f"{s.name}_rate" for s in parts.sensors[:2]), "acc"]
     plant = build_plant(modes, inputs=u, outputs=y, count=len(modes.omega))
-    hz = np.array([0.05, 0.7, 3.0, 11.0])
+    hz = np.array([0.2, 0.7, 3.0, 11.0])  # lower, rounding of K is felt beside rigid motions
     B = dense.free.part(input_rows(modes.equilibrium, u).force.T)
     rows = output_rows(modes.equilibrium, y)
     read = [dense.free.part(part.T).T for part in (rows.position, rows.rate, rows.acceleration)]
