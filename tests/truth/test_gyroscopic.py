@@ -444,6 +444,13 @@ def test_few_modes_of_a_large_article_warn_too():
     assert not solve_gyroscopic_modes(every, UNDAMPED, count=26).warnings  # all of them enter
 
 
+def test_no_rigid_mode_is_left_out():
+    parts, _ = satellite(np.random.default_rng(34), X)
+    modes = standstill(parts, spinning(Environment.orbit(), w=100.0))
+    with pytest.raises(ConfigError, match="5 modes kept of 6 rigid ones"):
+        build_plant(modes, inputs=[], outputs=[], count=5)
+
+
 def _plant_warning(modes: Modes) -> str:
     with pytest.warns(UserWarning, match="take more modes") as said:
         build_plant(modes, inputs=[], outputs=[], count=26, damping=UNDAMPED)

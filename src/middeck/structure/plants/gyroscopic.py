@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
-from middeck.errors import NumericalError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.gyroscopic import Spin, spinning_wheels
 from middeck.structure.model.article import Damping
@@ -113,7 +113,7 @@ def solve_gyroscopic_modes(
         damping: The article's by default. Its ratios are those of the modes at standstill: of what does not
             turn with a rotor. Beyond ``count`` the last of them holds.
 
-    With all wheels at rest these are ``modes``. Raises `ConfigError` where `estimate_damping` does.
+    With all wheels at rest these are ``modes``. Raises `ConfigError` if `estimate_damping` does.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     damped = estimate_damping(modes, damping, count=count)
@@ -288,6 +288,13 @@ def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, 
 
     They give way to the torques f of the wheels by R f, which takes f^H R f from the stiffness of a mode.
     """
+    rigid = int(np.sum(modes.omega == 0.0))
+    if kept < rigid:
+        raise ConfigError(
+            f"{kept} modes kept of {rigid} rigid ones, which the momentum of wheels joins",
+            where=f"environment {modes.equilibrium.environment.title!r}",
+            hint=f"keep {rigid} or more",
+        )
     if _complete(modes, kept):
         return ()
     turn = spin.turn @ modes.shapes

@@ -53,7 +53,7 @@ def build_plant(
             with frequency and has no place in a state space. `compare_static_gain` says what it is worth.
 
     Raises `ConfigError` for an unknown port, one name where several are asked for, a negative count, a torque
-    at a fixed axis, or ``static`` where rigid modes are left out.
+    at a fixed axis, or rigid modes left out where ``static`` is asked for or wheels spin.
     """
     for what, names in (("inputs", inputs), ("outputs", outputs), ("w", w), ("u", u), ("z", z), ("y", y)):
         require_names(names, what)
