@@ -208,6 +208,7 @@ from .structure.modes.solve import (
     Modes as Modes,
     solve_modes as solve_modes,
 )
+from .structure.plants.gyroscopic import solve_gyroscopic_modes as solve_gyroscopic_modes
 from .structure.plants.modal_plant import build_plant as build_plant
 from .structure.plants.residual import compare_static_gain as compare_static_gain
 from .structure.rest.equilibrium import (

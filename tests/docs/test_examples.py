@@ -112,6 +112,15 @@ def clamp_it_load_it(names: Names) -> None:
     assert set(names["modes"].kind) == {"flexible"}
 
 
+def spinning_wheels(names: Names) -> None:
+    """The first bending parts into a backward and a forward whirl, and the plant rings at both."""
+    modes = names["modes"]
+    assert modes.sense[:2] == ("backward", "forward")
+    assert modes.frequency_hz[0] < names["still"].frequency_hz[0] < modes.frequency_hz[1]
+    poles = np.sort(np.abs(np.linalg.eigvals(names["plant"].system.A))) / (2.0 * np.pi)
+    assert poles[:4:2] == pytest.approx(modes.frequency_hz[:2], rel=1e-9)
+
+
 def correlate_with_a_test(names: Names) -> None:
     """Frequencies fail and shapes agree; the table of chances; a file that comes back."""
     verdicts = {f.criterion.quantity.value: f.passed for f in names["found"].findings}
@@ -322,6 +331,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/level-an-article.md": level_an_article,
     "docs/how-to/see-the-shapes.md": see_the_shapes,
     "docs/how-to/clamp-it-load-it.md": clamp_it_load_it,
+    "docs/how-to/spinning-wheels.md": spinning_wheels,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
     "docs/how-to/find-what-matters.md": find_what_matters,
     "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,

@@ -31,6 +31,7 @@ FORMS: list[type[Form]] = [
     article_form.GimbalForm,
     article_form.RevoluteForm,
     article_form.ProofMassForm,
+    article_form.WheelForm,
     article_form.AttachForm,
     article_form.SuspensionForm,
     article_form.SpringForm,

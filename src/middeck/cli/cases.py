@@ -36,10 +36,15 @@ def solve_case(
     overrides: Sequence[str],
     count: int | None = None,
     case: str | None = None,
+    standstill: bool = False,
 ) -> Modes:
-    """Rest state and modes; of a large article the ``count`` lowest, with a few to spare."""
+    """Rest state and modes; of a large article the ``count`` lowest, with a few to spare.
+
+    Where wheels spin those at ``standstill``, for whoever adds their momentum.
+    """
     files = find_case(article, environment)
-    return solve_in(*apply_case(*load_setup(*files, overrides), case, *files), *files, count=count)
+    setup = apply_case(*load_setup(*files, overrides), case, *files)
+    return solve_in(*setup, *files, count=count, standstill=standstill)
 
 
 def apply_case(
@@ -50,7 +55,13 @@ def apply_case(
         return apply_load_case(structure, environment, case)
 
 
-def solve_in(structure: Structure, environment: Environment, *files: Path, count: int | None = None) -> Modes:
+def solve_in(
+    structure: Structure,
+    environment: Environment,
+    *files: Path,
+    count: int | None = None,
+    standstill: bool = False,
+) -> Modes:
     """The same for what has been read from ``files``, which errors then name.
 
     Beside what `solve_modes` says, the warnings of the modes tell what in the files can hardly be meant, and
@@ -61,7 +72,8 @@ def solve_in(structure: Structure, environment: Environment, *files: Path, count
         with reading(*files):
             rest = solve_equilibrium(structure, environment)
             few = count is not None and rest.model.tree.size > LARGE
-            modes = solve_modes(rest, count + SPARE if few and count is not None else None)
+            most = count + SPARE if few and count is not None else None
+            modes = solve_modes(rest, most, standstill=standstill)
     except MiddeckError as error:
         # A slipped unit shows as a mechanism or as no rest at all: what may be the cause comes first.
         error.hint = "; ".join([*doubts, *([error.hint] if error.hint else [])])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from middeck.report.shape_page import ShapePage
     from middeck.structure.gravity.comparison import ModeComparison
     from middeck.structure.modes.solve import Modes
+    from middeck.structure.plants.gyroscopic import GyroscopicModes
 
 SHAPES = (*FIGURES, ".html")
 MODES = (*SHAPES, ".vtu")
@@ -69,6 +71,32 @@ def draw_modes_to(modes: Modes, count: int, file: str, table: Sequence[Sequence[
         headers=tuple(table[0]),
         table=tuple(tuple(row) for row in table[1:]),
         warnings=modes.warnings,
+    )
+    _write_shapes(page, file)
+
+
+def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]]) -> None:
+    """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real one."""
+    from middeck.files.vtu import write_vtu
+    from middeck.plot.shapes import Shown
+    from middeck.report.shape_page import ShapePage
+    from middeck.structure.modes.drawn import draw_modes
+
+    moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
+    drawing = draw_modes(found.parts, [*moving, *(len(found.kind) + i for i in moving)])
+    drawing = dataclasses.replace(drawing, alike=(1,) * len(drawing.number))
+    if file.lower().endswith(".vtu"):
+        write_vtu(file, drawing)
+        return
+    page = ShapePage(
+        title=f"Modes of {drawing.title} in {drawing.environment}, wheels spinning",
+        drawings=(drawing,),
+        sides=("",),
+        rows=tuple((Shown(0, i),) for i in range(len(moving))),
+        headers=tuple(table[0]),
+        table=tuple(tuple(row) for row in table[1:]),
+        warnings=(*found.standstill.warnings, *found.warnings),
+        circling=True,
     )
     _write_shapes(page, file)
 

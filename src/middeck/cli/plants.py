@@ -15,6 +15,7 @@ from middeck.identification.plants.delays import merge_delays
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.delay_approximation import SAME_DELAY_S, approximate_delays
 from middeck.systems.plant import Plant
@@ -38,7 +39,7 @@ def article_plant(modes: Modes, count: int, wanted: Wanted) -> tuple[Plant, Band
     u = chosen(wanted.control, [a.name for a in structure.actuators], "--control")
     y = chosen(wanted.measure, [s.name for s in structure.sensors], "--measure")
     plant = build_plant(modes, inputs=u, outputs=y, count=count, w=u, u=u, z=y, y=y)
-    return plant, _band_around(modes.frequency_hz[:count])
+    return plant, _band_around(solve_gyroscopic_modes(modes, count=count).frequency_hz)
 
 
 def tell_warnings(modes: Modes) -> None:

@@ -80,7 +80,7 @@ def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
 
 
 def _article(source: str, environment: str, law: Law, count: int, overrides: Sequence[str]) -> Plant:
-    modes = solve_case(source, environment, overrides)
+    modes = solve_case(source, environment, overrides, standstill=True)
     tell_warnings(modes)
     structure = modes.equilibrium.model.structure
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))

@@ -30,6 +30,7 @@ from middeck.structure.model.article import (
     SensorKind,
     Spring,
     Structure,
+    Wheel,
 )
 from middeck.structure.model.section import MemberMass, Section, coupled_section, shifted_section
 
@@ -83,6 +84,7 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
         bushings=tuple(build_bushing(b) for b in form.bushing),
         load_cases=build_load_cases(form.load_case),
         components=tuple(build_component(c, folder) for c in form.component),
+        wheels=tuple(_wheel(w) for w in form.wheel),
     )
 
 
@@ -105,7 +107,8 @@ def default_ports(form: forms.ArticleForm) -> tuple[tuple[Actuator, ...], tuple[
     The wheel node gives ``bus_x``, ``bus_y``, ``bus_z``: torque on it and its inertial rotation about its own
     axes. A gimbal ``g`` gives ``g_in_x``, ``g_in_z``, the inertial rotation of its payload about the axes of
     the stage, and ``g_rel_x``, ``g_rel_z``, joint torques and angles. A revolute ``r`` gives ``r_rel``, a
-    proof mass ``p`` gives ``p_rel``: the force between it and its carrier, and how far it has slid.
+    proof mass ``p`` gives ``p_rel``: the force between it and its carrier, and how far it has slid. A wheel
+    ``w`` gives ``w``: torque of its motor on its frame about its axis, and the frame's rotation about that.
     """
     actuators: list[Actuator] = []
     sensors: list[Sensor] = []
@@ -122,6 +125,10 @@ def default_ports(form: forms.ArticleForm) -> tuple[tuple[Actuator, ...], tuple[
         ]
         sensors += [Sensor(name=f"{g.name}_rel_{a}", frame=f"{g.name}_{a}", axis=None) for a in "xz"]
         actuators += [Actuator(name=f"{g.name}_rel_{a}", frame=f"{g.name}_{a}", axis=None) for a in "xz"]
+    for wheel in form.wheel:
+        axis = np.array(wheel.axis) / np.linalg.norm(wheel.axis)
+        actuators.append(Actuator(name=wheel.name, frame=wheel.frame, axis=axis))
+        sensors.append(Sensor(name=wheel.name, frame=wheel.frame, axis=axis, axis_frame=wheel.frame))
     for joint in (*form.revolute, *form.proof_mass):
         sensors.append(Sensor(name=f"{joint.name}_rel", frame=joint.name, axis=None))
         actuators.append(Actuator(name=f"{joint.name}_rel", frame=joint.name, axis=None))
@@ -188,6 +195,11 @@ def _centred_section(form: forms.SectionForm, materials: dict[str, forms.Materia
         GA_z=form.GA_z_n or np.inf,
         mass=MemberMass(form.mass),
     )
+
+
+def _wheel(form: forms.WheelForm) -> Wheel:
+    axis = np.array(form.axis) / np.linalg.norm(form.axis)
+    return Wheel(name=form.name, frame=form.frame, axis=axis, inertia=form.rotor_inertia_kg_m2)
 
 
 def _body(mass: float, cg: tuple[float, ...], inertia: object, rotors_excluded: bool = False) -> Body:

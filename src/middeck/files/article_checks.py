@@ -32,6 +32,8 @@ INERTIA_KEYS = ("rho_A_kg_per_m", "rho_I_y_kg_m", "rho_I_z_kg_m")
 GENERAL_KEYS = (*STIFFNESS_KEYS, *SHEAR_KEYS, *INERTIA_KEYS[1:])
 AT_POINT = {"force": "a force", "accelerometer": "an accelerometer"}
 FORMS = {"node": NodeForm, "gimbal": GimbalForm, "revolute": RevoluteForm}
+# Tables of bodies: how keys of their inertia begin, and how names of their frames end.
+BODIES = (("node", "", ""), ("revolute", "", ""), ("gimbal", "stage_", "_x"), ("gimbal", "payload_", "_z"))
 # Decimal input of a flat body meets the triangle inequality with equality only to rounding.
 ROUNDING = 1e-9
 
@@ -49,6 +51,7 @@ def article_findings(data: Table) -> list[Finding]:
         *_axes(data),
         *_travels(data),
         *_proof_masses(data),
+        *_wheels(data),
         *_ports(data),
         *_attach(data),
         *_cycles(data),
@@ -100,6 +103,11 @@ def hanging_names(data: Table) -> list[str]:
     ends = {str(t.get(end)) for t in ties for end in ("from", "to")}
     own = set(map(str, array_of(table_of(data, "suspension"), "nodes")))
     return [name for name in attach_names(data) if name in own or name not in ends]
+
+
+def wheel_names(data: Table) -> list[str]:
+    """Names of the wheels."""
+    return [str(t["name"]) for _, t in tables(data, "wheel") if "name" in t]
 
 
 def _damped_names(data: Table) -> dict[str, list[str]]:
@@ -203,6 +211,7 @@ def _names(data: Table) -> Iterator[Finding]:
     yield from _twice(
         [(("component", i, "name"), t.get("name")) for i, t in tables(data, "component")], "component"
     )
+    yield from _twice([(("wheel", i, "name"), t.get("name")) for i, t in tables(data, "wheel")], "wheel")
     for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
         yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
@@ -218,6 +227,7 @@ def _default_ports(data: Table, kind: str) -> list[str]:
     for _, t in tables(data, "gimbal"):
         ports += [f"{t.get('name')}_rel_{a}" for a in "xz"]
         ports += [f"{t.get('name')}_in_{a}" for a in "xz"] if kind == "sensor" else []
+    ports += [str(t.get("name")) for _, t in tables(data, "wheel")]
     slides_or_turns = (*tables(data, "revolute"), *tables(data, "proof_mass"))
     return ports + [f"{t.get('name')}_rel" for _, t in slides_or_turns]
 
@@ -244,6 +254,7 @@ def _references(data: Table) -> Iterator[Finding]:
         ("revolute", "parent", frames, "frame"),
         ("proof_mass", "node", frames, "frame"),
         ("attach", "frame", frames, "frame"),
+        ("wheel", "frame", frames, "frame"),
         ("spring", "from", points, "attach point"),
         ("spring", "to", points, "attach point"),
         ("sensor", "axis_frame", frames, "frame"),
@@ -394,7 +405,7 @@ def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
 
 def _axes(data: Table) -> Iterator[Finding]:
     """Axis vectors must have a length; spring and target keys belong to one state each."""
-    for table in ("revolute", "proof_mass", "actuator", "sensor"):
+    for table in ("revolute", "proof_mass", "wheel", "actuator", "sensor"):
         for i, t in tables(data, table):
             if _is_vector(t.get("axis")) and not any(t["axis"]):
                 yield finding((table, i, "axis"), "must not be the zero vector", t["axis"])
@@ -440,6 +451,31 @@ def _proof_masses(data: Table) -> Iterator[Finding]:
                 "beside stiffness_n_per_m",
                 t["natural_hz"],
                 hint="leave out one of the two",
+            )
+
+
+def _wheels(data: Table) -> Iterator[Finding]:
+    """Across its axis a rotor has half of its inertia about it, or more: its frame's body has that too."""
+    bodies = {f"{t.get('name')}{end}": t.get(f"{part}inertia_kg_m2") for table, part, end in BODIES
+              for _, t in tables(data, table)}  # fmt: skip
+    in_component = {name for _, c in tables(data, "component") for name in table_of(c, "nodes").values()}
+    for i, t in tables(data, "wheel"):
+        frame, axis, rotor = str(t.get("frame")), array_of(t, "axis"), t.get("rotor_inertia_kg_m2")
+        known = frame in bodies and frame not in in_component
+        if not (known and _is_vector(axis) and any(axis) and rotor is not None and is_number(rotor)):
+            continue
+        try:
+            own = np.zeros((3, 3)) if bodies[frame] is None else np.array(inertia_matrix(bodies[frame]))
+        except ValueError:  # the form has refused it
+            continue
+        across = np.linalg.svd(np.array([axis], dtype=float))[2][1:].T
+        least = float(np.linalg.eigvalsh(across.T @ own @ across)[0])
+        if least < 0.5 * rotor * (1.0 - ROUNDING):
+            yield finding(
+                ("wheel", i, "rotor_inertia_kg_m2"),
+                f"a rotor has half of this across its axis or more, and frame {frame!r} has {least:g} kg m^2",
+                rotor,
+                hint="give the frame the rotor's mass and its inertia across the axis (inertia_kg_m2)",
             )
 
 

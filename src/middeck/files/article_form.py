@@ -187,6 +187,15 @@ class ProofMassForm(Form):
     travel_m: Interval | None = None
 
 
+class WheelForm(Form):
+    """A rotor on a frame: its inertia about the axis it spins about. How fast says the environment."""
+
+    name: Name
+    frame: str
+    axis: Vector
+    rotor_inertia_kg_m2: Positive
+
+
 class AttachForm(Form):
     """A named point of a frame."""
 
@@ -289,6 +298,7 @@ class ArticleForm(Form):
     gimbal: Annotated[tuple[GimbalForm, ...], Field(strict=False)] = ()
     revolute: Annotated[tuple[RevoluteForm, ...], Field(strict=False)] = ()
     proof_mass: Annotated[tuple[ProofMassForm, ...], Field(strict=False)] = ()
+    wheel: Annotated[tuple[WheelForm, ...], Field(strict=False)] = ()
     attach: Annotated[tuple[AttachForm, ...], Field(strict=False)] = ()
     spring: Annotated[tuple[SpringForm, ...], Field(strict=False)] = ()
     bushing: Annotated[tuple[BushingForm, ...], Field(strict=False)] = ()

@@ -15,7 +15,13 @@ from pydantic import ValidationError
 from middeck.errors import ConfigError
 from middeck.files import looks
 from middeck.files.article_build import build_structure
-from middeck.files.article_checks import article_findings, attach_names, hanging_names, node_names
+from middeck.files.article_checks import (
+    article_findings,
+    attach_names,
+    hanging_names,
+    node_names,
+    wheel_names,
+)
 from middeck.files.article_form import ArticleForm
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
@@ -244,7 +250,9 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
         c.place(finding)
         for c in checked
         if isinstance(c.form, EnvironmentForm)
-        for finding in joint_findings(c.form, attach_names(data), node_names(data), data["name"])
+        for finding in joint_findings(
+            c.form, attach_names(data), node_names(data), wheel_names(data), data["name"]
+        )
     ]
 
 

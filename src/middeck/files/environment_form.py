@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from middeck.files.boundary_form import ClampForm, GroundBushingForm, build_clamp, build_ground
 from middeck.files.faults import Finding, finding, nearest
-from middeck.files.form import Form, Name, NotNegative, Positive, Vector
+from middeck.files.form import Finite, Form, Name, NotNegative, Positive, Vector
 from middeck.joints.friction import Friction
 from middeck.structure.model.environment import (
     AnchoredSpring,
@@ -100,7 +100,10 @@ class AnchoredSpringForm(Form):
 
 
 class EnvironmentForm(Form):
-    """Where an article is; without ``[constants]`` there is no gravity."""
+    """Where an article is; without ``[constants]`` there is no gravity.
+
+    ``wheel_speed_rpm`` has the speeds of the article's wheels by name; those left out stand still.
+    """
 
     schema_: Literal[1] = Field(alias="schema")
     name: Name
@@ -110,10 +113,11 @@ class EnvironmentForm(Form):
     spring: Annotated[tuple[AnchoredSpringForm, ...], Field(strict=False)] = ()
     clamp: Annotated[tuple[ClampForm, ...], Field(strict=False)] = ()
     bushing: Annotated[tuple[GroundBushingForm, ...], Field(strict=False)] = ()
+    wheel_speed_rpm: dict[str, Finite] = Field(default_factory=dict)
 
 
 def joint_findings(
-    form: EnvironmentForm, attach_points: list[str], nodes: list[str], article: str
+    form: EnvironmentForm, attach_points: list[str], nodes: list[str], wheels: list[str], article: str
 ) -> list[Finding]:
     """Names in the environment that the article does not have."""
     used = [
@@ -126,6 +130,7 @@ def joint_findings(
     wanted = (
         (attach_points, "attach point", (*used, *devices, *springs, *bushings)),
         (nodes, "node", clamps),
+        (wheels, "wheel", [(("wheel_speed_rpm", name), name) for name in form.wheel_speed_rpm]),
     )
     return [
         finding(path, f"article {article!r} has no {kind} {name!r}", hint=nearest(name, known))
@@ -161,6 +166,7 @@ def build_environment(form: EnvironmentForm, attach: Sequence[str] = ()) -> Envi
         devices=devices,
         clamps=tuple(build_clamp(c) for c in form.clamp),
         bushings=tuple(build_ground(b) for b in form.bushing),
+        wheel_speeds=tuple((name, rpm * np.pi / 30.0) for name, rpm in form.wheel_speed_rpm.items()),
     )
 
 

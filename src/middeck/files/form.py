@@ -36,6 +36,7 @@ UNITS = {
     "_kg_per_m": "kg/m",
     "_m_s2": "m/s^2",
     "_rad_s": "rad/s",
+    "_rpm": "rpm",
     "_n_per_m": "N/m",
     "_ns_per_m": "N s/m",
     "_nm_per_rad": "N m/rad",

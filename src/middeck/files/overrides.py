@@ -16,7 +16,7 @@ import tomllib
 import warnings
 from collections.abc import Sequence
 from enum import Enum
-from typing import Any, cast
+from typing import Any, cast, get_args, get_origin
 
 from middeck.files.faults import Fault, nearest, raise_fault, raise_faults
 from middeck.files.form import Form, bare, child, is_form, keys_of, sheet_name
@@ -104,9 +104,13 @@ def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[Reach, P
 
 
 def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]) -> tuple[Reach, Path]:
-    """The same below a table that the document leaves out: settable if no key of it is required."""
+    """The same below a table that the document leaves out: settable if no key of it is required.
+
+    Of a table of values by name none is.
+    """
     table = bare(annotation)
-    optional = is_form(table) and not any(f.is_required() for f in table.model_fields.values())
+    of_values = get_origin(table) is dict and not is_form(bare(get_args(table)[1]))
+    optional = of_values or (is_form(table) and not any(f.is_required() for f in table.model_fields.values()))
     for segment in segments:
         annotation = bare(annotation)
         key = _match(segment, None, annotation)

@@ -42,6 +42,8 @@ class ShapePage:
         rows: Of each choice of mode the shape of every drawing, None where it has none.
         headers, table: A table of all modes under the pictures.
         warnings: Sentences that stand with it.
+        circling: Whether shapes are complex: real parts, then as many imaginary parts, a quarter of a period
+            before them.
     """
 
     title: str
@@ -51,6 +53,7 @@ class ShapePage:
     headers: tuple[str, ...] = ()
     table: tuple[tuple[str, ...], ...] = ()
     warnings: tuple[str, ...] = ()
+    circling: bool = False
 
 
 def render_shapes(page: ShapePage) -> str:
@@ -117,20 +120,20 @@ def _data(page: ShapePage) -> dict[str, Any]:
             }
             for label, d in zip(page.sides, page.drawings, strict=True)
         ],
-        "rows": [
-            [None if c is None else _cell(page.drawings[c.drawing], c, base) for c in row]
-            for row in page.rows
-        ],
+        "rows": [[None if c is None else _cell(page, c, base) for c in row] for row in page.rows],
     }
 
 
-def _cell(drawing: Drawing, shown: Shown, base: np.ndarray) -> dict[str, Any]:
+def _cell(page: ShapePage, shown: Shown, base: np.ndarray) -> dict[str, Any]:
+    drawing = page.drawings[shown.drawing]
     motion = drawing.motion[shown.shape]
-    largest = max(float(np.linalg.norm(motion, axis=1).max(initial=0.0)), 1e-300)
+    before = drawing.motion[shown.shape + len(drawing.number) // 2] if page.circling else 0.0 * motion
+    largest = max(float(np.linalg.norm(np.hstack([motion, before]), axis=1).max(initial=0.0)), 1e-300)
     return {
         "text": label_of(drawing, shown.shape).replace("\n", ", "),
         "hz": float(f"{drawing.frequency_hz[shown.shape]:.5g}"),
         "motion": _whole(shown.sign * motion @ base.T / largest * MOTION_STEPS),
+        "quarter": _whole(before @ base.T / largest * MOTION_STEPS) if page.circling else None,
         "strain": _whole(100.0 * drawing.strain[shown.shape]),
     }
 

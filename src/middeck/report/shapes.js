@@ -46,13 +46,14 @@
     const project = projection(), unit = 0.82 * Math.min(wide, high) * zoom, count = side.points.length / 3;
     const place = (x, y, z) => { const [u, v] = project(x, y, z); return [wide / 2 + unit * u, high / 2 - unit * v]; };
     const rest = new Float64Array(2 * count), moved = new Float64Array(2 * count), value = new Float64Array(count);
-    const by = cell ? Math.sin(phase) * scale.value * data.reach / motions : 0;
+    const by = cell ? scale.value * data.reach / motions : 0, now = by * Math.sin(phase), before = by * Math.cos(phase);
+    const none = [0, 0, 0], at = (motion, i) => motion ? [0, 1, 2].map(k => motion[3 * i + k]) : none;
     for (let i = 0; i < count; i++) {
       const p = [0, 1, 2].map(k => side.points[3 * i + k] / places);
       [rest[2 * i], rest[2 * i + 1]] = place(...p);
-      const d = cell ? [0, 1, 2].map(k => cell.motion[3 * i + k]) : [0, 0, 0];
-      [moved[2 * i], moved[2 * i + 1]] = place(...p.map((x, k) => x + by * d[k]));
-      value[i] = Math.hypot(...d) / motions;
+      const d = at(cell && cell.motion, i), e = at(cell && cell.quarter, i);
+      [moved[2 * i], moved[2 * i + 1]] = place(...p.map((x, k) => x + now * d[k] + before * e[k]));
+      value[i] = Math.hypot(...d, ...e) / motions;
     }
     const stroke = (at, first, end) => {
       pen.moveTo(at[2 * first], at[2 * first + 1]);

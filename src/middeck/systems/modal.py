@@ -118,6 +118,23 @@ def modal_to_statespace(modal: ModalSystem) -> StateSpace:
     return StateSpace(A, B, C, rows.direct)
 
 
+def couple_rates(modal: ModalSystem, coupling: Float[np.ndarray, "mode mode"]) -> StateSpace:
+    """`modal_to_statespace` of modes with the forces -coupling q' between them, skew if wheels make them.
+
+    >>> free = ModalSystem(omega=[0.0, 0.0], zeta=[0.0, 0.0], psi=np.eye(2), phi=np.eye(2),
+    ...     phi_rate=np.zeros((2, 2)), names=("x", "y"))
+    >>> A = couple_rates(free, np.array([[0.0, 3.0], [-3.0, 0.0]])).A           # a nutation at 3 rad/s
+    >>> np.abs(np.linalg.eigvals(A)).max().round(9)
+    np.float64(3.0)
+    """
+    plain, scale = modal_to_statespace(modal), rate_scale(modal)
+    A, C = plain.A.copy(), plain.C.copy()
+    A[1::2, 1::2] -= coupling * scale / scale[:, None]
+    if modal.phi_acceleration is not None:
+        C[:, 1::2] -= modal.phi_acceleration @ coupling * scale
+    return StateSpace(A, plain.B, C, plain.D)
+
+
 def rate_scale(modal: ModalSystem) -> Float[np.ndarray, " mode"]:
     """The factor s in the second state q'/s: omega, or one for a rigid mode."""
     return np.where(modal.omega > 0.0, modal.omega, 1.0)

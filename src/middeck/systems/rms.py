@@ -306,7 +306,7 @@ def _probes(
     """Test lines of a pole sum, across the band and at its four strongest resonances, and their weights."""
     low = band[0] or 1e-4 * band[1]
     lines = np.geomspace(low, band[1], 6)
-    damping = np.maximum(np.abs(np.real(values)), 1e-300)
+    damping = np.maximum(np.abs(np.real(values)), 1e-150)  # below, the ratio may overflow
     inside = (np.imag(values) > low) & (np.imag(values) < band[1])
     strongest = np.argsort(-np.where(inside, weight / damping, 0.0))[: min(4, int(inside.sum()))]
     probe = np.concatenate([lines, np.imag(values)[strongest]])

@@ -107,7 +107,7 @@ def _in_environment(
             attitude = estimate_attitude(rest)
             numbers = attitude_numbers(attitude)
             found += [_doubt(d.what, d.where, d.hint) for d in doubt_attitude(attitude, environment)]
-        modes = solve_modes(rest, COUNT)
+        modes = solve_modes(rest, COUNT, standstill=True)
         found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
     except NumericalError as error:
         found.append({"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint})

@@ -107,7 +107,9 @@ def verb(
         from middeck.cli.cases import solve_case
         from middeck.cli.plants import article_plant
 
-        plant, band_hz = article_plant(solve_case(sources[0], environment, overrides), count, wanted)
+        plant, band_hz = article_plant(
+            solve_case(sources[0], environment, overrides, standstill=True), count, wanted
+        )
     else:
         fitted = _fitted_plant(sources, settings, wanted)
         plant, band_hz, warnings = fitted.plant, fitted.band_hz, fitted.warnings

@@ -11,6 +11,7 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
+    from middeck.structure.plants.gyroscopic import GyroscopicModes
     from middeck.structure.summary.summary import Summary
 
 EPILOG = """\
@@ -19,6 +20,11 @@ Examples:
   middeck modes articles/mace-simple.toml --figure modes.html -o shapes.unv
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
+# What the document says of modes one by one.
+OF_MODES = (
+    *("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share", "most_strained"),
+    *("mesh_error", "mode_residual", "residual"),
+)
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
 HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
 
@@ -52,7 +58,8 @@ def verb(
 
     First its mass, centre of mass and inertia; with the modes the reactions of the suspension and of clamps,
     the torques that hold the joints, and how far the nodes turn. Of a load case that is applied the masses
-    count as the article's.
+    count as the article's. Where wheels spin, the modes are those at their speeds, forward and backward;
+    those at standstill stand below them.
     """
     from middeck.cli.blame import reading
     from middeck.cli.cases import apply_case, find_case, solve_in
@@ -66,11 +73,13 @@ def verb(
         summary = summarise(structure)
     if not as_json:  # at once: what is wrong with it shows here, whatever becomes of the solution
         show(False, {"warnings": summary.warnings}, *summary_lines(summary_numbers(summary)))
-    modes = solve_in(structure, surroundings, *files, count=count)
+    modes = solve_in(structure, surroundings, *files, count=count, standstill=True)
     document = describe(modes, count, summary)
     later = [w for w in document["warnings"] if w not in summary.warnings]
     shown = document if as_json else {**document, "warnings": later}
-    if figure_file is not None:
+    if figure_file is not None and surroundings.spins:
+        figures.draw_whirls_to(_whirls(modes, count)[0], figure_file, _whirl_rows(document))
+    elif figure_file is not None:
         figures.draw_modes_to(modes, count, figure_file, _page_rows(document))
     if shapes_file is not None:
         _write_shapes(modes, count, shapes_file)
@@ -79,9 +88,13 @@ def verb(
 
 def _write_shapes(modes: Modes, count: int, file: str) -> None:
     """Motions of the nodes alone: a universal file has no place for the angle of a joint."""
+    from middeck.errors import ConfigError
     from middeck.files.measured_modes import write_measured_modes
     from middeck.structure.correlation.measured_modes import AXES, measure_modes
 
+    if modes.equilibrium.environment.spins:
+        hint = "an environment whose wheels stand still"
+        raise ConfigError("shapes of modes that whirl are not written yet", where=file, hint=hint)
     structure = modes.equilibrium.model.structure
     at = [(node.name, way) for node in structure.nodes for way in AXES]
     flexible = [i for i, kind in enumerate(modes.kind[:count]) if kind != "rigid"]
@@ -101,7 +114,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     rest = modes.equilibrium
     suspension, environment = rest.suspension, rest.environment
     joints = [j for j in rest.model.structure.joints if j.state.value in HELD_BY]  # no modal coordinates
-    return {
+    document = {
         "schema": "middeck.modes/1",
         "article": rest.model.structure.title,
         "environment": environment.title,
@@ -128,6 +141,42 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
             {"at": r.at, "force_n": r.force, "moment_nm": r.moment} for r in rest.reactions
         ],
     }
+    return _at_speed(document, modes, count) if environment.spins else document
+
+
+def _at_speed(document: dict[str, Any], modes: Modes, count: int) -> dict[str, Any]:
+    """The document with the modes at the wheels' speeds, and apart what it said of them at standstill."""
+    import numpy as np
+
+    found, damped = _whirls(modes, count)
+    return {
+        **{key: value for key, value in document.items() if key not in OF_MODES},
+        "frequency_hz": found.frequency_hz,
+        "damping": found.zeta.tolist() if damped else [None] * len(found.zeta),
+        "sense": found.sense,
+        "whirl": found.whirl,
+        "kind": found.kind,
+        "name": found.name,
+        "mode_residual": found.residual,
+        "residual": float(found.residual.max()),
+        "wheel_speed_rpm": {
+            name: speed * 30.0 / np.pi for name, speed in modes.equilibrium.environment.wheel_speeds
+        },
+        "standstill": {key: document[key] for key in OF_MODES},
+        "warnings": tuple(dict.fromkeys((*document["warnings"], *found.warnings))),
+    }
+
+
+def _whirls(modes: Modes, count: int) -> tuple[GyroscopicModes, bool]:
+    """Modes at the wheels' speeds, and whether the article has a damping ratio for each."""
+    from middeck.errors import ConfigError
+    from middeck.structure.model.article import Damping
+    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
+
+    try:
+        return solve_gyroscopic_modes(modes, count=count), True
+    except ConfigError:
+        return solve_gyroscopic_modes(modes, Damping(), count=count), False
 
 
 def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
@@ -143,14 +192,16 @@ def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, .
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
+    still = document.get("standstill", document)
     blocks: list[str | Table] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}",
         f"residual     {_imbalance(document)}",
-        _modes_table(document),
+        *_whirl_blocks(document),
+        _modes_table(still),
         "\nrigid: part of the motion that strains nothing when the article is free;"
         "\nstrain: part of the energy",
-        _parts_table(document),
+        _parts_table(still),
     ]
     if document["reactions_n"]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
@@ -187,6 +238,28 @@ def _if_any(title: str, headers: list[str], rows: list[list[str]], none: str) ->
     """The table, or a sentence where all its numbers are zero."""
     some = any(float(cell) != 0.0 for row in rows for cell in row[1:])
     return [Table(title, headers, rows) if some else f"\n{title}: {none}"]
+
+
+def _whirl_blocks(document: dict[str, Any]) -> list[str | Table]:
+    """The modes at the wheels' speeds, if they spin."""
+    if "standstill" not in document:
+        return []
+    headers, *rows = _whirl_rows(document)
+    speeds = ", ".join(f"{name} {rpm:g}" for name, rpm in document["wheel_speed_rpm"].items())
+    return [
+        Table(f"modes with the wheels at their speeds, in rpm: {speeds}", ["", *headers[1:]], rows),
+        "\nwhirl: change of the frequency in per cent for 1 % more speed of all wheels;"
+        "\nforward: with the spin. Below, the same article with its wheels at standstill",
+    ]
+
+
+def _whirl_rows(document: dict[str, Any]) -> list[list[str]]:
+    """Headers, then one row a mode."""
+    keys = ("frequency_hz", "damping", "sense", "whirl", "kind", "name")
+    return [["mode", "frequency Hz", "damping %", "sense", "whirl", "kind", "name"], *(
+        [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:z.3f}", way, f"{w:z.4f}" if way else "", k, n]
+        for i, (f, z, way, w, k, n) in enumerate(zip(*(document[key] for key in keys), strict=True))
+    )]  # fmt: skip
 
 
 def _modes_table(document: dict[str, Any]) -> Table:

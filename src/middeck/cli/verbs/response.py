@@ -81,7 +81,7 @@ def verb(
     from middeck.structure.plants.residual import compare_static_gain
     from middeck.systems.response import evaluate_plant
 
-    modes = solve_case(article, environment, overrides, count)
+    modes = solve_case(article, environment, overrides, count, standstill=True)
     u, y = options.separate_names(inputs), options.separate_names(outputs)
     with reading(find_case(article, environment)[0]):
         plant = build_plant(modes, inputs=u, outputs=y, count=count, static=static)
@@ -101,11 +101,12 @@ def verb(
 
 def _draw(plant: Plant, modes: Modes, asked_hz: np.ndarray, file: str) -> None:
     from middeck.plot.response import response_figure, response_lines
-    from middeck.structure.plants.damping import estimate_damping
+    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
     from middeck.systems.response import evaluate_plant
 
     rest = modes.equilibrium
-    lines = response_lines(asked_hz, modes.frequency_hz, estimate_damping(modes).zeta)
+    found = solve_gyroscopic_modes(modes)
+    lines = response_lines(asked_hz, found.frequency_hz, found.zeta)
     title = f"{rest.model.structure.title} in {rest.environment.title}"
     figures.write_figure(
         response_figure(evaluate_plant(plant, lines), evaluate_plant(plant, asked_hz), title),

@@ -1,4 +1,4 @@
-"""The parts of a test article: nodes, members, joints, springs, attach points, actuators and sensors.
+"""The parts of a test article: nodes, members, joints, springs, wheels, actuators and sensors.
 
 Gravity, cables and devices are not here: they belong to the `Environment`. All positions are in the world
 frame W of the undeformed state (x, y up, z = x cross y), in metres; a node frame is parallel to W there.
@@ -128,6 +128,27 @@ class Joint:
 def held_angle(joint: Joint) -> float:
     """Angle [rad] at which statics begin: the command of a driven axis, else the nominal one."""
     return joint.target if joint.state is JointState.DRIVEN else joint.angle
+
+
+@record(kw_only=True)
+class Wheel:
+    """A rotor that spins about an axis fixed to a frame; how fast is a matter of the `Environment`.
+
+    Attributes:
+        name: Its own name.
+        frame: What carries its bearings: a node, or the body of a joint.
+        axis: Unit vector of its spin, frame axes; a positive speed is by the right hand about it.
+        inertia: Of the rotor about the axis [kg m^2].
+
+    Only its momentum is here. Its mass and its inertia across the axis are in the frame's body; its inertia
+    about the axis too if a drive holds its speed, and not if its motor leaves it free, as that of a torque
+    wheel does (``rotors_excluded``).
+    """
+
+    name: str
+    frame: str
+    axis: Inexact[np.ndarray, "3"]
+    inertia: float
 
 
 @record
@@ -383,6 +404,7 @@ class Structure:
     load_cases: tuple[LoadCase, ...] = ()
     components: tuple[Component, ...] = ()
     links: tuple[AnyLink, ...] = ()
+    wheels: tuple[Wheel, ...] = ()
 
     @cached_property
     def mass(self) -> float:

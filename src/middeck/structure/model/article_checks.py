@@ -34,6 +34,7 @@ def check_structure(structure: Structure) -> None:
         *_axes(structure),
         *_travels(structure),
         *_ties_and_loads(structure),
+        *_wheels(structure),
         *(fault for component in structure.components for fault in component_faults(component)),
     ]
     joints = {joint.name for joint in structure.joints}
@@ -60,6 +61,7 @@ def _twice(structure: Structure) -> Iterator[str]:
         "load case": structure.load_cases,
         "component": structure.components,
         "link": structure.links,
+        "wheel": structure.wheels,
     }
     for kind, parts in groups.items():
         count = Counter(part.name for part in parts)
@@ -87,6 +89,7 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
     uses += [("mass", m.name, "frame", m.frame, carriers) for m in structure.masses]
     uses += [("load", p.name, "frame", p.frame, carriers) for p in structure.loads]
     uses += [("link", k.name, "frame", f, carriers) for k in structure.links for f in k.frames]
+    uses += [("wheel", w.name, "frame", w.frame, carriers) for w in structure.wheels]
     uses += [("component", c.name, "frame", f, carriers) for c in structure.components for f in c.frames]
     for port in (*structure.actuators, *structure.sensors):
         kind, known = ("joint", joints) if port.axis is None else ("frame", carriers)
@@ -165,6 +168,7 @@ def _stations(structure: Structure) -> Iterator[str]:
 
 def _axes(structure: Structure) -> Iterator[str]:
     axes = [("joint", j.name, j.axis) for j in structure.joints]
+    axes += [("wheel", w.name, w.axis) for w in structure.wheels]
     axes += [
         ("port", p.name, p.axis) for p in (*structure.actuators, *structure.sensors) if p.axis is not None
     ]
@@ -181,6 +185,27 @@ def _ties_and_loads(structure: Structure) -> Iterator[str]:
     for load in structure.loads:
         if not np.all(np.isfinite([*load.force, *load.moment, *load.offset])):
             yield f"load {load.name!r} has a force, a moment or an offset that is not a number"
+
+
+def _wheels(structure: Structure) -> Iterator[str]:
+    """Across its axis a rotor has half of its inertia about it, or more, and its frame's body has that too.
+
+    Without it a momentum would act on a motion without mass.
+    """
+    for wheel in structure.wheels:
+        if not (np.isfinite(wheel.inertia) and wheel.inertia > 0.0):
+            yield f"wheel {wheel.name!r} has an inertia of {wheel.inertia} kg m^2: positive and finite"
+    parts = {part.name: part.body.inertia for part in (*structure.nodes, *structure.joints)}
+    elsewhere = {frame for component in structure.components for frame in component.frames}
+    for frame in dict.fromkeys(w.frame for w in structure.wheels if w.frame in parts):
+        own = [w for w in structure.wheels if w.frame == frame]
+        across = sum(0.5 * w.inertia * (np.eye(3) - np.outer(w.axis, w.axis)) for w in own)
+        left = np.linalg.eigvalsh(parts[frame] - across)
+        if frame not in elsewhere and left[0] < -UNIT_ERROR * np.abs(across).max():
+            yield (
+                f"wheel {own[0].name!r}: the body of frame {frame!r} has less inertia than its rotors have "
+                "across their axes, half of that about them or more"
+            )
 
 
 def _travels(structure: Structure) -> Iterator[str]:

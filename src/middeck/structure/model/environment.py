@@ -170,7 +170,8 @@ class Environment:
 
     ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
     ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes
-    outright. Raises `ConfigError` where two devices have one name, or two supports.
+    outright. ``wheel_speeds`` are (wheel, speed [rad/s]) of the article's wheels that spin. Raises
+    `ConfigError` where two devices have one name, or two supports, and for two speeds of one wheel.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -183,6 +184,7 @@ class Environment:
     devices: tuple[Device, ...] = ()
     clamps: tuple[Clamp, ...] = ()
     bushings: tuple[GroundBushing, ...] = ()
+    wheel_speeds: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         names = [device.name for device in self.hung]
@@ -201,6 +203,19 @@ class Environment:
                     where=f"environment {self.title!r}",
                     hint="each bushing needs a name of its own, which no clamped node has",
                 )
+        turning = [name for name, _ in self.wheel_speeds]
+        for name in turning:
+            if turning.count(name) > 1:
+                raise ConfigError(
+                    f"two speeds of wheel {name!r}",
+                    where=f"environment {self.title!r}",
+                    hint="one speed [rad/s] for each",
+                )
+
+    @property
+    def spins(self) -> bool:
+        """Whether any wheel turns."""
+        return any(speed != 0.0 for _, speed in self.wheel_speeds)
 
     @property
     def hung(self) -> tuple[Device, ...]:

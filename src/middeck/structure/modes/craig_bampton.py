@@ -73,9 +73,16 @@ def reduce_structure(
         recover: Nodes whose motion the component's outputs give.
         name: Of the component; by default ``component``.
 
-    The component's own axes are those of W. Raises `ConfigError` for what the article does not have, and for
-    both or none of ``count`` and ``upto_hz``.
+    The component's own axes are those of W. Raises `ConfigError` for what the article does not have, for
+    both or none of ``count`` and ``upto_hz``, and for wheels: a component has no momentum.
     """
+    if structure.wheels:
+        raise ConfigError(
+            f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
+            where="reduction",
+            hint="take the wheels out here, and give them to the article that takes the component, at its "
+            "boundary",
+        )
     if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
         raise ConfigError(
             f"{count} modes up to {upto_hz} Hz",

@@ -14,6 +14,7 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.model.environment import Environment
 from middeck.structure.modes.diagnosis import (
     beyond_travel,
     buckling_member,
@@ -75,8 +76,11 @@ class Modes:
         return self.omega / (2.0 * np.pi)
 
 
-def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
+def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstill: bool = False) -> Modes:
     """All modes of finite frequency about ``equilibrium``, or the ``count`` lowest of a large model.
+
+    Where wheels spin, modes are complex: `solve_gyroscopic_modes` and `build_plant` find them from those
+    with the wheels at rest, which only ``standstill`` gives; `ConfigError` without it.
 
     Raises `EquilibriumError` when the equilibrium was not reached and `UnstableEquilibriumError` when a mode
     grows. In an environment that holds the article, a mode is of kind "suspension" where half or more of its
@@ -85,6 +89,8 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
     """
     if count is not None and (count != int(count) or count < 1):
         raise ConfigError(f"{count} modes", where="count", hint="a whole number from 1, or None for all")
+    if equilibrium.environment.spins and not standstill:
+        raise _spinning(equilibrium.environment)
     if not equilibrium.converged:
         raise _not_at_rest(equilibrium)
     K, M, lam, shapes, rigid = _solve(equilibrium, count)
@@ -118,6 +124,17 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None) -> Modes:
         residual=residual,
         rigid_residual=rigid_residual,
         warnings=warnings,
+    )
+
+
+def _spinning(environment: Environment) -> ConfigError:
+    turning = ", ".join(name for name, speed in environment.wheel_speeds if speed != 0.0)
+    return ConfigError(
+        f"wheels spin ({turning}): the modes are complex, and real ones leave the momentum out",
+        where=f"environment {environment.title!r}",
+        hint="modes, response, design and qualify take the momentum; for compare, budget, path, sensitivity, "
+        "correlate and the rig set the speeds to zero; in Python solve_modes(rest, standstill=True), then "
+        "solve_gyroscopic_modes or build_plant",
     )
 
 
@@ -202,6 +219,7 @@ def _signs(M: sp.csr_array, shapes: np.ndarray) -> np.ndarray:
 def _check_stable(
     equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, names: tuple[str, ...]
 ) -> None:
+    environment = equilibrium.environment
     for m, (value, name) in enumerate(zip(lam, names, strict=True)):
         if value < 0.0:
             member = buckling_member(equilibrium, shapes[:, m])
@@ -209,7 +227,8 @@ def _check_stable(
             raise UnstableEquilibriumError(
                 f"the rest state is not stable: mode {name!r} grows at {np.sqrt(-value):.4g} rad/s{buckles}",
                 hint="is a payload above its axes, an attach point below the centre of mass, a member "
-                "buckled? lower gravity, spring the axis or move the attach points",
+                "buckled? lower gravity, spring the axis or move the attach points"
+                + ("; what spinning wheels alone hold, the least damping lets go" * environment.spins),
                 growth=float(np.sqrt(-value)),
                 mode=name,
                 member=member,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 from collections.abc import Sequence
 
@@ -9,13 +10,17 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
+from middeck.structure.assembly.gyroscopic import Spin, spinning_wheels
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.gyroscopic import momentum_warnings
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual import residual_flexibility
-from middeck.systems.modal import ModalSystem
+from middeck.systems.inert_modes import inert_modes
+from middeck.systems.modal import ModalSystem, couple_rates, select_modes
 from middeck.systems.plant import Plant
+from middeck.systems.statespace import StateSpace
 
 
 def build_plant(
@@ -37,6 +42,9 @@ def build_plant(
     [m/s^2] reads acceleration and, under gravity, g times tilt, as a change from `accelerometer_offset`; its
     direct term is that of the kept modes.
 
+    Where wheels spin in the environment of ``modes``, their momentum couples the modes: the plant is a state
+    space in the coordinates (q, q'/omega) of the modes at standstill, without those in no transfer function.
+
     Args:
         count: Modes kept.
         damping: The article's by default; what it says and does not say of these modes is warned about.
@@ -45,7 +53,7 @@ def build_plant(
             with frequency and has no place in a state space. `compare_static_gain` says what it is worth.
 
     Raises `ConfigError` for an unknown port, one name where several are asked for, a negative count, a torque
-    at a fixed axis, or ``static`` where rigid modes are left out.
+    at a fixed axis, or rigid modes left out where ``static`` is asked for or wheels spin.
     """
     for what, names in (("inputs", inputs), ("outputs", outputs), ("w", w), ("u", u), ("z", z), ("y", y)):
         require_names(names, what)
@@ -55,9 +63,10 @@ def build_plant(
     shapes = modes.shapes[:, :count]
     drive, read = input_rows(equilibrium, inputs), output_rows(equilibrium, outputs)
     damped = estimate_damping(modes, damping, count=count)
-    for text in damped.warnings:
+    spin = spinning_wheels(equilibrium.model, equilibrium.config, equilibrium.environment)
+    for text in (*damped.warnings, *momentum_warnings(modes, spin, damped.zeta)):
         warnings.warn(text, UserWarning, stacklevel=2)
-    dynamics = ModalSystem(
+    modal = ModalSystem(
         omega=modes.omega[:count],
         zeta=damped.zeta,
         psi=(drive.force @ shapes).T,
@@ -68,7 +77,7 @@ def build_plant(
         direct=residual_flexibility(modes, drive.force, read.position, count) if static else None,
     )
     return Plant(
-        dynamics=dynamics,
+        dynamics=_turning(modal, spin, spin.turn @ shapes) if spin.turns else modal,
         inputs=drive.ports,
         outputs=read.ports,
         w=tuple(w),
@@ -76,3 +85,13 @@ def build_plant(
         z=tuple(z),
         y=tuple(y),
     )
+
+
+def _turning(modal: ModalSystem, spin: Spin, turn: np.ndarray) -> StateSpace:
+    """The modes joined by spinning wheels, which sense and act at the ``turn`` of their frames."""
+    wheels = dataclasses.replace(
+        modal, psi=turn.T, phi=np.zeros_like(turn), phi_rate=turn, phi_acceleration=None, direct=None
+    )
+    heard = ~(inert_modes(modal) & inert_modes(wheels))
+    turn = turn[:, heard]
+    return couple_rates(select_modes(modal, heard), turn.T @ spin.forces(turn))

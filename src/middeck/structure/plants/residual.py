@@ -101,9 +101,14 @@ def compare_static_gain(
     """Error of low-frequency gains without the modes beyond ``count``, without and with the residual.
 
     At 0 Hz; where there are rigid modes, at a tenth of the lowest frequency that is not zero, or at
-    ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes and where `residual_flexibility` does,
-    `NumericalError` at a resonance.
+    ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes, for wheels that spin and where
+    `residual_flexibility` does, `NumericalError` at a resonance.
     """
+    if modes.equilibrium.environment.spins:
+        raise ConfigError(
+            "wheels spin, whose momentum the comparison of static gains leaves out",
+            hint="leave it out (--static), or set the speeds to zero",
+        )
     frequency_hz = _low_frequency(modes) if frequency_hz is None else frequency_hz
     if modes.kind[:1] == ("rigid",) and not frequency_hz > 0.0:
         raise ConfigError("a free structure has no gain at 0 Hz", hint="a frequency_hz above zero")

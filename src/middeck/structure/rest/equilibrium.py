@@ -10,6 +10,7 @@ from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_states
+from middeck.structure.assembly.gyroscopic import check_speeds
 from middeck.structure.assembly.linked import check_links, link_warnings, static_freedom
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
@@ -102,6 +103,7 @@ def solve_equilibrium(
     model = mesh_structure(structure, environment.clamps)
     check_environment(environment)
     check_links(model)
+    check_speeds(model, environment)
     _check_idle(environment)
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
