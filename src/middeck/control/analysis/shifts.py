@@ -52,8 +52,8 @@ def find_allowed_shifts(
     rate count too.
 
     Marches outwards in steps of ``step`` up to ``most`` with eigenvalues (delays by an approximation of high
-    order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``, a
-    fraction of the damping ratio by default, may be stepped over.
+    order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``
+    (relative change of frequency) may be stepped over.
 
     Args:
         modes: None: all oscillating modes that are controllable or observable. Modes of a state space without
