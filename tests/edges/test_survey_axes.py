@@ -124,3 +124,14 @@ def test_per_cent_and_rigid_modes_are_said(tmp_path: Path) -> None:
     assert found.frequency_hz.tolist() == [10.0]
     assert any("per cent" in w for w in found.warnings)
     assert any("1 modes at 0 Hz" in w for w in found.warnings)
+
+
+def test_points_between_thousands_are_no_decimal_points(tmp_path: Path) -> None:
+    path = tmp_path / "survey.csv"
+    path.write_text("frequency [Hz];damping\n1.234;0,01\n")
+    with pytest.raises(DataError, match=r"survey.csv:2: '1.234' beside decimal commas"):
+        load_measured_modes(path)
+    path.write_text("frequency [Hz];damping\n1234,5;0,8\n")
+    found = load_measured_modes(path)
+    assert found.frequency_hz.tolist() == [1234.5]
+    assert any("per cent" in w for w in found.warnings)

@@ -14,6 +14,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.correlation.assurance import (
     coordinate_assurance,
     modal_assurance,
+    nearest_basis,
     orthogonality,
     phase_collinearity,
 )
@@ -25,7 +26,8 @@ from middeck.structure.model.article import AttachPoint, Joint, Section
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from structure_builders import body, member, node, straight_beam, structure
+from repeats import repeats
+from structure_builders import TUBE, body, member, node, straight_beam, structure
 
 ROUNDING = 1e-12
 
@@ -302,3 +304,42 @@ def test_effective_masses_of_a_cantilever():
     assert found[:, 4] == pytest.approx(inertia, rel=1e-4)
     # The stiff springs of the clamp, 1e8 times the beam, leave up to 5e-9 by rounding, by the processor.
     assert effective.completeness[:3] == pytest.approx(1.0, abs=2e-8)
+
+
+@pytest.mark.parametrize("seed", repeats(range(6)))
+def test_modes_of_one_frequency_are_compared_in_any_basis(seed: int) -> None:
+    """A round cantilever bends in any plane alike: a test may find its modes in any two."""
+    rng = np.random.default_rng([31, seed])
+    tube = dataclasses.replace(TUBE, rho_I_y=1e-4, rho_I_z=1e-4)
+    nodes = [node(f"n{i}", (0.4 * i, 0.0, 0.0)) for i in range(5)]
+    article = structure(nodes, [member(f"n{i}", f"n{i + 1}", tube, 1) for i in range(4)])
+    modes = md.solve_modes(md.solve_equilibrium(article, md.Environment.clamped("n0", gravity=0.0)))
+    at = [(f"n{i}", d) for i in range(1, 5) for d in "yz"]
+    plain = md.measure_modes(modes, at=at, chosen=[0, 1, 2, 3])
+    shape = np.array(plain.shape)
+    for pair in ([0, 1], [2, 3]):
+        angle, phase = rng.uniform(0.0, 2.0 * np.pi), np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, 2))
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        shape[:, pair] = shape[:, pair] @ turn * phase
+    turned = dataclasses.replace(plain, shape=shape)
+    found = [
+        md.correlate_modes(
+            modes, test, md.find_profile("ecss-e-st-32-11c"), rng=np.random.default_rng(0),
+            noise=md.MeasurementNoise(1e-3, 0.02), runs=20,
+        )
+        for test in (plain, turned)
+    ]  # fmt: skip
+    assert found[0].passed
+    assert found[1].passed
+    mac = found[1].evaluation.mac
+    pairs = found[1].evaluation.pairs
+    np.testing.assert_allclose(mac[pairs[:, 0], pairs[:, 1]], 1.0, atol=1e-9)
+    np.testing.assert_allclose(np.diag(found[1].evaluation.cross_orthogonality), 1.0, atol=1e-9)
+
+
+def test_one_of_a_pair_and_a_complex_one():
+    a = np.linalg.qr(np.random.default_rng(1).standard_normal((7, 3)))[0]
+    b = a @ [[0.6], [0.0], [0.8]] * np.exp(2.3j)
+    turned = nearest_basis(a, b)
+    np.testing.assert_allclose(turned.T @ turned, np.eye(3), atol=1e-12)
+    assert modal_assurance(turned, b)[0, 0] == pytest.approx(1.0)

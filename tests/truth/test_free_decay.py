@@ -7,6 +7,7 @@ from scipy.special import ellipk
 
 from middeck.errors import DataError, FitError
 from middeck.identification.free_decay import fit_free_decay
+from middeck.identification.free_decay.releases import without_tail
 
 RATE, HZ, ZETA = 100.0, 5.0, 0.004
 OMEGA = 2.0 * np.pi * HZ
@@ -101,3 +102,25 @@ def test_records_without_a_decay_are_refused():
         fit_free_decay(np.full(100, np.nan), RATE)
     with pytest.raises(DataError, match="no free decay"):
         fit_free_decay(np.linspace(0.0, 1.0, 500), RATE)
+
+
+@pytest.mark.parametrize(("seconds", "noise"), [(60.0, 0.02), (60.0, 0.1), (20.0, 0.1)])
+def test_a_tail_of_noise_is_cut_off(seconds: float, noise: float) -> None:
+    """Of records that went on long after the decay the frequency was off by a factor of ten, in silence."""
+    rng, hz, zeta, sample_hz = np.random.default_rng([8, int(seconds)]), 7.0, 0.02, 200.0
+    t = np.arange(int(seconds * sample_hz)) / sample_hz
+    omega = 2.0 * np.pi * hz
+    one = np.exp(-zeta * omega * t) * np.cos(omega * np.sqrt(1.0 - zeta**2) * t)
+    y = np.tile(one, 3) + noise * rng.standard_normal(3 * len(t))
+    decays = [slice(k * len(t), (k + 1) * len(t)) for k in range(3)]
+    found = fit_free_decay(y, sample_hz, decays=decays)
+    assert all(d.stop - d.start < 8.0 * sample_hz for d in found.decays)
+    truth = (hz * np.sqrt(1.0 - zeta**2), zeta / np.sqrt(1.0 - zeta**2))
+    np.testing.assert_allclose(found.frequency_hz, truth[0], rtol=1e-3)
+    np.testing.assert_allclose(found.damping, truth[1], rtol=0.1)
+
+
+def test_a_decay_without_a_tail_is_kept_whole() -> None:
+    t = np.arange(4000) / 200.0
+    for law in (np.exp(-0.4 * t), 1.0 / (1.0 + t), np.maximum(1.0 - t / 21.0, 0.0)):
+        assert without_tail(law * np.cos(44.0 * t), slice(0, 4000), 28.6) == slice(0, 4000)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 MEASURED_SCHEMA = "middeck.measured-modes/1"
 REQUIRED = ("frequency_hz", "damping", "node", "direction", "shape")
+# A damping ratio from which on it is more likely one in per cent.
+PERCENT = 0.3
 OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std", "position_m")
 
 
@@ -53,9 +56,15 @@ def _load_other(path: Path, ending: str) -> MeasuredModes:
     from middeck.files.survey_uff import load_uff
 
     try:
-        return load_csv(path) if ending == ".csv" else load_uff(path)
+        found = load_csv(path) if ending == ".csv" else load_uff(path)
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="check the path") from None
+    high = np.flatnonzero(found.damping >= PERCENT)
+    if not len(high):
+        return found
+    hz, ratio = found.frequency_hz[high[0]], found.damping[high[0]]
+    said = f"the mode of {hz:.6g} Hz has a damping ratio of {ratio:g}: is it in per cent?"
+    return dataclasses.replace(found, warnings=(*found.warnings, said))
 
 
 def write_measured_modes(

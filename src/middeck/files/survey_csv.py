@@ -17,6 +17,7 @@ FREQUENCY = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi}
 DAMPING = {"": 1.0, "1": 1.0, "-": 1.0, "%": 0.01}
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 ANGLE = {"": 1.0, "rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0}
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
 TOLD = {
     "frequency": ("frequency", FREQUENCY), "damping": ("damping", DAMPING),
     "frequency std": ("frequency_std_hz", FREQUENCY), "damping std": ("damping_std", DAMPING),
@@ -69,7 +70,16 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         raise DataError(f"not CSV text: {error}", where=str(path), hint="save it as UTF-8 CSV") from None
     if len(found) < 2:
         raise DataError("no modes" if found else "the file has no lines", where=str(path), hint=ADVICE)
-    return found if mark == "," else [found[0], *((n, with_points(c, f"{path}:{n}")) for n, c in found[1:])]
+    return found if mark == "," else [found[0], *((n, _pointed(c, f"{path}:{n}")) for n, c in found[1:])]
+
+
+def _pointed(cells: list[str], where: str) -> list[str]:
+    """Cells with decimal points; beside decimal commas a point between thousands is no decimal one."""
+    doubtful = [c for c in cells if THOUSANDS.fullmatch(c)] if any("," in c for c in cells) else []
+    if doubtful:
+        hint = "decimal commas, and nothing between thousands"
+        raise DataError(f"{doubtful[0]!r} beside decimal commas is unclear", where=where, hint=hint)
+    return with_points(cells, where)
 
 
 def _key(cell: str, where: str) -> tuple[str, float]:

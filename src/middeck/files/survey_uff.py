@@ -24,8 +24,6 @@ NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an e
 DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
 # How far a matrix of axes may be from the global one: printed digits.
 AXES_OFF = 1e-6
-# A damping ratio from which on it is more likely one in per cent.
-PERCENT = 0.3
 # Units of length in a metre by the code of units; 9 is the user's own.
 LENGTHS = {1: 1.0, 2: 3.28084, 3: 1.0, 4: 3.28084, 5: 1e3, 6: 1e2, 7: 39.3701, 8: 1e3, 10: 1e3}
 
@@ -278,10 +276,7 @@ def _eigenvalue(lines: _Lines, number: int, analysis: int) -> tuple[float, float
         said = (f"the mode of {hz:.6g} Hz states two dampings: the viscous ratio {viscous:g} is taken",)
     else:
         said = ()
-    ratio = viscous or 0.5 * hysteretic
-    if ratio >= PERCENT:
-        said = (*said, f"the mode of {hz:.6g} Hz states a damping ratio of {ratio:g}: is it in per cent?")
-    return hz, ratio, complex(2.0 * np.pi * hz), said
+    return hz, viscous or 0.5 * hysteretic, complex(2.0 * np.pi * hz), said
 
 
 def _rows(lines: _Lines, per_node: int, is_complex: bool) -> Iterator[tuple[int, np.ndarray]]:

@@ -224,8 +224,8 @@ def geometry_of(cards: Iterable[Card]) -> Places:
 
 def _op4_matrices(path: str | Path) -> dict[str, np.ndarray]:
     """All of its square matrices: not every program says which are symmetric."""
-    square = {n: m.value for n, m in op4_by_name(path).items() if m.value.shape[0] == m.value.shape[1]}
-    return {name: value.toarray() for name, value in square.items()}
+    full = {name: matrix.value.toarray() for name, matrix in op4_by_name(path).items()}
+    return {name: value for name, value in full.items() if value.shape[0] == value.shape[1]}
 
 
 def _pick(

@@ -16,7 +16,9 @@ from middeck.values import record
 
 ROOM = 1.0  # of log amplitude, for phases and starts to be found
 POINTS = 801  # of log amplitude
-STEEPEST = 30.0  # log of the largest and least rate that a search may try
+# Log of the largest and least rate that a search may try: time must advance from point to point in double
+# precision.
+STEEPEST = 14.0
 
 
 @record

@@ -12,10 +12,12 @@ from scipy.optimize import least_squares
 
 from middeck.errors import DataError, FitError
 from middeck.identification.free_decay.curve import Amplitudes, amplitudes, decay_curve
-from middeck.identification.free_decay.releases import dominant_hz, find_releases
+from middeck.identification.free_decay.releases import dominant_hz, find_releases, without_tail
 from middeck.values import record
 
 COEFFICIENTS = (1, 2, 3, 4, 5, 6, 8, 10)  # of the splines that are tried
+STEPS = 40  # of a search: of one mode it takes about five
+UNEXPLAINED = 0.5  # largest part of the energy that may be left
 TOLD = 25  # amplitudes of the result
 CLEAR = 3.0  # least amplitude told, in rms of the residual
 DEPTH = 0.005  # least amplitude at which rates change, of the largest
@@ -31,7 +33,7 @@ class FreeDecay:
         frequency_std_hz, damping_std: By leaving out one decay at a time (Efron and Tibshirani 1993, sec.
             11.5), which counts whatever differs between decays, and what the last coefficient changed;
             infinite for fewer than three decays.
-        decays: Samples of each decay.
+        decays: Samples of each decay that were used.
         residual_rms: Of each decay.
         one_exponential_rms: Of all, where frequency and damping do not depend on the amplitude.
         coefficients: Of each of the two splines: one more than the shortest description has (Schwarz 1978).
@@ -70,7 +72,7 @@ def fit_free_decay(
     """Frequency and damping of the mode that decays, as functions of its amplitude.
 
     All decays are fitted together: amplitude and phase follow one curve (`curve`), of which each decay is a
-    part. A constant of each decay is taken off.
+    part. A constant of each decay is taken off. Where a decay ends in noise it is cut there.
 
     Args:
         samples: One channel, displacement or another measure of the mode.
@@ -82,15 +84,23 @@ def fit_free_decay(
     """
     if not np.all(np.isfinite(samples)):
         raise DataError("a sample is not a finite number", hint="cut the record there")
-    parts = tuple(find_releases(samples, sample_hz) if decays is None else decays)
-    if not parts:
+    found = tuple(find_releases(samples, sample_hz) if decays is None else decays)
+    if not found:
         raise DataError("no free decay found", hint="name its samples: decays=[slice(first, last)]")
+    whole = [slice(*part.indices(len(samples))) for part in found]
+    cycle = sample_hz / dominant_hz(samples[whole[0]], sample_hz)
+    parts = tuple(without_tail(samples, part, cycle) for part in whole)
     unit = max(float(np.ptp(samples[part])) for part in parts)
     data = [samples[part] / unit for part in parts]
     first = _constant(data, sample_hz)
     shortest, best = _choose(first, data, sample_hz)
     rms = np.array([np.sqrt(np.mean(e**2)) for e in best.residual])
     total = sum(len(y) for y in data)
+    if not best.cost <= UNEXPLAINED * sum(float(np.sum((y - np.mean(y)) ** 2)) for y in data):
+        raise FitError(
+            "the fit does not follow the decays: one mode that decays leaves most of them unexplained",
+            hint="filter the mode out of the others, or name the samples of each decay: decays=",
+        )
     least, largest = _reached(best, data, sample_hz)
     told = np.geomspace(min(max(CLEAR * float(rms.max()), least), 0.5 * largest), largest, TOLD)
     value = _rates(best, told)
@@ -196,7 +206,7 @@ def _refine(data: list[Float[np.ndarray, " sample"]], sample_hz: float, fit: _Fi
     def errors(x: np.ndarray) -> np.ndarray:
         return np.concatenate(_residual(data, sample_hz, fit._replace(x=x)))
 
-    solved = least_squares(errors, fit.x, x_scale="jac", xtol=1e-10, ftol=1e-10)
+    solved = least_squares(errors, fit.x, x_scale="jac", xtol=1e-10, ftol=1e-10, max_nfev=STEPS)
     found = fit._replace(x=solved.x)
     return found._replace(residual=_residual(data, sample_hz, found))
 

@@ -11,6 +11,10 @@ FREE = 0.1  # largest mean of a free decay over the largest oscillation: above i
 BEGUN = 0.5  # share of the largest oscillation from which a decay is one
 SETTLE = 1  # cycles after a release that are left out
 SHORTEST = 20  # cycles
+# A tail is noise where its last quarter is no smaller than so much of the third one, and far below the start.
+FLAT, FALLEN = 0.75, 0.2
+EACH = 3  # cycles of the parts of a decay whose rms is compared with that of the tail
+ABOVE = 2.0  # rms of the tail from which on a part is decay
 
 
 def dominant_hz(samples: Float[np.ndarray, " sample"], sample_hz: float) -> float:
@@ -51,3 +55,22 @@ def find_releases(samples: Float[np.ndarray, " sample"], sample_hz: float) -> tu
         if size[peak] >= large and stop - begin >= SHORTEST * cycle:
             found.append(slice(begin, stop))
     return tuple(found)
+
+
+def without_tail(samples: Float[np.ndarray, " sample"], decay: slice, cycle: float) -> slice:
+    """``decay`` as far as it is above the noise of its end; all of it where it falls to its end.
+
+    >>> t = np.arange(8000) / 100.0
+    >>> noise = 0.01 * np.random.default_rng(0).standard_normal(8000)
+    >>> without_tail(np.exp(-0.5 * t) * np.cos(50.0 * t) + noise, slice(0, 8000), 12.6).stop < 1500
+    True
+    """
+    y = samples[decay]
+    parts = np.array_split(y - np.mean(y[len(y) // 2 :]), max(4, int(len(y) / (EACH * cycle))))
+    rms = np.sqrt(np.array([np.mean(part**2) for part in parts]))
+    quarter = len(rms) // 4
+    third, last = (np.sqrt(np.mean(r**2)) for r in (rms[-2 * quarter : -quarter], rms[-quarter:]))
+    if last < FLAT * third or last > FALLEN * rms.max():
+        return decay
+    kept = int(np.argmax(rms < ABOVE * last)) or 1
+    return slice(decay.start, decay.start + sum(len(part) for part in parts[:kept]))

@@ -7,6 +7,7 @@ measures are Hermitian, so that for real shapes they are the familiar ones.
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 Shapes = Complex[np.ndarray, "channel mode"] | Float[np.ndarray, "channel mode"]
@@ -48,6 +49,20 @@ def phase_collinearity(shapes: Shapes) -> Float[np.ndarray, " mode"]:
     re, im = np.real(shapes), np.imag(shapes)
     xx, yy, xy = np.sum(re**2, axis=0), np.sum(im**2, axis=0), np.sum(re * im, axis=0)
     return ((xx - yy) ** 2 + 4.0 * xy**2) / (xx + yy) ** 2
+
+
+def nearest_basis(a: Float[np.ndarray, "channel mode"], b: Shapes) -> Float[np.ndarray, "channel mode"]:
+    """The modes ``a`` of one frequency, turned until they are nearest to ``b``: any basis of theirs will do.
+
+    The turn is the orthogonal factor of the coordinates of ``b`` in ``a``, each of unit length; ``b`` may be
+    fewer (Schönemann 1966). Where ``a`` are dependent at the channels it stays.
+    """
+    if not b.shape[1] or np.linalg.matrix_rank(a) < a.shape[1]:
+        return a
+    turned = b * np.exp(-0.5j * np.angle(np.sum(b * b, axis=0)))  # as real as it can be
+    c = np.linalg.lstsq(a, np.real(turned), rcond=None)[0]
+    left, _, right = np.linalg.svd(c / np.maximum(np.linalg.norm(c, axis=0), np.finfo(float).tiny))
+    return a @ left @ sla.block_diag(right, np.eye(len(left) - len(right)))
 
 
 def largest_other(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " n"]:

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.correlation.assurance import phase_collinearity
+from middeck.structure.correlation.assurance import nearest_basis, phase_collinearity
 from middeck.structure.correlation.effective_mass import EffectiveMass, measure_effective_mass
 from middeck.structure.correlation.evaluation import (
     WINDOW,
@@ -28,6 +28,7 @@ from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
 from middeck.structure.correlation.units import doubt_units
+from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
@@ -60,7 +61,8 @@ class Correlation:
     """A model and a test, compared and judged.
 
     Attributes:
-        candidates: Indices in ``modes`` of the rows of ``evaluation.mac``.
+        candidates: Indices in ``modes`` of the rows of ``evaluation.mac``; modes of one frequency are
+            compared in the basis nearest to the test's.
         pairs: (mode, measured mode), one to one.
         evaluation: Frequency errors, MAC, COMAC, cross-orthogonality, self-orthogonality; its pairs count
             candidates.
@@ -213,6 +215,9 @@ def _model(
             hint="; ".join((*units, "check nodes, directions and frequencies")),
         )
     reduced = reduce_mass(modes, rows, reduction, [int(i) for i in index[pairs[:, 0]]])
+    for cluster in repeated(modes.omega[index] ** 2):
+        partners = pairs[np.isin(pairs[:, 0], cluster), 1]
+        shape[:, cluster] = nearest_basis(shape[:, cluster], measured.shape[:, partners])
     return Candidates(
         frequency_hz=hz, shape=shape, mass=reduced.mass, significant=significant, flexible=flexible
     ), reduced
