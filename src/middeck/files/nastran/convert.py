@@ -8,10 +8,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from middeck.files.faults import Fault
-from middeck.files.nastran.bodies import Mass, merged, read_masses
+from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
-from middeck.files.nastran.entries import Entry, raise_some
+from middeck.files.nastran.entries import Entries, Entry, raise_some
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.members import Bar, read_bars
@@ -94,6 +94,7 @@ class _Converter:
         self.places: Places = place_grids(deck.entries)
         self.left_out: list[tuple[str, int, str]] = []
         self.notes: list[str] = []
+        self.rotors: list[str] = []  # grids with an inertia that no body has by itself
 
     def conversion(self, name: str) -> Conversion:
         entries, faults = self.deck.entries, list[Fault]()
@@ -102,6 +103,7 @@ class _Converter:
         masses = read_masses(entries, self.places, faults)
         ties = read_ties(entries, self.places, faults)
         held = read_restraints(self.deck, self.places, faults)
+        masses += read_scalar_masses(entries, self.places, held, _linked(entries), faults)
         raise_some(faults)
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
         carriers = find_carriers(entries, self.places.grids, used | set(held))
@@ -126,7 +128,8 @@ class _Converter:
             if grid in held and grid in kept
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
-        loose = loose_turns(kept, bars, ties, held, carriers, self.places)
+        turning = {grid for grid, body in bodies.items() if _turns(body)}
+        loose = loose_turns(kept, bars, ties, turning, held, carriers, self.places)
         turns = [turn_clamp(grid, loose[grid]) for grid in self.places.grids if grid in loose]
         if turns:
             self.notes.append(
@@ -148,8 +151,13 @@ class _Converter:
                 "load_case": cases,
             }
         )
+        if self.rotors:
+            self.notes.append(
+                f"grid {some_names(self.rotors)} carries an inertia that no body has by itself "
+                "(without mass, or the triangle inequality)"
+            )
         converted = Counter(bar.entry.name for bar in bars)
-        converted.update(entry.name for entry in entries.of("CONM1", "CONM2"))
+        converted.update(entry.name for entry in entries.of("CONM1", "CONM2", "CMASS1", "CMASS2"))
         converted.update(tie.entry.name for tie in ties)
         converted["clamped grids"] = len(clamps)
         converted["load cases"] = len(cases)
@@ -378,14 +386,12 @@ class _Converter:
         reach = ROUNDING * float(np.linalg.norm(body.centre))
         if np.linalg.norm(arm) > reach:
             node["cg_m"] = arm * length
-        if np.abs(body.inertia).max() > body.mass * reach**2:
+        if _turns(body):
             node["inertia_kg_m2"] = inertia
             a, b, c = np.linalg.eigvalsh(inertia)
-            if a + b < c * (1.0 - 1e-9):
+            if body.mass == 0.0 or a + b < c * (1.0 - 1e-9):
                 node["rotors_excluded"] = True
-                self.notes.append(
-                    f"grid {grid} carries an inertia that no body has by itself (triangle inequality)"
-                )
+                self.rotors.append(f"{grid}")
         return node
 
     def _rider(self, grid: int, carrier: int) -> dict[str, Any]:
@@ -397,9 +403,26 @@ def _filled(document: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in document.items() if value != []}
 
 
+def _turns(body: Mass) -> bool:
+    """Whether it has inertia beyond the rounding of its place."""
+    reach = ROUNDING * float(np.linalg.norm(body.centre))
+    return bool(np.abs(body.inertia).max() > body.mass * reach**2)
+
+
 def _halves(bar: Bar) -> list[Mass]:
-    half, none = 0.5 * bar.section.per_length * bar.length, np.zeros((3, 3))
-    return [Mass(grid, half, end, none) for grid, end in zip(bar.grids, bar.ends, strict=True) if half]
+    """Halves at the ends; those of a beam turn about its axis, those of a bar or rod do not."""
+    half, inertia = 0.5 * bar.section.per_length * bar.length, np.zeros((3, 3))
+    if bar.entry.name == "CBEAM":
+        along = (bar.ends[1] - bar.ends[0]) / bar.length
+        shape = bar.section.shape
+        polar = bar.section.material.rho * (shape.i1 + shape.i2)
+        inertia = 0.5 * polar * bar.length * np.outer(along, along)
+    return [Mass(grid, half, end, inertia) for grid, end in zip(bar.grids, bar.ends, strict=True) if half]
+
+
+def _linked(entries: Entries) -> set[int]:
+    """Grids that rigid links name."""
+    return {grid for entry in entries.of("RBE2", "RBAR") for grid in _grids_named(entry)}
 
 
 def _grids_named(entry: Entry) -> list[int]:
