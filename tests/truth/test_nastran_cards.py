@@ -104,6 +104,12 @@ CONTINUED = {
     "small and named": "PBAR           1       2      3.      4.      5.      6.                +A\n"
                        "+A                                                                      +B\n"
                        "+B            .5      .6",
+    "as Nastran's echo": "PBAR           1       2      3.      4.      5.      6.                 +000001\n"
+                         "++000001                                                                +000002\n"
+                         "++000002      .5      .6",
+    "any column 73": "PBAR           1       2      3.      4.      5.      6.                KA\n"
+                     "+A                                                                      LB\n"
+                     "+B            .5      .6",
     "comments between": "PBAR,1,2,3.,4.,5.,6.\n,\n,.5,.6",
 }  # fmt: skip
 
