@@ -294,7 +294,9 @@ def local_matrices(bar: dict[str, Any], L: float, formulation: str) -> tuple[np.
         M[[0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8]] = m * L / 2
         return K, M
     if bar["I1"] == bar["I2"] == 0.0:  # a rod goes straight between its ends, however they turn
-        along, across = ((5 / 12, 1 / 12), (1 / 2, 0.0)) if formulation == "coupled" else ((1 / 3, 1 / 6),) * 2
+        along, across = (
+            ((5 / 12, 1 / 12), (1 / 2, 0.0)) if formulation == "coupled" else ((1 / 3, 1 / 6),) * 2
+        )
         for i, (same, other) in enumerate((along, across, across)):
             M[np.ix_([i, i + 6], [i, i + 6])] = m * L * np.array([[same, other], [other, same]])
         return K, M

@@ -64,6 +64,8 @@ def test_the_deck_is_sound(tmp_path):
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
         ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),
+        ("PBEAML,2,1,,CHAN\n,1.,1.,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this CHAN"),
+        ("PBEAML,2,1,,I\n,1.,1.,.5,.1,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this I"),
         ("PBARL,2,1,,BOX\n,1.,1.,.1\nCBAR,21,2,1,4,0.,1.,0.", "BOX needs 4 real dimensions"),
         ("PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
         ("CELAS2,20,1.+5,1,1,4,2", "components of different directions"),

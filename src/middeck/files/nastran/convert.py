@@ -273,7 +273,7 @@ class _Converter:
         damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
         self._leave("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]")
         self.notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
-        stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} & {"BOX", "I", "I1"}
+        stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
         if stiff:
             self.notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")
         if deck.bulk_only:
