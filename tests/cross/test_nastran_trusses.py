@@ -1,5 +1,7 @@
 """Trusses of rods, scalar masses and lumped beams of a deck against the textbook's matrices."""
 
+import itertools
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -10,7 +12,7 @@ from middeck.files.article_toml import document_text
 from middeck.files.nastran.convert import convert_deck
 from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.units import parse_units
-from nastran_decks import E, NU, RHO, card, components, inside, random_deck
+from nastran_decks import NU, RHO, E, card, components, inside, random_deck
 
 DIGITS = 1e-6
 EYE = np.eye(3)
@@ -28,7 +30,7 @@ def solved(tmp_path, lines, formulation):
 
 
 def rod_mass(m, along, formulation):
-    """Of a rod of mass m: straight between its ends; coupled across the axis in halves (MSC and NX Nastran)."""
+    """Of a rod of mass m: straight between its ends; coupled in halves across the axis (MSC Nastran)."""
     straight = np.kron([[1 / 3, 1 / 6], [1 / 6, 1 / 3]], EYE)
     if formulation == "consistent":
         return m * straight
@@ -42,7 +44,7 @@ def random_truss(seed, formulation):
     """Lines of a deck of rods between points that stand and move in random systems; K and M of its shifts."""
     rng = np.random.default_rng([11, seed])
     systems = random_deck(seed).systems
-    lines = [line for line in random_deck(seed).text.split("\n")]
+    lines = random_deck(seed).text.split("\n")
     lines = lines[lines.index("BEGIN BULK") + 2 :]
     names = ("CORD2R", "CORD2C", "CORD2S")
     kept, taken = [], False
@@ -58,7 +60,7 @@ def random_truss(seed, formulation):
         cp = int(rng.integers(0, 6))
         kept += card(rng, "GRID", k + 1, cp, *inside(*systems[cp], place), int(moves[k]))
     kept += card(rng, "MAT1", 3, E, None, NU, RHO)
-    for k, (a, b) in enumerate((a, b) for a in range(7) for b in range(a)):
+    for k, (a, b) in enumerate(itertools.combinations(range(7), 2)):
         along, length = x[b] - x[a], float(np.linalg.norm(x[b] - x[a]))
         along /= length
         area, torsion = 1e-4 * rng.uniform(1.0, 2.0), float(rng.choice([0.0, 1.1e-8]))
@@ -128,6 +130,19 @@ def test_lumped_beams_and_scalar_inertias_twist(tmp_path, polar, wheels):
     K = G * J / L * (np.diag([2.0, 2.0, 2.0, 1.0]) - np.eye(4, k=1) - np.eye(4, k=-1))
     M = np.diag(wheels + RHO * polar * L * np.array([1.0, 1.0, 1.0, 0.5]))
     np.testing.assert_allclose(omega[:4], np.sqrt(scipy.linalg.eigh(K, M)[0]), rtol=DIGITS)
+
+
+def test_springs_between_floors_that_do_not_turn(tmp_path):
+    """A frame of floors: springs across the line between masses, no member; frequencies in closed form."""
+    k, m, n = 2e5, 3.0, 4
+    lines = ["GRDSET,,,,,,,13456", *(f"GRID,{i},,{0.3 * i:.1f}" for i in range(n + 1)), "SPC1,7,2,9"]
+    lines = [line.replace("GRID,0,", "GRID,9,") for line in lines]
+    lines += [f"CONM2,{20 + i},{i},,{m}" for i in range(1, n + 1)]
+    lines += [f"CELAS2,{30 + i},{k},{i},2,{i - 1 or 9},2" for i in range(1, n + 1)]
+    made, omega = solved(tmp_path, lines, "lumped")
+    wave = np.arange(1, 2 * n, 2) * np.pi / (2 * (2 * n + 1))
+    np.testing.assert_allclose(omega, 2.0 * np.sqrt(k / m) * np.sin(wave), rtol=DIGITS)
+    assert [b["name"] for b in made.environment["bushing"]] == ["spring31"]
 
 
 def test_an_article_without_mass_has_no_modes(tmp_path):

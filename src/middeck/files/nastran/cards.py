@@ -71,7 +71,7 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
 
 
 def _mark(text: str) -> str:
-    """The name of a continuation; Nastran's own echo writes ``+000001`` in column 74, and goes on at ``++000001``."""
+    """The name of a continuation; Nastran's own echo goes on at ``++000001`` where it wrote ``+000001``."""
     return text.lstrip(MARKS).strip()
 
 

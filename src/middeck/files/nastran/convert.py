@@ -101,8 +101,8 @@ class _Converter:
         self._check_systems(faults)
         bars = read_bars(entries, self.places, faults)
         masses = read_masses(entries, self.places, faults)
-        ties = read_ties(entries, self.places, faults)
         held = read_restraints(self.deck, self.places, faults)
+        ties = read_ties(entries, self.places, held, faults)
         masses += read_scalar_masses(entries, self.places, held, _linked(entries), faults)
         raise_some(faults)
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
@@ -132,9 +132,9 @@ class _Converter:
         loose = loose_turns(kept, bars, ties, turning, held, carriers, self.places)
         turns = [turn_clamp(grid, loose[grid]) for grid in self.places.grids if grid in loose]
         if turns:
+            which = some_names([f"{grid}" for grid in loose])
             self.notes.append(
-                f"nothing holds rotations of grid {some_names([f'{grid}' for grid in loose])}: the environment "
-                "holds them, as PARAM AUTOSPC does"
+                f"nothing holds rotations of grid {which}: the environment holds them, as PARAM AUTOSPC does"
             )
         document = _filled(
             {
@@ -245,11 +245,9 @@ class _Converter:
             tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in (*bars, *ties) if len(bar.grids) > 1
         ]
         parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
-        if not bars:
-            fault = Fault(
-                file=self.deck.path, line=0, key="", message="there is no bar, beam or rod in this deck"
-            )
-            raise_some([fault])
+        if not kept:
+            message = "there is no bar, beam or rod in this deck, and no spring or mass"
+            raise_some([Fault(file=self.deck.path, line=0, key="", message=message)])
         raise_some(
             [
                 grid[int(part[0])].fault(

@@ -178,8 +178,8 @@ def beam_weight(
 
         mean = (x1 + x2)/2 + L/12 (t1 - q1) - L/20 (t1.e - q1.e) e,
 
-    so that the tension inside an element varies linearly, as it does under weight. Where the mass goes straight
-    between the ends, so does the line.
+    so that the tension inside an element varies linearly, as it does under weight. Where the mass goes
+    straight between the ends, so does the line.
     """
     n = len(beams.length)
     W = (beams.rho_A * beams.length)[:, None] * gravity
