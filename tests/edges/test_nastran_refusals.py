@@ -64,6 +64,8 @@ def test_the_deck_is_sound(tmp_path):
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
         ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),
+        ("PBEAML,2,1,,CHAN\n,1.,1.,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this CHAN"),
+        ("PBEAML,2,1,,I\n,1.,1.,.5,.1,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this I"),
         ("PBARL,2,1,,BOX\n,1.,1.,.1\nCBAR,21,2,1,4,0.,1.,0.", "BOX needs 4 real dimensions"),
         ("PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
         ("CELAS2,20,1.+5,1,1,4,2", "components of different directions"),
@@ -85,7 +87,13 @@ def test_the_deck_is_sound(tmp_path):
         ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
         ("LOAD,5,1.,1.,8", "no factor and set of loads"),
         ("CQUAD4,20,1,1,2,3,4", "reduce the part"),
-        ("CMASS2,20,1.,1,1", "not converted yet, and without it the modes would be others"),
+        ("CMASS4,20,1.,1", "not converted yet, and without it the modes would be others"),
+        ("CMASS2,20,1.,1,1", "the masses of grid 1 differ by direction, [1.0, 0.0, 0.0]: no body has them"),
+        ("CMASS2,20,1.,1,1,2,1", "a mass between two grids"),
+        ("CMASS2,20,1.,9,1", "there is no grid 9"),
+        ("CMASS2,20,-1.,1,1", "a negative mass"),
+        ("CMASS1,20,8,1,1", "there is no PMASS 8"),
+        ("PMASS,8,1.,9,x\nCMASS1,20,8,1,1", "no number and mass: ['9', 'X']"),
         ("CONM2,20,9,,1.", "there is no grid 9"),
         ("CONM2,20,1,8,1.", "there is no coordinate system 8"),
         ("CONM2,20,1,,-1.", "no body has mass -1"),
@@ -103,6 +111,13 @@ def test_what_cannot_be_converted(tmp_path, card, words):
         convert(write(tmp_path, *card.split("\n")))
     assert words in str(error.value)
     assert "a.dat:" in str(error.value)
+
+
+@pytest.mark.parametrize("flag", ["1", "2", "0", ""])
+def test_orientation_by_an_integer_flag_is_that_of_older_decks(tmp_path, flag):
+    plain, old = "CBAR,21,1,1,4,1.,1.,0.", f"CBAR,21,1,1,4,1.,1.,0.,{flag}"
+    made = [convert(write(tmp_path, card)).document["strut"][-1] for card in (plain, old)]
+    assert str(made[0]) == str(made[1])
 
 
 def test_only_selected_constraints_of_many_points_are_refused(tmp_path):

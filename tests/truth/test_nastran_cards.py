@@ -104,6 +104,12 @@ CONTINUED = {
     "small and named": "PBAR           1       2      3.      4.      5.      6.                +A\n"
                        "+A                                                                      +B\n"
                        "+B            .5      .6",
+    "as Nastran's echo": "PBAR           1       2      3.      4.      5.      6.                 +000001\n"
+                         "++000001                                                                +000002\n"
+                         "++000002      .5      .6",
+    "any column 73": "PBAR           1       2      3.      4.      5.      6.                KA\n"
+                     "+A                                                                      LB\n"
+                     "+B            .5      .6",
     "comments between": "PBAR,1,2,3.,4.,5.,6.\n,\n,.5,.6",
 }  # fmt: skip
 
@@ -217,6 +223,7 @@ def moments(inside, half):
     Y, Z = np.meshgrid(y, z, indexing="ij")
     cell = 4 * half[0] * half[1] / n**2
     on = inside(Y, Z)
+    Y, Z = Y - (on * Y).sum() / on.sum(), Z - (on * Z).sum() / on.sum()
     return cell * on.sum(), cell * (on * Y**2).sum(), cell * (on * Z**2).sum()
 
 
@@ -240,13 +247,25 @@ SHAPES = {
     ("BOX", (2.0, 3.0, 0.3, 0.2)): lambda y, z: square(y, z) & ((abs(z) > 0.8) | (abs(y) > 1.2)),
     ("I", (3.0, 2.0, 2.0, 0.4, 0.3, 0.3)): i_beam,
     ("I1", (1.6, 0.4, 2.4, 3.0)): i_beam,
+    ("I", (3.0, 2.0, 1.0, 0.4, 0.3, 0.2)): lambda y, z: (
+        (y < -1.2) | ((y < 1.3) & (abs(z) < 0.2)) | ((y >= 1.3) & (abs(z) < 0.5))
+    ),
+    ("T", (2.0, 3.0, 0.3, 0.4)): lambda y, z: (y > 1.2) | (abs(z) < 0.2),
+    ("T2", (2.0, 3.0, 0.3, 0.4)): lambda y, z: (y < -1.2) | (abs(z) < 0.2),
+    ("T1", (3.0, 1.7, 0.3, 0.4)): lambda y, z: (z > 0.7) | (abs(y) < 0.2),
+    ("CHAN", (2.0, 3.0, 0.4, 0.3)): lambda y, z: (z < -0.6) | (abs(y) > 1.2),
+    ("CHAN1", (1.6, 0.4, 2.4, 3.0)): lambda y, z: (z < -0.6) | (abs(y) > 1.2),
+    ("CHAN2", (0.4, 0.3, 3.0, 2.0)): lambda y, z: (y < -1.2) | (abs(z) > 0.6),
+    ("BOX1", (2.0, 3.0, 0.3, 0.2, 0.1, 0.1)): lambda y, z: (abs(z) > 0.9) | (y > 1.2) | (y < -1.3),
+    ("CROSS", (1.7, 0.3, 3.0, 0.4)): lambda y, z: (abs(z) < 0.15) | (abs(y) < 0.2),
+    ("H", (1.4, 0.6, 3.0, 0.4)): lambda y, z: (abs(z) > 0.7) | (abs(y) < 0.2),
 }
 
 
 @pytest.mark.parametrize(("name", "dims"), SHAPES)
 def test_moments_of_shapes_are_integrals(name, dims):
     shape = section_shape(name, list(dims))
-    found = moments(SHAPES[name, dims], (1.6, 1.6))
+    found = moments(SHAPES[name, dims], (1.5, 1.0) if name not in ("ROD", "TUBE", "TUBE2") else (1.6, 1.6))
     np.testing.assert_allclose((shape.area, shape.i1, shape.i2), found, rtol=1e-2)  # cells of 0.003
 
 
@@ -266,12 +285,30 @@ def test_torsion_constants():
     assert section_shape("ROD", [1.0]).j == np.pi / 2
     thin = section_shape("I", [1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]).j
     assert abs(thin / (3 * 1e-9 / 3) - 1.0) < 2e-3
+    assert abs(section_shape("BOX1", [side, side, t, t, t, t]).j / (side**3 * t) - 1.0) < 3e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "dims", "webs"),
+    [  # lengths and thicknesses of thin walls, to the middle of those that they meet
+        ("T", (2.0, 3.0, 0.02, 0.01), ((2.0, 0.02), (2.99, 0.01))),
+        ("T1", (2.0, 3.0, 0.02, 0.01), ((2.0, 0.02), (3.01, 0.01))),
+        ("CHAN", (2.0, 3.0, 0.01, 0.02), ((1.995, 0.02), (1.995, 0.02), (2.98, 0.01))),
+        ("CHAN2", (0.02, 0.01, 2.0, 3.0), ((1.995, 0.02), (1.995, 0.02), (2.98, 0.01))),
+        ("CROSS", (2.0, 0.01, 3.0, 0.02), ((3.0, 0.01), (2.01, 0.02))),
+        ("H", (2.0, 0.02, 3.0, 0.01), ((3.0, 0.01), (3.0, 0.01), (2.005, 0.01))),
+    ],
+)
+def test_open_sections_twist_by_their_walls(name, dims, webs):
+    expected = sum(length * t**3 for length, t in webs) / 3.0
+    assert abs(section_shape(name, list(dims)).j / expected - 1.0) < 2e-3
 
 
 @pytest.mark.parametrize(
     ("name", "dims"),
     [("BOX", [1.0, 1.0, 0.5, 0.1]), ("TUBE", [1.0, 1.0]), ("BAR", [1.0]), ("ROD", [-1.0]),
-     ("I", [2.0, 1.0, 2.0, 0.1, 0.1, 0.1])],
+     ("T", [1.0, 0.1, 0.2, 0.1]), ("CHAN", [0.1, 1.0, 0.2, 0.1]), ("I", [0.2, 1.0, 2.0, 0.1, 0.1, 0.1]),
+     ("BOX1", [1.0, 2.0, 0.1, 0.2, 0.1, 0.2])],
 )  # fmt: skip
 def test_shapes_that_close_over_nothing(name, dims):
     with pytest.raises(ValueError, match=r"dimension|walls|flanges"):

@@ -383,11 +383,12 @@ def _bodies(data: Table) -> Iterator[Finding]:
             if key not in t:
                 continue
             whole = set(t) <= set(keys_of(FORMS[table]))  # else the mass may be there, misspelt
+            spins = "rotors_excluded" in keys_of(FORMS[table])
+            if spins and t.get("rotors_excluded"):  # no inertia of a whole body
+                continue
             if t.get(f"{prefix}mass_kg", 0.0) == 0.0 and whole:
                 yield finding((table, i, key), "an inertia without mass", hint=f"give {prefix}mass_kg")
-            spins = "rotors_excluded" in keys_of(FORMS[table])
-            if not (spins and t.get("rotors_excluded")):
-                yield from _triangle((table, i, key), t[key], spins)
+            yield from _triangle((table, i, key), t[key], spins)
 
 
 def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from middeck.files.faults import Fault
 from middeck.files.nastran.coordinates import BASIC, Places
 from middeck.files.nastran.entries import Entries, Entry
+from middeck.files.nastran.numbers import integer, real
 
 # Of entries of a mass matrix that must vanish or agree, over their size: fields of eight columns.
 ROUNDING = 1e-5
@@ -37,6 +38,64 @@ def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[M
                 found.append((_conm2 if entry.name == "CONM2" else _conm1)(entry, places))
             except ValueError as error:
                 faults.append(entry.fault(str(error)))
+    return found
+
+
+def read_scalar_masses(
+    entries: Entries, places: Places, held: Mapping[int, str], riders: Container[int], faults: list[Fault]
+) -> list[Mass]:
+    """All CMASS1 and CMASS2, together on each grid; what the ground holds has any mass.
+
+    Appends to ``faults`` what is no rigid body: a mass between two grids, or one that is not the same in all
+    directions that are free. ``riders`` move with other grids, in all directions.
+    """
+    properties = _scalar_properties(entries, faults)
+    found: dict[int, tuple[Entry, np.ndarray]] = {}
+    for entry in entries.of("CMASS1", "CMASS2"):
+        ends = [(entry[f"g{i}"], entry[f"c{i}"]) for i in "12" if entry[f"g{i}"]]
+        pid = entry.id if entry.name == "CMASS1" and entry["pid"] is None else entry.values[1]
+        mass = entry["m"] if entry.name == "CMASS2" else properties.get(pid)
+        if mass is None:
+            faults.append(entry.fault(f"there is no PMASS {pid}", "pid"))
+        elif len(ends) != 1 or ends[0][1] not in range(1, 7):
+            faults.append(
+                entry.fault("a mass between two grids, or on a scalar point, is not converted", "g1")
+            )
+        elif ends[0][0] not in places.grids:
+            faults.append(entry.fault(f"there is no grid {ends[0][0]}", "g1"))
+        elif mass < 0.0:
+            faults.append(entry.fault("a negative mass is not converted"))
+        else:
+            grid, component = ends[0]
+            found.setdefault(grid, (entry, np.zeros(6)))[1][component - 1] += mass
+    masses: list[Mass] = []
+    for grid, (entry, values) in found.items():
+        fixed = "" if grid in riders else held.get(grid, "")
+        free = np.array([digit not in fixed for digit in "123456"])
+        shifts = values[:3][free[:3]]
+        mass = float(shifts.max(initial=0.0))
+        if np.any(shifts < (1.0 - ROUNDING) * mass):
+            what = f"the masses of grid {grid} differ by direction, {values[:3].tolist()}: no body has them"
+            faults.append(entry.fault(what, hint="a CONM2, or hold the directions that have none"))
+            continue
+        R = places.displacement_axes(grid)
+        inertia = _turned(np.diag(values[3:] * free[3:]), R)
+        masses.append(Mass(grid, mass, places.grids[grid], inertia))
+    return masses
+
+
+def _scalar_properties(entries: Entries, faults: list[Fault]) -> dict[int, float]:
+    """Masses of PMASS, of which up to four stand on a card."""
+    found: dict[int, float] = {}
+    for entry in entries.of("PMASS"):
+        found[entry.id] = entry["m"]
+        texts = [text or "" for text in entry["rest"]]
+        for pair in zip(texts[::2], [*texts[1::2], ""], strict=False):
+            number, mass = integer(pair[0]), real(pair[1])
+            if number and mass is not None:
+                found[number] = mass
+            elif any(pair):
+                faults.append(entry.fault(f"no number and mass: {list(pair)}", "rest"))
     return found
 
 

@@ -57,10 +57,10 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
             group = [row]
             groups.append(group)
             continue
-        mark = head[1:].strip()
+        mark = _mark(head)
         if not group:
             faults.append(_fault(line, "a continuation of nothing"))
-        elif not mark or _mark(group[-1][TAIL]) == mark:
+        elif not mark or mark in (_mark(group[-1][TAIL]), _mark(group[-1][TAIL][1:])):  # column 73 is any
             group.append(row)
         else:
             group = [row]
@@ -74,8 +74,9 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     return [_joined(group) for group in groups]
 
 
-def _mark(tail: str) -> str:
-    return tail[1:].strip() if tail[:1] in MARKS else tail
+def _mark(text: str) -> str:
+    """The name of a continuation; Nastran's own echo goes on at ``++000001`` where it wrote ``+000001``."""
+    return text.lstrip(MARKS).strip()
 
 
 def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
@@ -83,7 +84,7 @@ def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
     faults: list[Fault] = []
     waiting: dict[str, list[list[_Row]]] = {}
     for group in apart:
-        waiting.setdefault(group[0][HEAD][1:].strip(), []).append(group)
+        waiting.setdefault(_mark(group[0][HEAD]), []).append(group)
     for mark, found in waiting.items():
         faults += [_fault(g[0][LINE], f"a second continuation {mark!r}") for g in found[1:]]
     asked: dict[str, Line] = {}
@@ -107,8 +108,8 @@ def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
 def _forgotten(group: list[_Row]) -> list[Fault]:
     """A last row that announces a continuation, with a mark of its own, which is nowhere."""
     tail = group[-1][TAIL]
-    if tail[:1] in MARKS and tail[1:].strip():
-        return [_fault(group[-1][LINE], f"the continuation {tail[1:].strip()!r} is missing")]
+    if tail[:1] in MARKS and _mark(tail):
+        return [_fault(group[-1][LINE], f"the continuation {_mark(tail)!r} is missing")]
     return []
 
 

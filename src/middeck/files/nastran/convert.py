@@ -10,11 +10,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from middeck.files.faults import Fault
-from middeck.files.nastran.bodies import Mass, merged, read_masses
+from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.direct_input import NAME, direct_component
-from middeck.files.nastran.entries import Entry, raise_some
+from middeck.files.nastran.entries import Entries, Entry, raise_some
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.members import Bar, read_bars
@@ -107,15 +107,17 @@ class _Converter:
         self.places: Places = place_grids(deck.entries)
         self.left_out: list[tuple[str, int, str]] = []
         self.notes: list[str] = []
+        self.rotors: list[str] = []  # grids with an inertia that no body has by itself
 
     def conversion(self, name: str, parts: dict[str, Component]) -> Conversion:
         entries, faults = self.deck.entries, list[Fault]()
         self._check_systems(faults)
         bars = read_bars(entries, self.places, faults)
         masses = read_masses(entries, self.places, faults)
-        ties = read_ties(entries, self.places, faults)
         held = read_restraints(self.deck, self.places, faults)
         direct = direct_component(self.deck, self.units, faults)
+        ties = read_ties(entries, self.places, held, faults)
+        masses += read_scalar_masses(entries, self.places, held, _linked(entries), faults)
         raise_some(faults)
         parts |= {} if direct is None else {f"{name}-{NAME}.npz": direct}
         joined = [[int(frame[1:]) for frame in part.frames] for part in parts.values()]
@@ -144,8 +146,9 @@ class _Converter:
             if grid in held and grid in kept
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
+        turning = {grid for grid, body in bodies.items() if _turns(body)}
         on_components = set(chain(*joined))
-        found = loose_turns(kept, bars, ties, held, carriers, self.places)
+        found = loose_turns(kept, bars, ties, turning, held, carriers, self.places)
         loose = {grid: found[grid] for grid in self.places.grids if grid in found.keys() - on_components}
         turns = [turn_clamp(grid, directions) for grid, directions in loose.items()]
         if turns:
@@ -176,8 +179,13 @@ class _Converter:
                 "load_case": cases,
             }
         )
+        if self.rotors:
+            self.notes.append(
+                f"grid {some_names(self.rotors)} carries an inertia that no body has by itself "
+                "(without mass, or the triangle inequality)"
+            )
         converted = Counter(bar.entry.name for bar in bars)
-        converted.update(entry.name for entry in entries.of("CONM1", "CONM2"))
+        converted.update(entry.name for entry in entries.of("CONM1", "CONM2", "CMASS1", "CMASS2"))
         converted.update(tie.entry.name for tie in ties)
         converted["components"] = len(parts)
         converted["clamped grids"] = len(clamps)
@@ -275,11 +283,9 @@ class _Converter:
         ]
         pairs += [(f"{a}", f"{b}") for grids in joined for a, b in pairwise(grids)]
         parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
-        if not bars and not joined:
-            fault = Fault(
-                file=self.deck.path, line=0, key="", message="there is no bar, beam or rod in this deck"
-            )
-            raise_some([fault])
+        if not kept:
+            message = "there is no bar, beam or rod in this deck, and no spring or mass"
+            raise_some([Fault(file=self.deck.path, line=0, key="", message=message)])
         raise_some(
             [
                 grid[int(part[0])].fault(
@@ -305,7 +311,7 @@ class _Converter:
         damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
         self._leave("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]")
         self.notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
-        stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} & {"BOX", "I", "I1"}
+        stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
         if stiff:
             self.notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")
         if deck.bulk_only:
@@ -418,14 +424,12 @@ class _Converter:
         reach = ROUNDING * float(np.linalg.norm(body.centre))
         if np.linalg.norm(arm) > reach:
             node["cg_m"] = arm * length
-        if np.abs(body.inertia).max() > body.mass * reach**2:
+        if _turns(body):
             node["inertia_kg_m2"] = inertia
             a, b, c = np.linalg.eigvalsh(inertia)
-            if a + b < c * (1.0 - 1e-9):
+            if body.mass == 0.0 or a + b < c * (1.0 - 1e-9):
                 node["rotors_excluded"] = True
-                self.notes.append(
-                    f"grid {grid} carries an inertia that no body has by itself (triangle inequality)"
-                )
+                self.rotors.append(f"{grid}")
         return node
 
     def _rider(self, grid: int, carrier: int) -> dict[str, Any]:
@@ -437,9 +441,26 @@ def _filled(document: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in document.items() if value != []}
 
 
+def _turns(body: Mass) -> bool:
+    """Whether it has inertia beyond the rounding of its place."""
+    reach = ROUNDING * float(np.linalg.norm(body.centre))
+    return bool(np.abs(body.inertia).max() > body.mass * reach**2)
+
+
 def _halves(bar: Bar) -> list[Mass]:
-    half, none = 0.5 * bar.section.per_length * bar.length, np.zeros((3, 3))
-    return [Mass(grid, half, end, none) for grid, end in zip(bar.grids, bar.ends, strict=True) if half]
+    """Halves at the ends; those of a beam turn about its axis, those of a bar or rod do not."""
+    half, inertia = 0.5 * bar.section.per_length * bar.length, np.zeros((3, 3))
+    if bar.entry.name == "CBEAM":
+        along = (bar.ends[1] - bar.ends[0]) / bar.length
+        shape = bar.section.shape
+        polar = bar.section.material.rho * (shape.i1 + shape.i2)
+        inertia = 0.5 * polar * bar.length * np.outer(along, along)
+    return [Mass(grid, half, end, inertia) for grid, end in zip(bar.grids, bar.ends, strict=True) if half]
+
+
+def _linked(entries: Entries) -> set[int]:
+    """Grids that rigid links name."""
+    return {grid for entry in entries.of("RBE2", "RBAR") for grid in _grids_named(entry)}
 
 
 def _grids_named(entry: Entry) -> list[int]:

@@ -32,10 +32,14 @@ SHOWN = 20  # faults in one report
 SPACES = {
     "GRID": "grid",
     **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CONM1", "CONM2", "CELAS1", "CELAS2"), "element"),
+    **dict.fromkeys(("CMASS1", "CMASS2"), "element"),
     **dict.fromkeys(("CBUSH", "RBE2", "RBE3", "RBAR"), "element"),
     **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH"), "property"),
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
-    **{name: name for name in ("MAT1", "PARAM", "GRDSET", "BAROR", "BEAMOR", "EIGRL", "EIGR", "SUPORT1")},
+    **{
+        name: name
+        for name in ("MAT1", "PMASS", "PARAM", "GRDSET", "BAROR", "BEAMOR", "EIGRL", "EIGR", "SUPORT1")
+    },
 }
 WANTED = {
     "n": "must be an integer > 0",

@@ -36,8 +36,12 @@ class LoadSets:
         Sets with other loads go to ``refused``.
         """
         found: list[dict[str, Any]] = []
+        chosen = None if self.chosen is None else self.chosen & {*self.direct, *self.sums}
+        summed = {integer(text or "") for sid in chosen or () for text in self._terms(sid)[1::2]}
         for sid in sorted({*self.direct, *self.sums}):
-            if self.chosen is not None and sid not in self.chosen:
+            if chosen is not None and sid not in chosen:
+                if sid in summed:
+                    continue
                 self.refused.append((f"load set {sid}", 1, "not selected by case control"))
                 continue
             parts = self._parts(sid, faults)
@@ -50,13 +54,18 @@ class LoadSets:
             found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
         return found
 
+    def _terms(self, sid: int) -> list[str]:
+        """Factors and sets, in turn, that a LOAD of this number sums."""
+        entry = self.sums.get(sid)
+        return [] if entry is None else [text or "" for text in entry["rest"]]
+
     def _parts(self, sid: int, faults: list[Fault]) -> list[tuple[float, Entry]]:
         """Factors and loads of a set: its own, and those that a LOAD of this number sums."""
         parts = [(1.0, entry) for entry in self.direct.get(sid, ())]
         entry = self.sums.get(sid)
         if entry is None:
             return parts
-        texts = [text or "" for text in entry["rest"]]
+        texts = self._terms(sid)
         for i in range(0, len(texts), 2):
             factor, number = real(texts[i]), integer("".join(texts[i + 1 : i + 2]))
             if not any(texts[i : i + 2]):

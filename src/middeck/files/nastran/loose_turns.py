@@ -6,7 +6,7 @@ environment, along the directions in which the grid's own block of the stiffness
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Container, Iterable, Mapping
 
 import numpy as np
 
@@ -14,53 +14,70 @@ from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.members import Bar, own_axes
 from middeck.files.nastran.sections_of_bars import principal_axes
 from middeck.files.nastran.ties import Tie
+from middeck.structure.model.connectivity import separate_parts
 
 NOTHING = 1e-9  # of a grid's largest rotational stiffness
 
 
 def loose_turns(
     kept: Iterable[int],
-    bars: Iterable[Bar],
+    bars: Collection[Bar],
     ties: Iterable[Tie],
+    turning: Container[int],
     held: Mapping[int, str],
     carriers: Mapping[int, int],
     places: Places,
 ) -> dict[int, np.ndarray]:
     """Orthonormal directions, in basic coordinates, of the turns that nothing holds, as columns, by grid.
 
-    They are square to those that ``held``, the components of constraints, holds.
+    They are square to those that ``held``, the components of constraints, holds. Grids in ``turning`` have
+    inertia. Where hinges without inertia only twist each other, by rods with a torsion constant, all turn
+    freely together: no stiffness of a single grid shows it, and no shift depends on it.
     """
-    stiffness = {grid: np.zeros((3, 3)) for grid in kept}
-    firm: set[int] = set()
-    bars = list(bars)
+    firm = {carriers.get(grid, grid) for bar in bars if _is_firm(bar) for grid in bar.grids}
+    stiffness = {grid: np.zeros((3, 3)) for grid in kept if grid not in firm}
+    alive = {grid for grid in stiffness if grid in turning}
+    twists: list[tuple[str, str]] = []
     for bar in bars:
         shape = bar.section.shape
-        if shape.i1 > 0.0 and shape.i2 > 0.0 and shape.j > 0.0 and bar.section.material.G > 0.0:
-            firm.update(carriers.get(grid, grid) for grid in bar.grids)
-    for bar in bars:
-        for end, (grid, place) in enumerate(zip(bar.grids, bar.ends, strict=True)):
-            carrier = carriers.get(grid, grid)
-            if carrier not in firm:
-                stiffness[carrier] += _about(_end_stiffness(bar, end), place - places.grids[carrier])
+        ends = [carriers.get(grid, grid) for grid in bar.grids]
+        for end, (grid, place) in enumerate(zip(ends, bar.ends, strict=True)):
+            if grid in firm:
+                continue
+            arm = place - places.grids[grid]
+            stiffness[grid] += _about(_end_stiffness(bar, end), arm)
+            if shape.i1 > 0.0 or shape.i2 > 0.0 or arm.any() or (shape.j > 0.0 and ends[1 - end] in firm):
+                alive.add(grid)
+        if shape.j > 0.0 and not firm.intersection(ends):
+            twists.append((f"{ends[0]}", f"{ends[1]}"))
     for tie in ties:
         turn = np.kron(np.eye(2), tie.axes)
-        for grid, point in zip(tie.grids, tie.points, strict=True):
-            carrier = carriers.get(grid, grid)
-            own = turn @ np.diag(tie.stiffness) @ turn.T
-            stiffness[carrier] += _about(own, point - places.grids[carrier])
-    found: dict[int, np.ndarray] = {}
-    for grid, K in stiffness.items():
-        axes = places.displacement_axes(grid)
-        free = axes[:, [c not in held.get(grid, "") for c in "456"]]
-        if grid in firm or not free.size:
-            continue
-        size, turns = np.linalg.eigh(free.T @ K @ free)
-        loose = free @ turns[:, size <= NOTHING * np.abs(K).max()]
-        if loose.shape[1] == free.shape[1]:
-            loose = free
-        if loose.size:
-            found[grid] = loose
-    return found
+        for grid, point in zip([carriers.get(g, g) for g in tie.grids], tie.points, strict=True):
+            if grid not in firm:
+                own = _about(turn @ np.diag(tie.stiffness) @ turn.T, point - places.grids[grid])
+                stiffness[grid] += own
+                alive |= {grid} if own.any() else set()
+    for part in separate_parts([f"{grid}" for grid in stiffness], twists):
+        if alive.isdisjoint(map(int, part)):
+            stiffness.update({int(grid): np.zeros((3, 3)) for grid in part})
+    found = {
+        grid: _loose(K, held.get(grid, ""), places.displacement_axes(grid)) for grid, K in stiffness.items()
+    }
+    return {grid: turns for grid, turns in found.items() if turns.size}
+
+
+def _is_firm(bar: Bar) -> bool:
+    """Whether both ends of a bar resist all turns."""
+    shape = bar.section.shape
+    return shape.i1 > 0.0 and shape.i2 > 0.0 and shape.j > 0.0 and bar.section.material.G > 0.0
+
+
+def _loose(K: np.ndarray, held: str, axes: np.ndarray) -> np.ndarray:
+    """Turns without stiffness among those that are not held; the axes themselves where all are."""
+    free = axes[:, [c not in held for c in "456"]]
+    size, turns = np.linalg.eigh(free.T @ K @ free)
+    loose = free @ turns[:, size <= NOTHING * np.abs(K).max()]
+    return free if loose.shape == free.shape else loose
 
 
 def turn_clamp(grid: int, turns: np.ndarray) -> dict[str, object]:

@@ -16,6 +16,7 @@ from middeck.files.nastran.sections_of_bars import BarSection, Sections, princip
 
 NAMES = ("CBAR", "CBEAM", "CROD", "CONROD")
 OFFT = re.compile("[GB][GO][GO]")
+FLAGS = {"0": None, "1": "GGG", "2": "GGG"}  # older: 1 for an orientation by vector, 2 by grid
 DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 # The sine of the angle between a member and its orientation vector.
 LEAST_SINE = 1e-6
@@ -85,6 +86,9 @@ class _Reader:
             given = {key: other[key] for key in keys if entry[key] is None}
         if entry.name != "CONROD" and entry["pid"] is None and given.get("pid") is None:
             given["pid"] = entry.id
+        if entry.name in DEFAULTS:
+            offt = given.get("offt") or entry["offt"]
+            given["offt"] = FLAGS.get(offt, offt)
         places = PLACES[entry.name]
         values = list(entry.values)
         for key, value in given.items():

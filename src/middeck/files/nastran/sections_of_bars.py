@@ -76,6 +76,11 @@ class Sections:
         material = self._material(entry)
         if entry.name in ("PBARL", "PBEAML"):
             shape, nsm = _shape(entry)
+            if entry.name == "PBEAML" and not shape.centred:
+                raise ValueError(
+                    f"the shear centre of this {entry['type']} is not its centroid, which a CBEAM counts: "
+                    "not converted yet"
+                )
             return BarSection(material, shape, 0.0, nsm)
         area, nsm, torsion = entry["a"], entry["nsm"], entry["j"]
         if not area > 0.0:

@@ -1,7 +1,8 @@
 """Cross-sections by their shapes (PBARL, PBEAML): area, second moments, torsion constant, shear factors.
 
 I1 is for bending in plane 1 (own x-y), I2 in plane 2. Torsion constants are those of the reference guides:
-polar for round sections, Roark's for a solid rectangle, Bredt's for a box, a sum over thin walls for an I.
+polar for round sections, Roark's for a solid rectangle, Bredt's for a box, a sum over thin walls for open
+sections.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ PI = float(np.pi)
 
 
 class SectionShape(NamedTuple):
-    """Area, second moments, torsion constant; shear factors K of the area, infinite if rigid in shear."""
+    """Area, second moments, torsion constant; shear factors K of the area, infinite if rigid in shear.
+
+    ``centred``: the shear centre is the centroid; a CBAR takes it to be so, a CBEAM does not.
+    """
 
     area: float
     i1: float
@@ -23,6 +27,7 @@ class SectionShape(NamedTuple):
     j: float
     k1: float = np.inf
     k2: float = np.inf
+    centred: bool = True
 
 
 def _need(walls: bool) -> None:
@@ -65,23 +70,111 @@ def _box(width: float, height: float, t_flange: float, t_web: float) -> SectionS
     )
 
 
-def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_upper: float) -> SectionShape:
-    if lower != upper or t_lower != t_upper:
-        raise ValueError("an I whose flanges differ: its shear centre is not its centroid")
-    inside = height - 2.0 * t_lower
-    _need(inside > 0.0 and lower > web)
+def _walls(*walls: tuple[float, float, float, float], centred: bool = False) -> SectionShape:
+    """An open section of thin rectangles: y and z of the middle, sizes along y and z; no product moment.
+
+    Walls do not overlap; the torsion constant counts each up to the middle of the one that it meets.
+    """
+    y, z, h, w = np.array(walls).T
+    _need(bool(np.all(h > 0.0) and np.all(w > 0.0)))
+    area = h * w
+    y, z = y - area @ y / area.sum(), z - area @ z / area.sum()
     return SectionShape(
-        2.0 * lower * t_lower + inside * web,
-        (lower * height**3 - (lower - web) * inside**3) / 12.0,
-        (2.0 * t_lower * lower**3 + inside * web**3) / 12.0,
-        (2.0 * lower * t_lower**3 + (height - t_lower) * web**3) / 3.0,
+        float(area.sum()),
+        float(np.sum(area * (y**2 + h**2 / 12.0))),
+        float(np.sum(area * (z**2 + w**2 / 12.0))),
+        float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3.0),
+        centred=centred,
     )
+
+
+def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_upper: float) -> SectionShape:
+    inside = height - t_lower - t_upper
+    _need(inside > 0.0 and min(lower, upper) > web)
+    made = _walls(
+        (0.5 * t_lower, 0.0, t_lower, lower),
+        (t_lower + 0.5 * inside, 0.0, inside, web),
+        (height - 0.5 * t_upper, 0.0, t_upper, upper),
+        centred=lower == upper and t_lower == t_upper,
+    )
+    return made._replace(j=made.j + 0.5 * (t_lower + t_upper) * web**3 / 3.0)
 
 
 def _i1(flange: float, web: float, inside: float, height: float) -> SectionShape:
     _need(height > inside)
     t, width = (height - inside) / 2.0, flange + web
     return _i(height, width, width, web, t, t)
+
+
+def _t(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
+    stem = height - t_flange
+    _need(stem > 0.0)
+    made = _walls((0.0, 0.0, t_flange, width), (0.5 * height, 0.0, stem, t_web))
+    return made._replace(j=made.j + 0.5 * t_flange * t_web**3 / 3.0)
+
+
+def _t1(flange: float, web: float, t_flange: float, t_web: float) -> SectionShape:
+    """A T that lies: ``web`` beside the flange."""
+    made = _t(flange, web + t_flange, t_flange, t_web)
+    return made._replace(i1=made.i2, i2=made.i1)
+
+
+def _channel(width: float, height: float, t_web: float, t_flange: float) -> SectionShape:
+    inside = height - 2.0 * t_flange
+    _need(inside > 0.0 and width > t_web)
+    made = _walls(
+        (0.5 * (height - t_flange), 0.0, t_flange, width),
+        (-0.5 * (height - t_flange), 0.0, t_flange, width),
+        (0.0, 0.5 * (t_web - width), inside, t_web),
+    )
+    return made._replace(j=made.j + (t_flange * t_web**3 - t_web * t_flange**3) / 3.0)
+
+
+def _channel1(flange: float, t_web: float, inside: float, height: float) -> SectionShape:
+    return _channel(flange + t_web, height, t_web, (height - inside) / 2.0)
+
+
+def _channel2(t_leg: float, t_base: float, height: float, width: float) -> SectionShape:
+    """Its legs stand on a base: a channel turned by a right angle."""
+    made = _channel(height, width, t_base, t_leg)
+    return made._replace(i1=made.i2, i2=made.i1)
+
+
+def _box1(width: float, height: float, top: float, bottom: float, left: float, right: float) -> SectionShape:
+    w, h = width - left - right, height - top - bottom
+    _need(w > 0.0 and h > 0.0)
+    made = _walls(
+        (0.5 * (height - top), 0.0, top, width),
+        (-0.5 * (height - bottom), 0.0, bottom, width),
+        (0.5 * (bottom - top), 0.5 * (left - width), h, left),
+        (0.5 * (bottom - top), 0.5 * (width - right), h, right),
+        centred=top == bottom and left == right,
+    )
+    product = 0.5 * w * h * (top - bottom) * (left - right)
+    if abs(product) > 0.0:
+        raise ValueError("a box whose walls differ both ways: it has a product moment, give a PBAR")
+    across, along = width - 0.5 * (left + right), height - 0.5 * (top + bottom)
+    around = across * (1.0 / top + 1.0 / bottom) + along * (1.0 / left + 1.0 / right)
+    return made._replace(j=4.0 * (across * along) ** 2 / around)
+
+
+def _cross(wings: float, t_vertical: float, height: float, t_wings: float) -> SectionShape:
+    """``wings`` is the length of both together."""
+    middle = 0.5 * t_vertical + 0.25 * wings
+    made = _walls(
+        (0.0, 0.0, height, t_vertical),
+        (0.0, middle, t_wings, 0.5 * wings),
+        (0.0, -middle, t_wings, 0.5 * wings),
+        centred=True,
+    )
+    return made._replace(j=(height * t_vertical**3 + (wings + t_vertical) * t_wings**3) / 3.0)
+
+
+def _h(inside: float, legs: float, height: float, t_web: float) -> SectionShape:
+    """``legs`` is the thickness of both together."""
+    arm, leg = 0.5 * (inside + 0.5 * legs), 0.5 * legs
+    made = _walls((0.0, 0.0, t_web, inside), (0.0, arm, height, leg), (0.0, -arm, height, leg), centred=True)
+    return made._replace(j=made.j + leg * t_web**3 / 3.0)
 
 
 SHAPES: dict[str, tuple[int, Callable[..., SectionShape]]] = {
@@ -92,6 +185,15 @@ SHAPES: dict[str, tuple[int, Callable[..., SectionShape]]] = {
     "BOX": (4, _box),
     "I": (6, _i),
     "I1": (4, _i1),
+    "T": (4, _t),
+    "T1": (4, _t1),
+    "T2": (4, _t),
+    "CHAN": (4, _channel),
+    "CHAN1": (4, _channel1),
+    "CHAN2": (4, _channel2),
+    "BOX1": (6, _box1),
+    "CROSS": (4, _cross),
+    "H": (4, _h),
 }
 
 

@@ -7,6 +7,7 @@ refused.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -32,13 +33,19 @@ class Tie(NamedTuple):
     stiffness: np.ndarray
 
 
-def read_ties(entries: Entries, places: Places, faults: list[Fault]) -> list[Tie]:
-    """All CBUSH, CELAS1 and CELAS2 of some stiffness; appends to ``faults`` what cannot be represented."""
+def read_ties(entries: Entries, places: Places, held: Mapping[int, str], faults: list[Fault]) -> list[Tie]:
+    """All CBUSH, CELAS1 and CELAS2 of some stiffness; appends to ``faults`` what cannot be represented.
+
+    A scalar spring at a component that the ground holds (``held``, by grid) is one to the ground.
+    """
     found: list[Tie] = []
     properties = entries.numbered("PELAS", "PBUSH")
     for entry in entries.of("CBUSH", "CELAS1", "CELAS2"):
         try:
-            tie = (_bushing if entry.name == "CBUSH" else _spring)(entry, properties, places)
+            if entry.name == "CBUSH":
+                tie = _bushing(entry, properties, places)
+            else:
+                tie = _spring(entry, properties, places, held)
         except ValueError as error:
             faults.append(entry.fault(str(error)))
             continue
@@ -61,7 +68,9 @@ def _property(entry: Entry, properties: dict[int, Entry], name: str) -> Entry:
     return found
 
 
-def _spring(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
+def _spring(
+    entry: Entry, properties: dict[int, Entry], places: Places, held: Mapping[int, str]
+) -> Tie | None:
     k = (_property(entry, properties, "PELAS") if entry.name == "CELAS1" else entry)["k"]
     ends = [(entry[f"g{i}"], entry[f"c{i}"]) for i in "12" if entry[f"g{i}"]]
     if not ends or any(component not in range(1, 7) for _, component in ends):
@@ -71,6 +80,10 @@ def _spring(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie |
     if k < 0.0:
         raise ValueError("a negative stiffness is not converted")
     points = [_place(grid, places) for grid, _ in ends]
+    moving = [i for i, (grid, component) in enumerate(ends) if f"{component}" not in held.get(grid, "")]
+    if not moving:
+        return None
+    ends, points = [ends[i] for i in moving], [points[i] for i in moving]
     frames = [places.displacement_axes(grid) for grid, _ in ends]
     stiffness = np.zeros(6)
     stiffness[ends[0][1] - 1] = k
@@ -82,11 +95,16 @@ def _spring(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie |
         span = points[1] - points[0]
         if turns[0] != turns[1] or np.linalg.norm(first - second) > APART:
             raise ValueError("a spring between components of different directions is not converted")
-        if (
+        if all(set("456") <= set(held.get(grid, "")) for grid, _ in ends):
+            points[1] = points[0]  # where nothing turns, a spring acts the same anywhere
+        elif (
             not turns[0]
             and np.linalg.norm(np.cross(span, first)) > APART * np.linalg.norm(points, axis=1).max()
         ):
-            raise ValueError("a spring across the line between its grids, which resists rigid motion")
+            raise ValueError(
+                "a spring across the line between its grids, which resists rigid motion: "
+                "put them in one place, or hold their rotations"
+            )
     return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], stiffness)
 
 

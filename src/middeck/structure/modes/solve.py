@@ -173,6 +173,12 @@ def _solve(
             hint="leave something free, or mesh the members with more elements",
         )
     at, mass = assemble_carried(model, config, loads), carried_mass(model, config, loads)
+    if not free.matrix(mass).data.any():
+        raise ConfigError(
+            "nothing that moves has mass: there are no modes",
+            where="article",
+            hint="give its bodies mass_kg, or its members a density",
+        )
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
     pairs = _eigenpairs(model, free, free.matrix(at.tangent), free.matrix(mass), count, soft)
     pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
