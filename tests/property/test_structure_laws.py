@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.linked import static_coordinates
 from middeck.structure.elements.frames import move
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.comparison import compare_modes
@@ -17,7 +18,6 @@ from middeck.structure.model.article import AttachPoint, Body, Joint, JointState
 from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.rest.statics import static_coordinates
 from repeats import repeats
 from structure_builders import GRAVITY, body, member, node, structure
 

@@ -10,6 +10,7 @@ import scipy.linalg as sla
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.model.article import (
     AttachPoint,
     Damper,
@@ -27,7 +28,6 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import COUPLING_LIMIT, estimate_damping
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.rest.statics import dynamic_coordinates
 from structure_builders import GRAVITY, body, member, node, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)

@@ -13,6 +13,7 @@ from random_articles import draw_bus, environment_of, write_tables
 from middeck.errors import MiddeckError
 from middeck.files.documents import load_setup
 from middeck.structure.assembly.energy import inner_forces, split_tangent
+from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.comparison import ModeComparison, compare_modes
 from middeck.structure.model.environment import Environment
@@ -20,7 +21,6 @@ from middeck.structure.modes.kinds import find_kinds, kinds_by_rank
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.rest.statics import dynamic_coordinates
 
 LAB = "environments/lab.toml"
 FLEXIBLE, SUSPENSION = 0.01, 0.03

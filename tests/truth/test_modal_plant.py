@@ -9,6 +9,7 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.elements.frames import frame_poses, move
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.model.article import Actuator, AttachPoint, Damping, Joint, JointState, Section, Sensor
@@ -16,7 +17,6 @@ from middeck.structure.model.environment import Environment, Suspension
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.rest.statics import dynamic_coordinates
 from middeck.systems.modal import modal_response
 from structure_builders import GRAVITY, body, member, node, structure
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from middeck.files.faults import Fault
 from middeck.files.nastran.bodies import Mass, merged, read_masses
+from middeck.files.nastran.constraints import Constraint, check_dependent, read_constraints, that_matter
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.entries import Entry, raise_some
@@ -101,18 +102,27 @@ class _Converter:
         masses = read_masses(entries, self.places, faults)
         ties = read_ties(entries, self.places, faults)
         held = read_restraints(self.deck, self.places, faults)
+        constraints = read_constraints(self.deck, self.places, faults)
         raise_some(faults)
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
-        carriers = find_carriers(entries, self.places.grids, used | set(held))
-        self._check_unconverted(used | set(held), carriers, faults)
+        carriers = find_carriers(
+            entries, self.places.grids, used | set(held) | {g for c in constraints for g in c.grids}
+        )
+        pushed = {entry["g"] for entry in entries.of("FORCE", "MOMENT")}
+        standing = used | set(held) | pushed | set(carriers) | set(carriers.values())
+        tied, every = that_matter(constraints, standing), constraints
+        self._check_unconverted(tied, every, carriers, faults)
         self._check_held(held, carriers, faults)
+        check_dependent(tied, carriers, held, faults)
         self._check_rods(bars, carriers, held, faults)
         raise_some(faults)
+        riders = {g: carriers.pop(g) for c in tied for g in c.grids if g in carriers}
+        used |= {g for c in tied for g in c.grids} | set(riders.values())
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in _halves(bar)]
         bodies = merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses)
         kept = {carriers.get(grid, grid) for grid in used}
-        self._check_whole(kept, bars, ties, carriers)
+        self._check_whole(kept, bars, ties, [*(c.grids for c in tied), *riders.items()], carriers)
         loads = LoadSets(self.deck, self.places, carriers, kept)
         cases = loads.cases(self.units, faults)
         raise_some(faults)
@@ -138,12 +148,20 @@ class _Converter:
                 "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept]
                 + points,
                 "bushing": bushings,
+                "link": [
+                    {"name": f"rigid_g{g}", "from": f"g{carrier}", "to": f"g{g}"}
+                    for g, carrier in riders.items()
+                ]
+                + [c.table for c in tied if c.kind == "link"],
+                "interpolation": [c.table for c in tied if c.kind == "interpolation"],
+                "equation": [self._summed(c.table) for c in tied if c.kind == "equation"],
                 "load_case": cases,
             }
         )
         converted = Counter(bar.entry.name for bar in bars)
         converted.update(entry.name for entry in entries.of("CONM1", "CONM2"))
         converted.update(tie.entry.name for tie in ties)
+        converted.update(c.entry.name for c in tied)
         converted["clamped grids"] = len(clamps)
         converted["load cases"] = len(cases)
         converted["grids that are nodes"] = len(kept)
@@ -195,31 +213,22 @@ class _Converter:
                 if carriers.get(grid, grid) not in held
             ]
 
-    def _check_unconverted(self, used: set[int], carriers: dict[int, int], faults: list[Fault]) -> None:
+    def _check_unconverted(
+        self, tied: list[Constraint], every: list[Constraint], carriers: dict[int, int], faults: list[Fault]
+    ) -> None:
         """Refuse what is not converted yet and would change the modes; list what would not."""
         entries, selection = self.deck.entries, self.deck.selection
-        used = used | set(carriers) | set(carriers.values())
-        for entry in entries.of("RBE3"):
-            if entry["refgrid"] in used:
-                faults.append(
-                    entry.fault("a grid in use that an RBE3 carries is not converted yet", "refgrid")
-                )
-            else:
-                self._leave(entry.name, 1, "an average at a grid that nothing stands on")
+        matter = {id(c.entry) for c in tied}
+        idle = {id(c.entry): c.entry for c in every if id(c.entry) not in matter}
+        for entry in idle.values():
+            what = "an average" if entry.name == "RBE3" else "links"
+            self._leave(entry.name, 1, f"{what} at a grid that nothing stands on")
+        partial = {id(c.entry) for c in every}
         for entry in entries.of("RBE2", "RBAR"):
-            if not any(grid in carriers for grid in _grids_named(entry)):
+            if id(entry) not in partial and not any(grid in carriers for grid in _grids_named(entry)):
                 self._leave(entry.name, 1, "links at grids that nothing stands on")
         for command in ("SPC", "MPC"):
             chosen = self.deck.selected(command)
-            if command == "MPC":
-                faults += [
-                    entry.fault(
-                        "multipoint constraints are not converted yet, and case control selects set "
-                        f"{entry.id}",
-                        hint="without them: take MPC out of case control",
-                    )
-                    for entry in chosen
-                ]
             names = ("SPC", "SPC1", "SPCADD") if command == "SPC" else ("MPC", "MPCADD")
             for name in names:
                 count = len(entries.of(name)) - sum(entry.name == name for entry in chosen)
@@ -244,13 +253,19 @@ class _Converter:
             )
 
     def _check_whole(
-        self, kept: set[int], bars: list[Bar], ties: list[Tie], carriers: dict[int, int]
+        self,
+        kept: set[int],
+        bars: list[Bar],
+        ties: list[Tie],
+        links: list[tuple[int, ...]],
+        carriers: dict[int, int],
     ) -> None:
         """A part of its own would float beside the rest."""
         grid = self.deck.entries.numbered("GRID")
         pairs = [
             tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in (*bars, *ties) if len(bar.grids) > 1
         ]
+        pairs += [(f"{grids[0]}", f"{g}") for grids in links for g in grids[1:]]
         parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
         if not bars:
             fault = Fault(
@@ -396,6 +411,14 @@ class _Converter:
                     f"grid {grid} carries an inertia that no body has by itself (triangle inequality)"
                 )
         return node
+
+    def _summed(self, table: dict[str, Any]) -> dict[str, Any]:
+        """Factors of turns times the length unit: shifts are in metres."""
+        terms = [
+            t | {"coefficient": t["coefficient"] * (self.units.length if t["direction"][0] == "r" else 1.0)}
+            for t in table["term"]
+        ]
+        return table | {"term": terms}
 
     def _rider(self, grid: int, carrier: int) -> dict[str, Any]:
         offset = (self.places.grids[grid] - self.places.grids[carrier]) * self.units.length
