@@ -157,7 +157,7 @@ def fit(deck, at, shares, size):
 
 
 def linked_deck(deck: RandomDeck, text: str, seed: int) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
-    """A mass on an average, one on a partial link with an equation: text, rows, and what they weigh and hold."""
+    """A mass on an average, one on a partial link with an equation: text, rows, stiffness and mass."""
     rng = np.random.default_rng([8, seed])
     size, names = 6 * len(deck.free), list(deck.places)
     at, zero = rng.uniform(-1.0, 1.0, 3), np.zeros(3)
