@@ -215,6 +215,7 @@ from .structure.rest.equilibrium import (
     Equilibrium as Equilibrium,
     solve_equilibrium as solve_equilibrium,
 )
+from .structure.rest.link_loads import link_loads as link_loads
 from .structure.sensitivity.frequencies import differentiate_frequencies as differentiate_frequencies
 from .structure.sensitivity.parameters import find_parameters as find_parameters
 from .structure.sensitivity.rest import differentiate_rest as differentiate_rest

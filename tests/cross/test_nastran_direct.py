@@ -103,10 +103,18 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
 
 
 def test_matrices_on_a_grid_that_follows_another(tmp_path, capfd):
+    """Half a cantilever whose first grid follows the end of the other half by a rigid link."""
     K, M = half(2)
-    points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
-    bulk = GRIDS + PROPERTIES + bar(1) + "RBE2,9,2,123456,3\n"
-    bulk += punch("KHALF", K, points) + punch("MHALF", M, points)
-    ended = converted(tmp_path, capfd, "rides", "K2GG = KHALF\nM2GG = MHALF\n", bulk)
-    assert ended.code == 2
-    assert "follows grid 2" in ended.err
+    points = [(g, c) for g in (6, 4, 5) for c in range(1, 7)]
+    bulk = GRIDS + PROPERTIES + "SPC1,1,123456,1\n" + bar(1) + bar(2)
+    bulk += (
+        f"GRID,6,,{2.0 * L},0.,0.\nRBE2,9,3,123456,6\n"
+        + punch("KHALF", K, points)
+        + punch("MHALF", M, points)
+    )
+    held = GRIDS + PROPERTIES + "SPC1,1,123456,1\n" + "".join(map(bar, (1, 2, 3, 4)))
+    matrices = "SPC = 1\nK2GG = KHALF\nM2GG = MHALF\n"
+    for name, case, text in (("whole", "SPC = 1\n", held), ("parts", matrices, bulk)):
+        ended = converted(tmp_path, capfd, name, case, text, "--environment", tmp_path / f"{name}-held.toml")
+        assert ended.code == 0, ended.err
+    np.testing.assert_allclose(frequencies(tmp_path, "parts"), frequencies(tmp_path, "whole"), rtol=1e-8)

@@ -139,3 +139,71 @@ def test_held_decks_are_those_of_the_textbook(tmp_path, campaign, formulation):
         for case in structure.load_cases:
             np.testing.assert_allclose(work(deck, case), held.forces[int(case.name[4:])], atol=1e-7)
         assert [case.name for case in structure.load_cases] == ["load5", "load6", "load9"]
+
+
+def fit(deck, at, shares, size):
+    """Weighted least squares of the motion at ``at``: turns with the mean distance squared (RBE3)."""
+    rows, seen = [], []
+    mean = np.mean([np.linalg.norm(deck.places[g] - at) for g, _, _ in shares])
+    for grid, weight, digits in shares:
+        own = np.kron(np.eye(2), directions(deck, grid, deck.moves_in[grid]))
+        rigid = np.eye(6)
+        rigid[:3, 3:] = np.array([np.cross(e, deck.places[grid] - at) for e in EYE]).T
+        for c in (int(d) - 1 for d in digits):
+            scale = np.sqrt(weight) * (1.0 if c < 3 else mean)
+            rows.append(scale * own[c] @ rigid)
+            seen.append(scale * np.pad(own[c] @ motion(deck, grid, np.zeros(3)), (0, size)))
+    return np.linalg.lstsq(np.array(rows), np.array(seen), rcond=None)[0]
+
+
+def linked_deck(deck: RandomDeck, text: str, seed: int) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
+    """A mass on an average, one on a partial link with an equation: text, rows, stiffness and mass."""
+    rng = np.random.default_rng([8, seed])
+    size, names = 6 * len(deck.free), list(deck.places)
+    at, zero = rng.uniform(-1.0, 1.0, 3), np.zeros(3)
+    some = [int(g) for g in rng.choice(names, 4, replace=False)]
+    moves = ["123", "123", "123456", str(rng.choice(["12", "3", "1235"]))]
+    shares = [(g, float(rng.uniform(0.5, 2.0)), m) for g, m in zip(some, moves, strict=True)]
+    carrier = int(rng.choice(names))
+    place = deck.places[carrier] + rng.uniform(-0.5, 0.5, 3)
+    cm = "".join(sorted(rng.choice(list("123456"), int(rng.integers(1, 5)), replace=False)))
+    lines = card(rng, "GRID", 9001, 0, *at) + card(rng, "GRID", 9002, 0, *place)
+    lines += card(rng, "RBE3", 9001, None, 9001, 123456, *(x for g, w, m in shares for x in (w, int(m), g)))
+    lines += card(rng, "RBE2", 9002, carrier, int(cm), 9002)
+    lines += card(rng, "CONM2", 9201, 9001, 0, 2.0, 0.0, 0.0, 0.0, None, 0.1, 0.0, 0.2, 0.0, 0.0, 0.3)
+    lines += card(rng, "CONM2", 9202, 9002, 0, 3.0, 0.0, 0.0, 0.0, None, 0.3, 0.0, 0.2, 0.0, 0.0, 0.1)
+    for c in range(1, 7):
+        lines += card(rng, "CELAS2", 9100 + c, 1.0e4, 9002, c)
+    K, M = np.zeros((2, size + 12, size + 12))
+    K[size + 6 :, size + 6 :] = 1.0e4 * np.eye(6)
+    M[size:, size:] = np.diag([2.0, 2.0, 2.0, 0.1, 0.2, 0.3, 3.0, 3.0, 3.0, 0.3, 0.2, 0.1])
+    follow = -fit(deck, at, shares, 12)
+    follow[:, size : size + 6] += np.eye(6)
+    rigid = -np.pad(motion(deck, carrier, place - deck.places[carrier]), ((0, 0), (0, 12)))
+    rigid[:, size + 6 :] += np.eye(6)
+    free = next(c for c in "123456" if c not in cm)
+    other, component, factors = int(rng.choice(names)), int(rng.integers(1, 7)), rng.uniform(0.5, 2.0, 2)
+    lines += card(rng, "MPC", 77, 9002, int(free), factors[0], other, component, factors[1])
+    own = np.kron(np.eye(2), directions(deck, other, deck.moves_in[other])) @ motion(deck, other, zero)
+    equation = np.pad(factors[1] * own[component - 1], (0, 12))
+    equation[size + 5 + int(free)] += factors[0]
+    rows = np.vstack([follow, rigid[[int(c) - 1 for c in cm]], equation])
+    text = text.replace("spc 72", "spc 72\nMPC = 77").replace("ENDDATA", "\n".join([*lines, "ENDDATA"]))
+    return text, rows, K, M
+
+
+def test_decks_with_averages_partial_links_and_equations_are_those_of_the_textbook(tmp_path, campaign):
+    for seed in campaign(60):
+        deck = random_deck(3000 + seed)
+        held = held_deck(deck, seed)
+        text, rows, more, mass = linked_deck(deck, held.text, seed)
+        structure, environment = converted(tmp_path, text, "consistent")
+        K, M = (np.pad(A, (0, 12)) for A in textbook(deck, "consistent"))
+        K = K + more + np.pad(held.stiffness, (0, 12))
+        free = scipy.linalg.null_space(np.vstack([np.pad(held.held, ((0, 0), (0, 12))), rows]))
+        expected = frequencies(free.T @ K @ free, free.T @ (M + mass) @ free)
+        omega = md.solve_modes(md.solve_equilibrium(structure, environment)).omega
+        count = min(len(omega), len(expected))
+        assert count == len(omega)
+        worst = np.abs(omega / expected[:count] - 1.0).max()
+        assert worst < DIGITS, (seed, worst)

@@ -14,7 +14,7 @@ import middeck
 from middeck import errors
 from middeck.cli import main as console
 from middeck.cli.app import VERBS
-from middeck.files import article_form, boundary_form, component_form, environment_form, study_form
+from middeck.files import article_form, boundary_form, component_form, environment_form, link_form, study_form
 from middeck.files.form import Form, unit_of
 
 REFERENCE = ROOT / "docs" / "reference"
@@ -36,6 +36,11 @@ FORMS: list[type[Form]] = [
     article_form.SuspensionForm,
     article_form.SpringForm,
     boundary_form.BushingForm,
+    link_form.LinkForm,
+    link_form.InterpolationForm,
+    link_form.ShareForm,
+    link_form.EquationForm,
+    link_form.TermForm,
     component_form.ComponentForm,
     article_form.ActuatorForm,
     article_form.SensorForm,
@@ -87,7 +92,7 @@ def test_what_the_paper_page_names_can_be_imported():
 
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
-    modules = (article_form, boundary_form, component_form, environment_form, study_form)
+    modules = (article_form, boundary_form, component_form, environment_form, link_form, study_form)
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
     }

@@ -138,7 +138,7 @@ def test_a_file_with_a_disconnected_part_names_its_nodes_and_the_line(tmp_path: 
     with pytest.raises(ConfigError) as error:
         load_structure(file)
     (fault,) = error.value.data["faults"]
-    assert "no strut or spring joins 'n4', 'n5' to the rest" in fault.message
+    assert "no strut, spring or link joins 'n4', 'n5' to the rest" in fault.message
     assert file.read_text().splitlines()[fault.line - 1] == 'name = "n4"'
     attach = (
         '\n[[attach]]\nname = "p"\nframe = "pri_z"\n\n[[attach]]\nname = "q"\nframe = "n4"\n'

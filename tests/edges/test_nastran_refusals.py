@@ -47,9 +47,14 @@ def test_the_deck_is_sound(tmp_path):
         ("RBE2,20,3,123456,2", "these rigid links close on themselves"),
         ("RBE2,20,4,123456,4", "these rigid links close on themselves"),
         ("RBE2,20,4,123456,77", "there is no grid 77"),
-        ("RBE2,20,4,123,1", "only links of all six components"),
-        ("RBAR,20,4,1,123,456", "only links of all six components"),
-        ("RBE3,20,,1,123456,1.,123,2,4", "an RBE3 carries is not converted yet"),
+        ("RBE2,20,4,123,3", "RBE2 20 field 5 (GM) = 3: component 1 of grid 3 depends on grid 2 already"),
+        ("RBE2,20,4,123,1\nRBE2,21,2,35,1", "component 3 of grid 1 is dependent twice; first by RBE2 20 at"),
+        ("RBE2,20,4,123,77", "there is no grid 77"),
+        ("RBAR,20,4,1,123,456", "only links with all six independent components at one end"),
+        ("RBE3,20,,1,123456,1.,123,2,99", "there is no grid 99"),
+        ("RBE3,20,,1,123456,123,2,4", "the first weight is missing"),
+        ("RBE3,20,,1,123456,1.,127,2,4", "a group is a weight > 0, components and grids"),
+        ("RBE3,20,,1,123456,1.,123,2,2", "a grid is named twice"),
         ("CBAR,21,1,1,9,0.,1.,0.", "CBAR 21 field 5 (GB) = 9: there is no grid 9"),
         ("CBAR,21,5,1,4,0.,1.,0.", "there is no PBAR or PBARL 5"),
         ("CBAR,21,1,1,4,1.,0.,0.", "its orientation vector is zero or along the member"),
@@ -80,9 +85,11 @@ def test_the_deck_is_sound(tmp_path):
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "by OCID"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2", "to the ground needs a CID"),
         ("PBEAM,2,1,1.,1.,1.,,1.\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
-        ("GRID,8,,5.\nRBE2,20,8,123456,1\nRBE2,21,2,123,8", "only links of all six components"),
         ("RBE2,20,1,123456,5,6,7,8,9,10", "a number, 10, where the mark of a continuation stands"),
-        ("GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2", "an RBE3 carries is not converted yet"),
+        (
+            "GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2",
+            "RBE3 30 field 4 (REFGRID) = 8: component 5 of grid 8 is dependent and held by the ground",
+        ),
         ("FORCE,5,9,,1.,1.", "nothing stands on grid 9"),
         ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
         ("LOAD,5,1.,1.,8", "no factor and set of loads"),
@@ -120,14 +127,20 @@ def test_orientation_by_an_integer_flag_is_that_of_older_decks(tmp_path, flag):
     assert str(made[0]) == str(made[1])
 
 
-def test_only_selected_constraints_of_many_points_are_refused(tmp_path):
+def test_only_selected_constraints_of_many_points_are_converted(tmp_path):
     cards = "MPC,5,4,1,1.,1,1,-1."
     made = convert(write(tmp_path, cards, case=["MPC = 6"]))
     assert ("MPC", 1, "not selected by case control") in made.left_out
     assert any("selects MPC 6, which is not there" in note for note in made.notes)
     for case, more in ((["MPC = 5"], []), (["SUBCASE 1", "  MPC 6"], ["MPCADD,6,5"])):
-        with pytest.raises(ConfigError, match="case control selects set 5"):
-            convert(write(tmp_path, cards, *more, case=case))
+        (made,) = convert(write(tmp_path, cards, *more, case=case)).document["equation"]
+        assert made["term"] == [
+            {"frame": "g4", "direction": "x", "coefficient": 1.0},
+            {"frame": "g1", "direction": "x", "coefficient": -1.0},
+        ]
+    for wrong in ("MPC,5,4,1,0.,1,1,-1.", "MPC,5,4,7,1.,1,1,-1.", "MPC,5,4,1,1.,1,1,-1.,9", "MPC,5,4,12,1."):
+        with pytest.raises(ConfigError, match="MPC 5 field 3"):
+            convert(write(tmp_path, wrong, case=["MPC = 5"]))
 
 
 def test_only_selected_clamps_are_converted(tmp_path):

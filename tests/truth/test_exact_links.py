@@ -33,6 +33,7 @@ from middeck.structure.modes.craig_bampton import reduce_structure
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
+from middeck.structure.rest.link_loads import link_loads
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
@@ -115,6 +116,10 @@ def test_a_ball_and_a_universal_joint_swing_as_their_closed_forms() -> None:
     rest = solve_equilibrium(linked(structure(nodes), ball), hung("a"))
     np.testing.assert_allclose(solve_modes(rest).omega, [0.0, *np.sort(swing)], atol=1e-12)
     np.testing.assert_allclose(rest.reactions[0].force, [0.0, 2.0 * G, 0.0], atol=1e-9)
+    by_ground, by_ball = link_loads(rest)
+    np.testing.assert_allclose(by_ball.force, [0.0, 2.0 * G, 0.0], atol=1e-9)
+    np.testing.assert_allclose(by_ground.force, -by_ball.force, atol=1e-9)
+    assert (by_ball.link, by_ball.frame) == ("ball", "b")
     universal = dataclasses.replace(ball, about="y")
     modes = solve_modes(solve_equilibrium(linked(structure(nodes), universal), hung("a")))
     np.testing.assert_allclose(modes.omega, np.sort(swing), rtol=1e-12)

@@ -13,6 +13,7 @@ from middeck.files import article_form as forms
 from middeck.files.article_form import ArticleForm, DamperForm, DampingForm
 from middeck.files.boundary_form import build_bushing, build_load_cases
 from middeck.files.components import build_component
+from middeck.files.link_form import build_link
 from middeck.structure.model.article import (
     Actuator,
     ActuatorKind,
@@ -83,6 +84,7 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
         damping=_damping(form),
         bushings=tuple(build_bushing(b) for b in form.bushing),
         load_cases=build_load_cases(form.load_case),
+        links=tuple(build_link(part) for part in (*form.link, *form.interpolation, *form.equation)),
         components=tuple(build_component(c, folder) for c in form.component),
         wheels=tuple(_wheel(w) for w in form.wheel),
     )

@@ -19,6 +19,7 @@ from middeck.files.boundary_form import BushingForm, PrescribedForm, build_bushi
 from middeck.files.damping_checks import damping_findings
 from middeck.files.faults import Finding, finding, nearest, show
 from middeck.files.form import inertia_matrix, keys_of
+from middeck.files.link_form import link_findings, link_names, linked_frames
 from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 from middeck.structure.elements.rotations import cross
@@ -61,6 +62,7 @@ def article_findings(data: Table) -> list[Finding]:
 
 
 def _boundaries(data: Table) -> Iterator[Finding]:
+    yield from link_findings(data, joint_names(data))
     yield from bushing_findings(("bushing",), tables(data, "bushing"), BushingForm, build_bushing)
     for i, case in tables(data, "load_case"):
         path = ("load_case", i, "prescribed")
@@ -212,6 +214,7 @@ def _names(data: Table) -> Iterator[Finding]:
         [(("component", i, "name"), t.get("name")) for i, t in tables(data, "component")], "component"
     )
     yield from _twice([(("wheel", i, "name"), t.get("name")) for i, t in tables(data, "wheel")], "wheel")
+    yield from _twice(link_names(data), "link")
     for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
         yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
@@ -264,6 +267,9 @@ def _references(data: Table) -> Iterator[Finding]:
     for i, component in tables(data, "component"):
         for grid, name in table_of(component, "nodes").items():
             yield from _unknown(("component", i, "nodes", grid), name, frames, "frame")
+    for ends in linked_frames(data):
+        for path, name in ends:
+            yield from _unknown(path, name, frames, "frame")
     yield from _case_references(data, nodes, frames)
     for table, key, known, kind in wanted:
         for i, t in tables(data, table):
@@ -342,9 +348,9 @@ def _unconnected(data: Table) -> Iterator[Finding]:
     for part in separate_parts(list(place), _joined(data, set(place)))[1:]:
         path: Path = ("node", place[part[0]], "name")
         if len(part) == 1:
-            message = "an unconnected node: no strut or spring joins it"
+            message = "an unconnected node: no strut, spring or link joins it"
         else:
-            message = f"a disconnected part: no strut or spring joins {some_names(part)} to the rest"
+            message = f"a disconnected part: no strut, spring or link joins {some_names(part)} to the rest"
         yield finding(path, message, part[0], hint="add a [[strut]] from or to it, or remove it")
 
 
@@ -362,6 +368,8 @@ def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
         ends.append((frame.get(str(t.get("from")), ""), frame.get(str(t.get("to")), "")))
     for _, t in tables(data, "component"):
         ends += itertools.pairwise(map(str, table_of(t, "nodes").values()))
+    for tied in linked_frames(data):
+        ends += itertools.pairwise(str(name) for _, name in tied)
     pairs = [(_carrier(start, carrier), _carrier(end, carrier)) for start, end in ends]
     used = [name for pair in pairs for name in pair]
     return pairs if nodes.issuperset(used) else list(itertools.pairwise(n for n in used if n in nodes))

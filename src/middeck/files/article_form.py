@@ -22,6 +22,7 @@ from middeck.files.form import (
     whole,
     within,
 )
+from middeck.files.link_form import EquationForm, InterpolationForm, LinkForm
 
 State = Literal["free", "sprung", "locked", "driven", "hinged"]
 Ratio = Annotated[float, within(least=0.0, below=1.0)]
@@ -302,6 +303,9 @@ class ArticleForm(Form):
     attach: Annotated[tuple[AttachForm, ...], Field(strict=False)] = ()
     spring: Annotated[tuple[SpringForm, ...], Field(strict=False)] = ()
     bushing: Annotated[tuple[BushingForm, ...], Field(strict=False)] = ()
+    link: Annotated[tuple[LinkForm, ...], Field(strict=False)] = ()
+    interpolation: Annotated[tuple[InterpolationForm, ...], Field(strict=False)] = ()
+    equation: Annotated[tuple[EquationForm, ...], Field(strict=False)] = ()
     component: Annotated[tuple[ComponentForm, ...], Field(strict=False)] = ()
     load_case: Annotated[tuple[LoadCaseForm, ...], Field(strict=False)] = ()
     suspension: SuspensionForm | None = None

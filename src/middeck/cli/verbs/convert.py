@@ -60,8 +60,8 @@ def verb(
 ) -> None:
     """Convert a Nastran DECK to an article, in SI units.
 
-    Bars, beams, rods, masses, springs, bushings, point loads and rigid links of all six components are
-    converted; what holds the deck goes to the environment of --environment; what has no part in the
+    Bars, beams, rods, masses, springs, bushings, point loads, rigid links, averages (RBE3) and equations
+    (MPC) are converted; what holds the deck goes to the environment of --environment; what has no part in the
     modes is left out, listed and counted; what has, and cannot be converted, is an error with file, line,
     card and field. Superelements whose matrices are in OUTPUT4 or punched become components, in NPZ files
     beside the article. Without --units their likeliest set is named, and nothing is written. --set takes

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from itertools import chain, pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from middeck.files.faults import Fault
 from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses
+from middeck.files.nastran.constraints import Constraint, check_dependent, read_constraints, that_matter
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.direct_input import NAME, direct_component
@@ -116,23 +116,34 @@ class _Converter:
         masses = read_masses(entries, self.places, faults)
         held = read_restraints(self.deck, self.places, faults)
         direct = direct_component(self.deck, self.units, faults)
+        constraints = read_constraints(self.deck, self.places, faults)
         ties = read_ties(entries, self.places, held, faults)
         masses += read_scalar_masses(entries, self.places, held, _linked(entries), faults)
         raise_some(faults)
         parts |= {} if direct is None else {f"{name}-{NAME}.npz": direct}
-        joined = [[int(frame[1:]) for frame in part.frames] for part in parts.values()]
+        joined = [tuple(int(frame[1:]) for frame in part.frames) for part in parts.values()]
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
-        used |= set().union(*joined)
-        carriers = find_carriers(entries, self.places.grids, used | set(held))
-        self._check_unconverted(used | set(held), carriers, faults)
+        on_components = set().union(*joined)
+        used |= on_components
+        carriers = find_carriers(
+            entries, self.places.grids, used | set(held) | {g for c in constraints for g in c.grids}
+        )
+        pushed = {entry["g"] for entry in entries.of("FORCE", "MOMENT")}
+        standing = used | set(held) | pushed | set(carriers) | set(carriers.values())
+        tied, every = that_matter(constraints, standing), constraints
+        self._check_unconverted(tied, every, carriers, faults)
         self._check_held(held, carriers, faults)
-        self._check_joined(joined, carriers, faults)
+        check_dependent(tied, carriers, held, faults)
         raise_some(faults)
+        linked = {g for c in tied for g in c.grids} | on_components
+        riders = {g: carriers.pop(g) for g in self.places.grids if g in linked and g in carriers}
+        used |= linked | set(riders.values())
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in _halves(bar)]
         bodies = merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses)
         kept = {carriers.get(grid, grid) for grid in used}
-        self._check_whole(kept, bars, ties, carriers, joined)
+        links = [*(c.grids for c in tied), *riders.items()]
+        self._check_whole(kept, bars, ties, [*links, *joined], carriers)
         loads = LoadSets(self.deck, self.places, carriers, kept)
         cases = loads.cases(self.units, faults)
         raise_some(faults)
@@ -147,9 +158,8 @@ class _Converter:
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
         turning = {grid for grid, body in bodies.items() if _turns(body)}
-        on_components = set(chain(*joined))
         found = loose_turns(kept, bars, ties, turning, held, carriers, self.places)
-        loose = {grid: found[grid] for grid in self.places.grids if grid in found.keys() - on_components}
+        loose = {grid: found[grid] for grid in self.places.grids if grid in found.keys() - linked}
         turns = [turn_clamp(grid, directions) for grid, directions in loose.items()]
         if turns:
             named = some_names([f"{grid}" for grid in loose])
@@ -176,6 +186,13 @@ class _Converter:
                     }
                     for file, part in parts.items()
                 ],
+                "link": [
+                    {"name": f"rigid_g{g}", "from": f"g{carrier}", "to": f"g{g}"}
+                    for g, carrier in riders.items()
+                ]
+                + [c.table for c in tied if c.kind == "link"],
+                "interpolation": [c.table for c in tied if c.kind == "interpolation"],
+                "equation": [self._summed(c.table) for c in tied if c.kind == "equation"],
                 "load_case": cases,
             }
         )
@@ -188,6 +205,7 @@ class _Converter:
         converted.update(entry.name for entry in entries.of("CONM1", "CONM2", "CMASS1", "CMASS2"))
         converted.update(tie.entry.name for tie in ties)
         converted["components"] = len(parts)
+        converted.update(c.entry.name for c in tied)
         converted["clamped grids"] = len(clamps)
         converted["load cases"] = len(cases)
         converted["grids that are nodes"] = len(kept)
@@ -203,14 +221,6 @@ class _Converter:
             _filled(environment),
             parts,
         )
-
-    def _check_joined(self, joined: list[list[int]], carriers: dict[int, int], faults: list[Fault]) -> None:
-        grid = self.deck.entries.numbered("GRID")
-        faults += [
-            grid[g].fault(f"is on the boundary of matrices and follows grid {carriers[g]}: not converted yet")
-            for g in dict.fromkeys(chain(*joined))
-            if g in carriers
-        ]
 
     def _check_held(self, held: dict[int, str], carriers: dict[int, int], faults: list[Fault]) -> None:
         grid = self.deck.entries.numbered("GRID")
@@ -230,31 +240,22 @@ class _Converter:
                 faults.append(entry.fault(f"there is no coordinate system {cd}", "cd"))
         raise_some(faults)
 
-    def _check_unconverted(self, used: set[int], carriers: dict[int, int], faults: list[Fault]) -> None:
+    def _check_unconverted(
+        self, tied: list[Constraint], every: list[Constraint], carriers: dict[int, int], faults: list[Fault]
+    ) -> None:
         """Refuse what is not converted yet and would change the modes; list what would not."""
         entries, selection = self.deck.entries, self.deck.selection
-        used = used | set(carriers) | set(carriers.values())
-        for entry in entries.of("RBE3"):
-            if entry["refgrid"] in used:
-                faults.append(
-                    entry.fault("a grid in use that an RBE3 carries is not converted yet", "refgrid")
-                )
-            else:
-                self._leave(entry.name, 1, "an average at a grid that nothing stands on")
+        matter = {id(c.entry) for c in tied}
+        idle = {id(c.entry): c.entry for c in every if id(c.entry) not in matter}
+        for entry in idle.values():
+            what = "an average" if entry.name == "RBE3" else "links"
+            self._leave(entry.name, 1, f"{what} at a grid that nothing stands on")
+        partial = {id(c.entry) for c in every}
         for entry in entries.of("RBE2", "RBAR"):
-            if not any(grid in carriers for grid in _grids_named(entry)):
+            if id(entry) not in partial and not any(grid in carriers for grid in _grids_named(entry)):
                 self._leave(entry.name, 1, "links at grids that nothing stands on")
         for command in ("SPC", "MPC"):
             chosen = self.deck.selected(command)
-            if command == "MPC":
-                faults += [
-                    entry.fault(
-                        "multipoint constraints are not converted yet, and case control selects set "
-                        f"{entry.id}",
-                        hint="without them: take MPC out of case control",
-                    )
-                    for entry in chosen
-                ]
             names = ("SPC", "SPC1", "SPCADD") if command == "SPC" else ("MPC", "MPCADD")
             for name in names:
                 unions = [e for e in entries.of(f"{command}ADD") if selection.selects(command, e.id)]
@@ -273,15 +274,15 @@ class _Converter:
         kept: set[int],
         bars: list[Bar],
         ties: list[Tie],
+        links: list[tuple[int, ...]],
         carriers: dict[int, int],
-        joined: list[list[int]],
     ) -> None:
         """A part of its own would float beside the rest."""
         grid = self.deck.entries.numbered("GRID")
         pairs = [
             tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in (*bars, *ties) if len(bar.grids) > 1
         ]
-        pairs += [(f"{a}", f"{b}") for grids in joined for a, b in pairwise(grids)]
+        pairs += [(f"{grids[0]}", f"{g}") for grids in links for g in grids[1:]]
         parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
         if not kept:
             message = "there is no bar, beam or rod in this deck, and no spring or mass"
@@ -431,6 +432,14 @@ class _Converter:
                 node["rotors_excluded"] = True
                 self.rotors.append(f"{grid}")
         return node
+
+    def _summed(self, table: dict[str, Any]) -> dict[str, Any]:
+        """Factors of turns times the length unit: shifts are in metres."""
+        terms = [
+            t | {"coefficient": t["coefficient"] * (self.units.length if t["direction"][0] == "r" else 1.0)}
+            for t in table["term"]
+        ]
+        return table | {"term": terms}
 
     def _rider(self, grid: int, carrier: int) -> dict[str, Any]:
         offset = (self.places.grids[grid] - self.places.grids[carrier]) * self.units.length

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from typing import NamedTuple
 
 from middeck.files.faults import Fault
@@ -24,13 +24,14 @@ class Link(NamedTuple):
 def find_carriers(entries: Entries, grids: Container[int], used: Container[int]) -> dict[int, int]:
     """The grid without a carrier of its own on which each dependent grid rides in the end.
 
-    Raises `ConfigError` for links of fewer components at grids in ``used``, for grids that are not there or
+    Links of fewer components are `partial_links`. Raises `ConfigError` for bars without an end of all six at
+    grids in ``used``, for grids that are not there or
     dependent twice, and for links that close on themselves.
     """
     faults: list[Fault] = []
     by: dict[int, Link] = {}
     partial: list[tuple[list[int], Fault]] = []
-    for link in (*_rbe2(entries, partial, faults), *_rbar(entries, partial)):
+    for link in (*_rbe2(entries, faults), *_rbar(entries, partial)):
         first = by.get(link.rider)
         if link.rider not in grids or link.carrier not in grids:
             absent = link.carrier if link.rider in grids else link.rider
@@ -99,19 +100,34 @@ def expand(entry: Entry, texts: list[str], key: str, faults: list[Fault]) -> lis
 
 def _partial(entry: Entry, key: str) -> Fault:
     return entry.fault(
-        "only links of all six components are converted yet", key, f"{ALL}, if that is what holds"
+        "only links with all six independent components at one end are converted yet",
+        key,
+        f"{ALL} at one end",
     )
 
 
-def _rbe2(entries: Entries, partial: list[tuple[list[int], Fault]], faults: list[Fault]) -> list[Link]:
-    links: list[Link] = []
+def partial_links(entries: Entries, faults: list[Fault]) -> Iterator[tuple[Entry, str, int, int, str]]:
+    """RBE2 and RBAR of some components: entry, field, the grid of all six, the other and its components."""
     for entry in entries.of("RBE2"):
-        riders = grids_of(entry, faults)
-        if entry["cm"] == ALL:
-            links += [Link(rider, entry["gn"], entry, "gm") for rider in riders]
-        else:
-            partial.append((riders, _partial(entry, "cm")))
-    return links
+        if entry["cm"] != ALL:
+            yield from ((entry, "gm", entry["gn"], rider, entry["cm"]) for rider in grids_of(entry, faults))
+    for entry in entries.of("RBAR"):
+        match (entry["cna"] or "", entry["cnb"] or "", entry["cma"] or "", entry["cmb"] or ""):
+            case ("123456", "", "", some) if some not in ("", ALL):
+                yield entry, "cmb", entry["ga"], entry["gb"], some
+            case ("", "123456", some, "") if some not in ("", ALL):
+                yield entry, "cma", entry["gb"], entry["ga"], some
+            case _:
+                pass
+
+
+def _rbe2(entries: Entries, faults: list[Fault]) -> list[Link]:
+    return [
+        Link(rider, entry["gn"], entry, "gm")
+        for entry in entries.of("RBE2")
+        if entry["cm"] == ALL
+        for rider in grids_of(entry, faults)
+    ]
 
 
 def _rbar(entries: Entries, partial: list[tuple[list[int], Fault]]) -> list[Link]:
@@ -123,6 +139,8 @@ def _rbar(entries: Entries, partial: list[tuple[list[int], Fault]]) -> list[Link
                 links.append(Link(entry["gb"], entry["ga"], entry, "gb"))
             case ("", "123456", "" | "123456", ""):
                 links.append(Link(entry["ga"], entry["gb"], entry, "ga"))
+            case ("123456", "", "", _) | ("", "123456", _, ""):
+                pass  # see `partial_links`
             case _:
                 partial.append(([entry["ga"], entry["gb"]], _partial(entry, "cna")))
     return links

@@ -8,7 +8,7 @@ take as dependent, so that these follow from the others with small factors (Golu
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 import scipy.linalg as sla
@@ -24,6 +24,7 @@ PART = 1e-6
 CANCELLED = 1e-13
 # Dependent coordinates are not those of stiff parts as their carriers see them, unless no other will do.
 CARRIED = 1e-5
+NONE = np.zeros(0, dtype=int)
 
 
 class _Block(NamedTuple):
@@ -67,60 +68,94 @@ class Closing(NamedTuple):
 
 
 def close_rows(
-    C: sp.csr_array,
+    rows: sp.csr_array,
     moving: Bool[np.ndarray, " coordinate"],
     turns: Bool[np.ndarray, " coordinate"],
     carried: Bool[np.ndarray, " coordinate"],
 ) -> Closing:
-    """Solve C q = 0 for some of the ``moving`` coordinates, of which ``turns`` are angles."""
-    C = sp.csr_array(C)
-    rows = np.repeat(np.arange(C.shape[0]), np.diff(C.indptr))
-    most = np.zeros(C.shape[0])
-    np.maximum.at(most, rows, np.abs(C.data))
-    there = moving[C.indices] & (np.abs(C.data) > CANCELLED * most[rows])
-    C = sp.csr_array((C.data[there], (rows[there], C.indices[there])), shape=C.shape)
-    size, nearly = np.ones(C.shape[0]), []
-    spare: list[tuple[int, tuple[int, ...]]] = []
-    blocks: list[_Block] = []
-    entries: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    for some, columns in _apart(C):
-        if not len(columns):
-            spare += [(int(row), ()) for row in some]
-            continue
-        dense = C[some][:, columns].toarray()
-        unit = np.where(turns[columns], 1.0, _arm(dense, turns[columns]))
-        size[some] = np.linalg.norm(dense * unit, axis=1)
-        scaled = dense * unit / size[some, None]
-        triangle, order = sla.qr(scaled.T, mode="r", pivoting=True)
-        left = np.abs(np.diagonal(triangle))
-        rank = int(np.sum(left > REPEATED))
-        nearly += some[order[:rank][left[:rank] < NEARLY]].tolist()
-        kept = np.sort(order[:rank])
-        for row in order[rank:]:
-            parts = np.linalg.lstsq(scaled[kept].T, scaled[row], rcond=None)[0]
-            spare.append((int(some[row]), tuple(some[kept[np.abs(parts) > PART]].tolist())))
-        weight = np.where(carried[columns], CARRIED, 1.0)
-        pick = sla.qr(scaled[kept] * weight, mode="r", pivoting=True)[1]
-        own, others = pick[:rank], pick[rank:]
-        blocks.append(_Block(some[kept], columns[own], dense[np.ix_(kept, own)]))
-        follow = -unit[own, None] * np.linalg.solve(scaled[np.ix_(kept, own)], scaled[np.ix_(kept, others)])
-        i, j = np.nonzero(follow)
-        entries.append((columns[own][i], columns[others][j], follow[i, j] / unit[others[j]]))
-    dependent = np.concatenate([np.zeros(0, int), *(b.dependent for b in blocks)])
+    """Solve ``rows`` q = 0 for some of the ``moving`` coordinates, of which ``turns`` are angles."""
+    C = _of_moving(rows, moving)
+    solved = [_solve_block(C, *part, turns, carried) for part in _apart(C, len(moving))]
+    size = np.ones(len(C.indptr) - 1)
+    for part in solved:
+        size[part.rows] = part.size
     independent = moving.copy()
-    independent[dependent] = False
-    place = np.cumsum(independent) - 1
-    own = np.flatnonzero(independent)
-    i, j, value = (np.concatenate(part) for part in zip((own, own, np.ones(len(own))), *entries, strict=True))
-    basis = sp.csr_array((value, (i, place[j])), shape=(len(moving), len(own)))
+    independent[[k for part in solved for k in part.block.dependent.tolist()]] = False
+    own, place = np.flatnonzero(independent), np.cumsum(independent) - 1
+    entries = [(own, own, np.ones(len(own))), *(part.follow for part in solved)]
+    i, j, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     return Closing(
-        basis, independent, tuple(blocks), tuple(sorted(spare)), np.array(sorted(nearly), int), size
+        basis=sp.csr_array((value, (i, place[j])), shape=(len(moving), len(own))),
+        independent=independent,
+        blocks=tuple(part.block for part in solved if len(part.block.rows)),
+        spare=tuple(sorted(spare for part in solved for spare in part.spare)),
+        nearly=np.array(sorted(row for part in solved for row in part.nearly), dtype=int),
+        size=size,
     )
 
 
-def _apart(C: sp.csr_array) -> list[tuple[np.ndarray, np.ndarray]]:
+def _of_moving(rows: sp.csr_array, moving: np.ndarray) -> sp.csr_array:
+    """Entries at coordinates that move, without those that cancelled."""
+    number = np.repeat(np.arange(len(rows.indptr) - 1), np.diff(rows.indptr))
+    most = np.zeros(len(rows.indptr) - 1)
+    np.maximum.at(most, number, np.abs(rows.data))
+    kept = moving[rows.indices] & (np.abs(rows.data) > CANCELLED * most[number])
+    shape = (len(most), len(moving))
+    return sp.csr_array((rows.data[kept], (number[kept], rows.indices[kept])), shape=shape)
+
+
+class _Solved(NamedTuple):
+    """A block, how its dependent coordinates follow others, and what its rows are."""
+
+    rows: np.ndarray
+    size: np.ndarray
+    block: _Block
+    follow: tuple[np.ndarray, np.ndarray, np.ndarray]
+    spare: list[tuple[int, tuple[int, ...]]]
+    nearly: list[int]
+
+
+def _solve_block(
+    C: sp.csr_array, some: np.ndarray, columns: np.ndarray, turns: np.ndarray, carried: np.ndarray
+) -> _Solved:
+    """The rows ``some`` of C, which enter the coordinates ``columns`` alone."""
+    dense: np.ndarray = C[some][:, columns].toarray()
+    if not len(columns):
+        block = _Block(NONE, NONE, dense)
+        return _Solved(some, np.ones(len(some)), block, (NONE, NONE, NONE), [(int(r), ()) for r in some], [])
+    unit = np.where(turns[columns], 1.0, _arm(dense, turns[columns]))
+    size = np.linalg.norm(dense * unit, axis=1)
+    scaled = dense * unit / size[:, None]
+    triangle, order = _pivoted(scaled.T)
+    left = np.abs(np.diagonal(triangle))
+    rank = int(np.sum(left > REPEATED))
+    kept = np.sort(order[:rank])
+    spare: list[tuple[int, tuple[int, ...]]] = []
+    for row in order[rank:]:
+        parts = np.linalg.lstsq(scaled[kept].T, scaled[row], rcond=None)[0]
+        spare.append((int(some[row]), tuple(some[kept[np.abs(parts) > PART]].tolist())))
+    _, pick = _pivoted(scaled[kept] * np.where(carried[columns], CARRIED, 1.0))
+    own, others = pick[:rank], pick[rank:]
+    follow = -unit[own, None] * np.linalg.solve(scaled[np.ix_(kept, own)], scaled[np.ix_(kept, others)])
+    i, j = np.nonzero(follow)
+    return _Solved(
+        rows=some,
+        size=size,
+        block=_Block(some[kept], columns[own], dense[np.ix_(kept, own)]),
+        follow=(columns[own][i], columns[others][j], follow[i, j] / unit[others[j]]),
+        spare=spare,
+        nearly=some[order[:rank][left[:rank] < NEARLY]].tolist(),
+    )
+
+
+def _pivoted(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The triangle and the order of the columns of a QR factorisation with pivots."""
+    return cast("tuple[np.ndarray, np.ndarray]", sla.qr(A, mode="r", pivoting=True))
+
+
+def _apart(C: sp.csr_array, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rows that share coordinates, and these."""
-    m, n = C.shape
+    m = len(C.indptr) - 1
     rows = np.repeat(np.arange(m), np.diff(C.indptr))
     graph = sp.coo_array((np.ones(len(rows)), (rows, m + C.indices)), shape=(m + n, m + n))
     _, part = connected_components(graph, directed=False)

@@ -127,13 +127,13 @@ def _state(model: Model, at: At, J: sp.csr_array, config: Configuration) -> Link
 def _closing(
     model: Model, state: LinkState, config: Configuration, moving: np.ndarray, *, in_world: bool = False
 ) -> Closing:
-    C, since = state.jacobian, None if in_world else config.since_drawn
+    rows, since = state.jacobian, None if in_world else config.since_drawn
     if since is not None and since.carries:
-        C = C @ transport(config, model.tree)
+        rows = rows @ transport(config, model.tree)
     if model.held is not None and model.held.axes is not None:
-        C = C @ model.held.axes
+        rows = rows @ model.held.axes
     turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
-    return close_rows(sp.csr_array(C), moving, turns, ~uncarried(since, model.tree.size))
+    return close_rows(sp.csr_array(rows), moving, turns, ~uncarried(since, model.tree.size))
 
 
 def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:

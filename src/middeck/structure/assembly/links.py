@@ -86,7 +86,7 @@ def lay_out_links(
     """
     if not links:
         return None
-    laid = _Layout([], [], [], [], [], [], [])
+    laid = _Layout([], [], [], [], [], [])
     for number, link in enumerate(links):
         if isinstance(link, Link):
             laid.add_link(number, link, first)
@@ -125,7 +125,6 @@ class _Layout(NamedTuple):
     factors: list[tuple[int, int, float]]
     angles: list[tuple[int, int, float]]
     squares: list[tuple[int, int, np.ndarray, np.ndarray]]
-    names: list[str]
 
     def _row(self, number: int, label: str) -> int:
         self.label.append(label)
@@ -137,7 +136,7 @@ class _Layout(NamedTuple):
         return len(self.ends) - 1
 
     def _add(self, row: int, pair: int, six: np.ndarray) -> None:
-        self.factors.extend((row, 6 * pair + k, six[k]) for k in np.flatnonzero(six))
+        self.factors.extend((row, 6 * pair + k, six[k]) for k in np.flatnonzero(six).tolist())
 
     def add_link(self, number: int, link: Link, first: int) -> None:
         pair = self._pair(first, first + 1)
@@ -197,9 +196,9 @@ def link_state(
     of_pairs = rows.factors @ _diagonal(slope)
     count = 12 * len(rows.ends)
     square = (np.repeat(rows.square, 12), _six(place[rows.pair].ravel()))
-    own = sp.coo_array((cosine.slope.ravel(), square), shape=(len(value), J.shape[0]))
+    own = sp.coo_array((cosine.slope.ravel(), square), shape=(len(value), len(J.indptr) - 1))
     spread = sp.csr_array(
-        (np.ones(count), (np.arange(count), _six(place.ravel()))), shape=(count, J.shape[0])
+        (np.ones(count), (np.arange(count), _six(place.ravel()))), shape=(count, len(J.indptr) - 1)
     )
     on_poses = sp.csr_array(sp.csr_array(of_pairs) @ spread + own)
     return LinkState(rows, value, on_poses, sp.csr_array(on_poses @ J + rows.angles), motion, cosine)

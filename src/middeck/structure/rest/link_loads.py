@@ -1,0 +1,45 @@
+"""What links do to their frames at rest."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import assemble_carried
+from middeck.structure.assembly.linked import links_at, multipliers
+from middeck.structure.rest.equilibrium import Equilibrium
+
+
+class LinkLoad(NamedTuple):
+    """Force [N] and moment [N m] in W of a link on one of its frames, the moment about its point there."""
+
+    link: str
+    frame: str
+    force: Float[np.ndarray, "3"]
+    moment: Float[np.ndarray, "3"]
+
+
+def link_loads(equilibrium: Equilibrium) -> tuple[LinkLoad, ...]:
+    """What every link does to each of its frames at rest: they balance but for what the ground takes.
+
+    Those on joints' angles alone are none. Of links that repeat each other one bears what both could
+    (`rest_warnings`).
+
+    >>> import middeck as md
+    >>> article = md.load_structure("articles/mace-simple.toml")
+    >>> md.link_loads(md.solve_equilibrium(article, md.Environment.orbit()))
+    ()
+    """
+    model = equilibrium.model
+    if model.links is None:
+        return ()
+    config = equilibrium.config
+    bare = assemble_carried(dataclasses.replace(model, links=None), config, equilibrium.loads).gradient
+    state = links_at(model, config)
+    load = -state.load(multipliers(model, config, state, bare))
+    tied = [(link.name, frame) for link in model.structure.links for frame in link.frames]
+    own = load[len(load) - len(tied) :]  # their points are the last ones
+    return tuple(LinkLoad(*names, six[:3], six[3:]) for names, six in zip(tied, own, strict=True))
