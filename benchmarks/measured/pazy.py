@@ -32,7 +32,7 @@ COUPLINGS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def rows(data: Path) -> list[dict[str, Any]]:
-    """Frequencies, their shift by own weight, sag under tip masses, and the cost of a load step."""
+    """Frequencies, their shift by the weight, sag under tip masses, and what a load step costs."""
     folder = data / "pazy_skin_off"
     wing, still, hangs = structure(folder), world(0.0), world(GRAVITY)
     clear = frequencies(wing, still)

@@ -173,12 +173,15 @@ def _stations(data: Table) -> Iterator[Finding]:
     for i, strut in tables(data, "strut"):
         reach, kinds = 0.0, {_kind(sections.get(str(strut.get("section"))))}
         for k, station in tables(strut, "stations"):
-            at, path = station.get("at"), ("strut", i, "stations", k)
+            path = ("strut", i, "stations", k)
             yield from _unknown((*path, "section"), station.get("section"), list(sections), "section")
             kinds.add(_kind(sections.get(str(station.get("section")))))
-            if _all_numbers(at) and not at > reach:
+            if not _all_numbers(station.get("at")):  # reported by the form
+                continue
+            at = float(station["at"])
+            if not at > reach:
                 yield finding((*path, "at"), f"must be > {reach:g}, where the section before it is", at)
-            reach = at if _all_numbers(at) else reach
+            reach = at
         if "stations" in strut and reach != 1.0:
             yield finding(("strut", i, "stations"), "the last one is at 1, the end of the member", reach)
         if len(kinds - {None}) > 1:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.model.article import Body, Damping, Joint, Member, Node, Structure
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record

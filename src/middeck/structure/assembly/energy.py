@@ -178,7 +178,7 @@ def assemble_carried(
 ) -> Assembly:
     """`assemble` in carried coordinates (see `since_drawn`): soft motions keep their digits.
 
-    ``inner`` replaces the internal forces.
+    ``inner`` replaces the internal forces in the tangent.
 
     Only the motion of its ends relative to their common carrier enters the rows of a member inside a carried
     part, so that no large terms cancel there.
@@ -190,13 +190,15 @@ def assemble_carried(
         return _with_links(model, config, bare, in_world=False)
     at = poses_at(model, config)
     inside = _inside(model, since)
-    outside = _assembled(model, config, at, _gather(model, at, loads, inner, inside), point_load)
-    T, turning = transport(config, model.tree), carried_turning(model, at, since, outside.gradient)
+    total = _gather(model, at, loads, inner, inside)
+    outside = _assembled(model, config, at, total, point_load)
+    pull = outside.gradient - outside.jacobian.T @ total.excess.ravel()
+    T, turning = transport(config, model.tree), carried_turning(model, at, since, pull)
     energy, gradient = outside.energy, T.T @ outside.gradient
     tangent = T.T @ outside.tangent @ T + turning
     for state, A, bent in _inside_parts(model, at, loads, inside, inner):
         energy = energy + float(np.sum(state.energy))
-        gradient = gradient + A.T @ state.gradient.ravel()
+        gradient = gradient + A.T @ (state.gradient + state.excess).ravel()
         tangent = tangent + _sandwich(A, state.material + state.geometric) + bent
     bare = Assembly(
         energy=energy,
@@ -383,7 +385,7 @@ def _assembled(
     blocks = {name: total.material[name] + part for name, part in total.geometric.items()}
     blocks |= {"attach": total.device, **_turning(model, at, gradient)}
     joint_energy, joint_gradient, hinges = _sprung_joints(model, config)
-    g = J.T @ gradient.ravel() + total.modal + joint_gradient
+    g = J.T @ (gradient + total.excess).ravel() + total.modal + joint_gradient
     bare = model.pattern.matrix(J.data, blocks, hinges)
     K = _with_components(bare, total.components, lambda state: state.material + state.geometric)
     return Assembly(
@@ -502,11 +504,13 @@ def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.n
 class _Total(NamedTuple):
     """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points.
 
+    ``excess`` is what the elements' own forces add to the gradient where others have taken their place;
     ``modal`` is the part of the gradient that components have in their modal coordinates.
     """
 
     energy: float
     gradient: np.ndarray
+    excess: np.ndarray
     modal: np.ndarray
     components: list[tuple[ComponentState, sp.csr_array]]
     inner: Inner
@@ -527,6 +531,7 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
         *(loads.push, loads.ground.stiffness, *(b.stiffness for b in model.structure.bushings)),
     )
     gradient = np.zeros((len(at.world), 6), dtype=np.result_type(dtype, model.beams.length, loads.anchor))
+    excess = np.zeros_like(gradient)
     material = [np.zeros((0, 12, 12))]
     geometric = [np.zeros((0, 12, 12))]
     energy = 0.0
@@ -542,6 +547,7 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
             strain = _state_of_others(beams, x, T, given, known, some)
         weight = beam_weight(beams, x, T, loads.gravity)
         gradient[ends] += (strain.gradient + weight.gradient).reshape(-1, 2, 6)
+        excess[ends] += strain.excess.reshape(-1, 2, 6)
         energy += np.sum(strain.energy + weight.energy)
         energy -= (beams.rho_A * beams.length) @ (at.world[ends[:, 0]] - x[:, 0]) @ loads.gravity
         forces.append(strain.force)
@@ -549,18 +555,21 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
         geometric.append(strain.geometric + weight.hessian)
     energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
     gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
-    own = _own_springs(model, at, gradient, None if inner is None else inner.spring)
+    own = _own_springs(model, at, (gradient, excess), None if inner is None else inner.spring)
     drawn, change = _device_span(model, at, loads)
     device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
     np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
+    np.add.at(excess[:, :3], loads.attach_point, device.excess)
     held = _at_attach_points(model, loads, device.material + device.geometric)
     between, ground = _own_bushings(model, at, inner), _grounded(model, at, loads, inner)
     if inside is not None:
         for part in between:
             part[inside.bushings.rows] = 0.0
     np.add.at(gradient, model.bushing_ends, between.gradient.reshape(-1, 2, 6))
+    np.add.at(excess, model.bushing_ends, between.excess.reshape(-1, 2, 6))
     if len(loads.ground.point):
         np.add.at(gradient, loads.ground.point, ground.gradient[:, 6:])
+        np.add.at(excess, loads.ground.point, ground.excess[:, 6:])
         held = held + _at_poses(model, loads.ground.point, (ground.material + ground.geometric)[:, 6:, 6:])
     energy += np.sum(own.energy) + np.sum(device.energy)
     energy += np.sum(between.energy) + np.sum(ground.energy) + _push(model, at, loads, gradient)
@@ -574,6 +583,7 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
     return _Total(
         energy,
         gradient,
+        excess,
         modal,
         parts,
         forces_inside,
@@ -625,13 +635,16 @@ def _state_of_others(
     return state
 
 
-def _own_springs(model: Model, at: At, gradient: np.ndarray, tension: np.ndarray | None) -> SpringState:
-    """The structure's own springs; adds to ``gradient``."""
+def _own_springs(
+    model: Model, at: At, gradients: tuple[np.ndarray, np.ndarray], tension: np.ndarray | None
+) -> SpringState:
+    """The structure's own springs; adds to the gradient and to its excess."""
     start, end = model.spring_ends.T
     drawn, change = _own_span(model, at)
     state = spring_state(own_law(model), drawn + change, tension, (drawn, change))
-    np.add.at(gradient[:, :3], end, state.gradient)
-    np.add.at(gradient[:, :3], start, -state.gradient)
+    for gradient, own in zip(gradients, (state.gradient, state.excess), strict=True):
+        np.add.at(gradient[:, :3], end, own)
+        np.add.at(gradient[:, :3], start, -own)
     return state
 
 

@@ -111,13 +111,15 @@ def beam_properties(
 class BeamState(NamedTuple):
     """Strain energy [J], end forces and tangent in (dx1, theta1, dx2, theta2) of each element.
 
-    ``force`` [N, N m] works on the six deformations. The tangent is the sum of the ``material`` part, at
+    ``force`` [N, N m] works on the six deformations; ``excess`` is what the elements' own forces add to the
+    gradient where another has taken their place. The tangent is the sum of the ``material`` part, at
     which no force is present, and the ``geometric`` part, which is linear in the forces.
     """
 
     energy: Array
     force: Array
     gradient: Array
+    excess: Array
     material: Array
     geometric: Array
 
@@ -143,10 +145,11 @@ def beam_state(
     k = beams.stiffness
     own = (k @ strain.value[:, :, None])[:, :, 0]
     energy = 0.5 * np.einsum("ei,ei->e", own, strain.value) + beams.tension * strain.value[:, STRETCH]
-    force = tensioned(beams, own) if force is None else force
-    gradient = (force[:, None] @ strain.slope)[:, 0]
+    own = tensioned(beams, own)
+    force = own if force is None else force
+    gradient, excess = (((f[:, None]) @ strain.slope)[:, 0] for f in (force, own - force))
     material = np.swapaxes(strain.slope, 1, 2) @ (k @ strain.slope)
-    return BeamState(energy, force, gradient, material, geometric_stiffness(strain, force))
+    return BeamState(energy, force, gradient, excess, material, geometric_stiffness(strain, force))
 
 
 def beam_deformations(

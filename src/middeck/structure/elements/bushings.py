@@ -33,13 +33,15 @@ class BushingState(NamedTuple):
     """Energy [J], gradient and Hessian in the twelve coordinates of two poses, the first frame's first.
 
     The Hessian is ``material``, slope' ``stiffness`` slope, plus ``geometric``, which is linear in the
-    ``force`` on the ``strain``. ``angle`` [rad] is that of the relative turn, which `MOST` does not bound.
+    ``force`` on the ``strain``; ``excess`` is what their own force adds to the gradient where another has
+    taken its place. ``angle`` [rad] is that of the relative turn, which `MOST` does not bound.
     """
 
     energy: Inexact[np.ndarray, " bushing"]
     strain: Inexact[np.ndarray, "bushing 6"]
     force: Inexact[np.ndarray, "bushing 6"]
     gradient: Inexact[np.ndarray, "bushing 12"]
+    excess: Inexact[np.ndarray, "bushing 12"]
     material: Inexact[np.ndarray, "bushing 12 12"]
     geometric: Inexact[np.ndarray, "bushing 12 12"]
     slope: Inexact[np.ndarray, "bushing 6 12"]
@@ -67,6 +69,7 @@ class BushingState(NamedTuple):
         back = np.swapaxes(out, 1, 2)
         return self._replace(
             gradient=_apply(out, self.gradient),
+            excess=_apply(out, self.excess),
             material=out @ self.material @ back,
             geometric=out @ self.geometric @ back,
             slope=self.slope @ back,
@@ -75,7 +78,7 @@ class BushingState(NamedTuple):
 
 # What most articles have: their state need not be computed in every assembly.
 NO_BUSHINGS = BushingState(
-    *(np.zeros((0, *shape)) for shape in ((), (6,), (6,), (12,), (12, 12), (12, 12), (6, 12), (6, 6), ()))
+    *(np.zeros((0, *size)) for size in ((), *[(6,)] * 2, *[(12,)] * 2, *[(12, 12)] * 2, (6, 12), (6, 6), ()))
 )
 
 
@@ -106,6 +109,7 @@ def bushing_state(
         strain=moved.value,
         force=force,
         gradient=_apply(down, force),
+        excess=_apply(down, own_force - force),
         material=down @ K @ moved.slope,
         geometric=moved.second_order(force),
         slope=moved.slope,

@@ -26,6 +26,8 @@ class SpringLaw:
 class SpringState:
     """Tension [N], energy [J], gradient and Hessian in the difference, end minus start.
 
+    ``excess`` is what their own tension adds to the gradient where another has taken its place.
+
     The Hessian is the sum of the ``material`` part, along the spring, and the ``geometric`` one, the tension
     over the length across it.
     """
@@ -33,6 +35,7 @@ class SpringState:
     tension: Inexact[np.ndarray, " spring"]
     energy: Inexact[np.ndarray, " spring"]
     gradient: Inexact[np.ndarray, "spring 3"]
+    excess: Inexact[np.ndarray, "spring 3"]
     material: Inexact[np.ndarray, "spring 3 3"]
     geometric: Inexact[np.ndarray, "spring 3 3"]
 
@@ -73,6 +76,7 @@ def spring_state(
         tension=pull,
         energy=energy,
         gradient=per_length[:, None] * span,
+        excess=((own - pull) / length_or_one)[:, None] * span,
         material=material,
         geometric=geometric,
     )

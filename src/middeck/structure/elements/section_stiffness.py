@@ -97,11 +97,12 @@ def element_forms(forms: SectionForms, length: Array) -> ElementForms:
 
 def _free_bending(A: Array) -> Array:
     """Stiffness on both curvatures with the extension and the twist free; what has none resists nothing."""
+    left = A
     for _ in range(2):
-        pivot, row = A[:, 0, 0], A[:, 0, 1:]
+        pivot, row = left[:, 0, 0], left[:, 0, 1:]
         ratio = np.divide(row, pivot[:, None], out=np.zeros_like(row), where=(pivot != 0.0)[:, None])
-        A = A[:, 1:, 1:] - ratio[:, :, None] * row[:, None, :]
-    return A
+        left = left[:, 1:, 1:] - ratio[:, :, None] * row[:, None, :]
+    return left
 
 
 def _inverse_of_one_plus(a: Array) -> Array:

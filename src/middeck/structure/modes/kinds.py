@@ -13,6 +13,7 @@ where its weight does.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -222,7 +223,8 @@ def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
         return allowed_motions(model.held, whole).shape[1] + sum(
             joint.state is JointState.FREE for joint in model.structure.joints
         )
-    K = assemble_carried(model, model.rest, no_loads()).tangent
+    slack = dataclasses.replace(no_loads(), tension=0.0)
+    K = assemble_carried(model, model.rest, slack).tangent
     M = carried_mass(model, model.rest)
     soft = uncarried(model.rest.since_drawn, len(free.active))[free.active]
     return count_zero(free.matrix(K), free.matrix(M), soft)

@@ -170,7 +170,7 @@ def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     None where the branch ends. A step is as long as the last one shows that Newton's method follows, or half
     of it where that leaves the branch.
     """
-    config, inner, at, done, step = model.rest, None, None, 0.0, 1.0 / _prescribed_steps(model)
+    config, inner, done, step = model.rest, None, 0.0, 1.0 / _prescribed_steps(model)
     history: list[tuple[float, float, float]] = []
     while done < 1.0 and step > LEAST_PART:
         part = min(1.0, done + step)
@@ -178,11 +178,12 @@ def _follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
         step = (part - done) * min(2.0, max(found.fitting, 0.25) if found.to is None else found.fitting)
         if found.to is None:
             continue
-        (config, inner), at = found.to, found.at
+        config, inner = found.to
         history += [(part, residual, 0.0) for residual in found.left]
         done = part
-    if at is None or done < 1.0:
+    if done < 1.0:
         return None
+    at = assemble_carried(model, config, loads)
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
     return Settled(
         config, at, history[-1][1], enough, tuple(history), _is_stable(model, config, at, mass), True
@@ -204,7 +205,6 @@ class _Newton(NamedTuple):
 
     fitting: float
     to: _Way | None = None
-    at: Assembly | None = None
     left: tuple[float, ...] = ()
 
 
@@ -220,14 +220,12 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
     left, longest, before, fitting = [], 0.0, LONGEST_STEP, 0.5
     for _ in range(MAX_NEWTON):
         free = static_freedom(model, config)
-        at = assemble_carried(model, config, loads)
+        at = assemble_carried(model, config, loads, None, inner)
         left.append(imbalance(at, free, scale))
         settled = left[-1] < TOLERANCE and _is_settled(left, before, longest)
         if settled or (rough and before < NEARBY * longest):
-            return _Newton(fitting, _Way(config, inner), at, tuple(left))
-        inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
-        bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
-        held = _holding(free.matrix(bent.tangent), free.matrix(mass))
+            break
+        held = _holding(free.matrix(at.tangent), free.matrix(mass))
         q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
         if q is None:
             return _Newton(0.5)
@@ -236,7 +234,7 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
         if longest == 0.0:
             fitting = FITTING * LONGEST_STEP / max(step, UNMOVED)
         if left[-1] < ROUNDED and step < UNMOVED:
-            return _Newton(fitting, _Way(config, inner), at, tuple(left))
+            break
         if not step < (CONTRACTION * before if longest > 0.0 else LONGEST_STEP):
             return _Newton(min(fitting, 0.5) if longest > 0.0 else fitting)
         longest, before = max(longest, step), step
@@ -245,7 +243,10 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
         if moved is None:
             return _Newton(0.5)
         config = moved
-    return _Newton(0.5)
+        inner = _with_linear_springs(model, config, loads, inner)
+    else:
+        return _Newton(0.5)
+    return _Newton(fitting, _Way(config, inner), tuple(left))
 
 
 def _is_settled(left: list[float], step: float, longest: float) -> bool:
@@ -338,14 +339,12 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
     for _ in range(MIXED_ITERATIONS):
         free = static_freedom(model, config)
         least = LEAST_DAMPING * free.matrix(mass)
-        at = assemble_carried(model, config, loads)
+        at = assemble_carried(model, config, loads, None, inner)
         residual = imbalance(at, free, scale)
         history.append((1.0, residual, damping))
         if not np.isfinite(residual):
             return None
-        inner = None if inner is None else _with_linear_springs(model, config, loads, inner)
-        bent = at if inner is None else assemble_carried(model, config, loads, None, inner)
-        step = _unfolding_step(free.matrix(bent.tangent), least, free.part(at.gradient), damping, size_of)
+        step = _unfolding_step(free.matrix(at.tangent), least, free.part(at.gradient), damping, size_of)
         if step is None:
             return None
         q, damping, upright = step
@@ -353,6 +352,7 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
         size = stride(model, q)
         enough = ROUNDED if size < UNMOVED and (upright or damping == 0.0) else TOLERANCE
         if residual < enough and (upright or damping == 0.0):
+            at = assemble_carried(model, config, loads)
             stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None
             return Settled(config, at, residual, enough, tuple(history), stable)
         q = q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP))
@@ -361,6 +361,7 @@ def _with_forces(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | No
         if moved is None:
             return None
         config = moved
+        inner = _with_linear_springs(model, config, loads, inner)
     return None
 
 
