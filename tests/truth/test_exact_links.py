@@ -34,6 +34,7 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
 from middeck.structure.rest.link_loads import link_loads
+from middeck.structure.rest.statics import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
@@ -302,8 +303,9 @@ def test_a_rigid_link_of_any_length_is_an_offset_of_its_mass(length: float) -> N
     ]
     np.testing.assert_allclose(rests[0].config.x[1], rests[1].config.x[1], rtol=1e-10, atol=1e-11)
     np.testing.assert_allclose(*(solve_modes(rest, 8).omega for rest in rests), rtol=1e-8)
+    # Each rest state leaves up to TOLERANCE of the weight, or of its moment over a metre.
     np.testing.assert_allclose(
-        *(np.concatenate(rest.reactions[0][1:]) for rest in rests), rtol=1e-9, atol=1e-9
+        *(np.concatenate(rest.reactions[0][1:]) for rest in rests), rtol=1e-9, atol=2.0 * TOLERANCE * 15.0
     )
 
 

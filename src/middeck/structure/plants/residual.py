@@ -107,7 +107,7 @@ def compare_static_gain(
     if modes.equilibrium.environment.spins:
         raise ConfigError(
             "wheels spin, whose momentum the comparison of static gains leaves out",
-            hint="leave what is static out, or set the speeds to zero",
+            hint="leave the comparison out, or set the speeds to zero",
         )
     frequency_hz = _low_frequency(modes) if frequency_hz is None else frequency_hz
     if modes.kind[:1] == ("rigid",) and not frequency_hz > 0.0:
