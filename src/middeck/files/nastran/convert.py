@@ -105,6 +105,10 @@ class _Converter:
         ties = read_ties(entries, self.places, held, faults)
         masses += read_scalar_masses(entries, self.places, held, _linked(entries), faults)
         raise_some(faults)
+        joined = {grid for part in (*bars, *ties) for grid in part.grids} | _linked(entries)
+        still = [m for m in masses if held.get(m.grid) == "123456" and m.grid not in joined]
+        masses = [m for m in masses if all(m is not other for other in still)]
+        self._leave("masses", len(still), "the ground holds them, and nothing else joins them")
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
         carriers = find_carriers(entries, self.places.grids, used | set(held))
         self._check_unconverted(used | set(held), carriers, faults)
