@@ -138,6 +138,7 @@ def test_springs_between_floors_that_do_not_turn(tmp_path):
     lines = ["GRDSET,,,,,,,13456", *(f"GRID,{i},,{0.3 * i:.1f}" for i in range(n + 1)), "SPC1,7,2,9"]
     lines = [line.replace("GRID,0,", "GRID,9,") for line in lines]
     lines += [f"CONM2,{20 + i},{i},,{m}" for i in range(1, n + 1)]
+    lines += ["SPC1,7,13456,9", "CONM2,40,9,,7."]  # a mass that the ground holds has no part
     lines += [f"CELAS2,{30 + i},{k},{i},2,{i - 1 or 9},2" for i in range(1, n + 1)]
     made, omega = solved(tmp_path, lines, "lumped")
     wave = np.arange(1, 2 * n, 2) * np.pi / (2 * (2 * n + 1))

@@ -122,6 +122,10 @@ class _Converter:
         raise_some(faults)
         parts |= {} if direct is None else {f"{name}-{NAME}.npz": direct}
         joined = [tuple(int(frame[1:]) for frame in part.frames) for part in parts.values()]
+        met = {grid for part in (*bars, *ties, *constraints) for grid in part.grids} | _linked(entries)
+        still = [m for m in masses if held.get(m.grid) == "123456" and m.grid not in met.union(*joined)]
+        masses = [m for m in masses if all(m is not other for other in still)]
+        self._leave("masses", len(still), "the ground holds them, and nothing else joins them")
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
         on_components = set().union(*joined)
         used |= on_components
