@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -106,7 +107,8 @@ def _cost(wing: Structure, hangs: md.Environment) -> list[dict[str, Any]]:
         md.solve_modes(rest, 10)
         spent.append(time.process_time() - begin)
     told = row(CASE, "one step to 3 kg, iterations", "", len(rest.history), 15)
-    return [told, row(CASE, "one step to 3 kg and 10 modes", "s", float(np.median(spent)), 0.15)]
+    busy = f"load average of the machine {os.getloadavg()[0]:.1f}"
+    return [told, row(CASE, "one step to 3 kg and 10 modes", "s", float(np.median(spent)), 0.15, note=busy)]
 
 
 def structure(folder: Path) -> Structure:

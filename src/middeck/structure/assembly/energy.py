@@ -619,19 +619,19 @@ def _state_of_others(
     some: np.ndarray,
 ) -> BeamState:
     """State of all but ``some`` beams, zero for these."""
+    sizes, dtype = ((), (6,), (12,), (12,), (12, 12), (12, 12)), np.result_type(x, T, beams.stiffness)
+    state = BeamState(*(np.zeros((len(x), *size), dtype) for size in sizes))
     others = np.setdiff1d(np.arange(len(x)), some)
-    own = beam_state(
-        select_beams(beams, others),
-        x[others],
-        T[others],
-        None if force is None else force[others],
-        None if known is None else EndStrain(*(part[others] for part in known)),
-    )
-    if not len(some):
-        return own
-    state = BeamState(*(np.zeros((len(x), *part.shape[1:]), part.dtype) for part in own))
-    for part, value in zip(state, own, strict=True):
-        part[others] = value
+    if len(others):
+        own = beam_state(
+            select_beams(beams, others),
+            x[others],
+            T[others],
+            None if force is None else force[others],
+            None if known is None else EndStrain(*(part[others] for part in known)),
+        )
+        for part, value in zip(state, own, strict=True):
+            part[others] = value
     return state
 
 

@@ -269,6 +269,8 @@ def _component(part: Component, point: np.ndarray, joint: np.ndarray) -> Compone
 
 def select_beams(beams: BeamProperties, rows: slice | np.ndarray) -> BeamProperties:
     """The properties of some of the elements."""
+    if isinstance(rows, slice) and not rows.start and (rows.stop or 0) >= len(beams.length):
+        return beams
     return BeamProperties(**{f.name: getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)})
 
 
