@@ -446,3 +446,28 @@ def test_an_impossible_link_is_refused(link: AnyLink, message: str) -> None:
     nodes = [node("a", ZERO, body(1.0)), node("b", (1, 0, 0), body(1.0))]
     with pytest.raises(ConfigError, match=message):
         mesh_structure(linked(structure(nodes, [member("a", "b", TUBE, 1)]), link))
+
+
+@pytest.mark.parametrize("stiffness", [1e14, 1e21])
+def test_links_at_the_ends_of_a_stiff_member_and_along_it_keep_the_digits_of_what_is_soft(
+    stiffness: float,
+) -> None:
+    bar = dataclasses.replace(TUBE, EA=stiffness, GJ=stiffness, EI_y=stiffness, EI_z=stiffness)
+    near, far = (1.0, 0.0, 0.0), (2.3, 0.2, 0.1)
+    heavy, light = body(2.0, inertia=(0.02, 0.03, 0.04)), body(1.0, inertia=(0.1, 0.1, 0.1))
+    ends = [node("a", ZERO), node("b", near, light), node("e", (3.0, 1.0, 0.0))]
+    one = structure(
+        [*ends, node("d", far, heavy)],
+        [member("a", "b", TUBE, 2), member("b", "d", bar, 1), member("d", "e", TUBE, 2)],
+    )
+    apart = structure(
+        [*ends, node("d", far), node("c", near), node("f", far, heavy)],
+        [member("a", "b", TUBE, 2), member("c", "d", bar, 1), member("f", "e", TUBE, 2)],
+    )
+    joined = linked(apart, Link(name="k", first="b", second="c"), Link(name="l", first="d", second="f"))
+    along = linked(one, Link(name="k", first="b", second="d"))
+    want = solve_equilibrium(one, hung("a"))
+    for parts in (joined, along):
+        rest = solve_equilibrium(parts, hung("a"))
+        np.testing.assert_allclose(rest.config.x[2], want.config.x[2], atol=1e-11)
+        np.testing.assert_allclose(solve_modes(rest, 5).omega, solve_modes(want, 5).omega, rtol=1e-9)
