@@ -138,9 +138,10 @@ def _others(
     k = int(np.argmax(np.where(np.abs(hz / mode_hz - 1.0) < ITSELF, 0.0, near)))
     if not near[k] > (LINE + BAND / len(power)) * power.sum():
         return ()
+    share = 100.0 * near[k] / power.sum()
     return (
-        f"another oscillation near {hz[k]:.4g} Hz is left of the decays, {100.0 * near[k] / power.sum():.0f} % of "
-        "what one mode does not explain: the deviations do not count what it does; filter it out",
+        f"another oscillation near {hz[k]:.4g} Hz is left of the decays, {share:.0f} % of what one mode does not "
+        "explain: the deviations do not count what it does; filter it out",
     )
 
 
