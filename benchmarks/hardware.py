@@ -2,15 +2,15 @@
 
     python benchmarks/hardware.py [--data FOLDER] [--only CASES] [--made DATE]
 
-FOLDER holds takacs_beam.
+FOLDER holds takacs_beam; GARTEUR's geometry is in its case.
 """
 
 from __future__ import annotations
 
-from measured import takacs
+from measured import garteur, takacs
 from measured.result_file import options_of, write_rows
 
-CASES = {"Takacs": lambda o: takacs.rows(o.data)}
+CASES = {"Takacs": lambda o: takacs.rows(o.data), "GARTEUR": lambda o: garteur.rows(o.data)}
 
 
 def main() -> None:
