@@ -68,6 +68,10 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "fuselage's connectors rigid": {"stiff": ("fuselage to wing", "fuselage to fin")},
     "drums' connectors rigid": {"stiff": ("drum",)},
     "wing rigid under the drums": {"stiff": ("wing under drum", "drum")},
+    "sensors' massless and wing rigid": {
+        "massless": (*MASSLESS, "sensor"),
+        "stiff": ("wing under drum", "drum"),
+    },
 }
 Parts = tuple[str, ...]
 Lines = Iterator[tuple[str, int, list[tuple[float, float, float]]]]
