@@ -118,3 +118,24 @@ def test_matrices_on_a_grid_that_follows_another(tmp_path, capfd):
         ended = converted(tmp_path, capfd, name, case, text, "--environment", tmp_path / f"{name}-held.toml")
         assert ended.code == 0, ended.err
     np.testing.assert_allclose(frequencies(tmp_path, "parts"), frequencies(tmp_path, "whole"), rtol=1e-8)
+
+
+@pytest.mark.parametrize("released", ["5", "56", "456", "26"])
+def test_a_pinned_end_is_a_row_of_its_own(tmp_path, capfd, released):
+    """Two bars between walls, the second pinned to the first: its released components are unknowns apart."""
+    pinned = bar(2).rstrip() + f",,+P\n+P,{released}\n"
+    bulk = GRIDS.split("GRID,4")[0] + PROPERTIES + "SPC1,1,123456,1,3\n" + bar(1) + pinned
+    ended = converted(tmp_path, capfd, "pin", "SPC = 1\n", bulk, "--environment", tmp_path / "pin-held.toml")
+    assert ended.code == 0, ended.err
+    K = np.zeros((6 + len(released),) * 2)
+    K[:6, :6] = beam_stiffness()[6:, 6:]
+    own = [int(c) - 1 for c in released]
+    rows = [6 + own.index(k) if k in own else k for k in range(6)]
+    K[np.ix_(rows, rows)] += beam_stiffness()[:6, :6]
+    if released == "456":  # nothing holds its twist
+        K[6, 6] = 1.0
+    rigid = np.linalg.inv(np.linalg.inv(K)[:3, :3])
+    expected = np.sqrt(np.linalg.eigvalsh(rigid) / (RHO * A * L)) / (2.0 * np.pi)
+    structure, around = md.load_setup(tmp_path / "pin.toml", tmp_path / "pin-held.toml")
+    found = md.solve_modes(md.solve_equilibrium(structure, around), 3).frequency_hz[:3]
+    np.testing.assert_allclose(found, expected, rtol=1e-7)

@@ -140,8 +140,8 @@ def _others(
         return ()
     share = 100.0 * near[k] / power.sum()
     return (
-        f"another oscillation near {hz[k]:.4g} Hz is left of the decays, {share:.0f} % of what one mode does not "
-        "explain: the deviations do not count what it does; filter it out",
+        f"another oscillation near {hz[k]:.4g} Hz is left of the decays, {share:.0f} % of what one mode does "
+        "not explain: the deviations do not count what it does; filter it out",
     )
 
 
