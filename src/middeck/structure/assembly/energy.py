@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Inexact, Int
 
+from middeck.structure.assembly.inside import Inside, Within
 from middeck.structure.assembly.linked import link_part
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import (
@@ -56,12 +57,13 @@ from middeck.structure.elements.frames import (
     points_in_world,
 )
 from middeck.structure.elements.since_drawn import (
-    SinceDrawn,
-    chain_jacobian,
-    chain_stiffness,
-    chain_within,
-    common_carrier,
+    Lever,
+    add_pull,
+    lever_stiffness,
+    levers,
+    move_ends,
     seen_from,
+    summed,
 )
 from middeck.structure.model.article import JointState
 from middeck.values import record
@@ -189,22 +191,22 @@ def assemble_carried(
         bare = _assembled(model, config, at, _gather(model, at, loads, inner), point_load)
         return _with_links(model, config, bare, in_world=False)
     at = poses_at(model, config)
-    inside = _inside(model, since)
-    total = _gather(model, at, loads, inner, inside)
+    total = _gather(model, at, loads, inner, model.inside)
     outside = _assembled(model, config, at, total, point_load)
     pull = outside.gradient - outside.jacobian.T @ total.excess.ravel()
-    T, turning = transport(config, model.tree), carried_turning(model, at, since, pull)
-    energy, gradient = outside.energy, T.T @ outside.gradient
-    tangent = T.T @ outside.tangent @ T + turning
-    for state, A, bent in _inside_parts(model, at, loads, inside, inner):
+    T, parts = transport(config, model.tree), carried_turning(model, at, since, pull)
+    back = T.T.tocsr()
+    energy, gradient = outside.energy, back @ outside.gradient
+    for state, links in _inside_parts(model, at, total, inner):
         energy = energy + float(np.sum(state.energy))
-        gradient = gradient + A.T @ (state.gradient + state.excess).ravel()
-        tangent = tangent + _sandwich(A, state.material + state.geometric) + bent
+        add_pull(links, state.gradient + state.excess, gradient)
+        parts += lever_stiffness(links, _by_ends(state.gradient), state.material + state.geometric)
+    tangent = back @ outside.tangent @ T + summed(parts, model.tree.size)
     bare = Assembly(
         energy=energy,
         gradient=gradient,
-        tangent=symmetric(sp.csr_array(tangent)),
-        jacobian=sp.csr_array(outside.jacobian @ T),
+        tangent=symmetric(tangent),
+        jacobian=outside.jacobian @ T,
         tension=outside.tension,
     )
     return _with_links(model, config, bare, in_world=False)
@@ -213,8 +215,8 @@ def assemble_carried(
 def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.csr_array:
     """Geometric part of the tangent in carried coordinates: from forces, without strain and devices."""
     at, since = poses_at(model, config), config.since_drawn
-    inside = _inside(model, since)
-    total = _gather(model, at, loads, None, inside)
+    carries = since is not None and since.carries
+    total = _gather(model, at, loads, None, model.inside if carries else None)
     J = model.pose_map.jacobian(at.poses)
     forced = {**total.geometric, **_turning(model, at, total.gradient)}
     if len(loads.ground.point):
@@ -225,12 +227,12 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
     out = _with_components(bare, total.components, lambda state: state.geometric)
     gradient = J.T @ total.gradient.ravel() + total.modal + _sprung_joints(model, config)[1]
     if since is not None and since.carries:
-        T, turning = transport(config, model.tree), carried_turning(model, at, since, gradient)
-        out, gradient = T.T @ out @ T + turning, T.T @ gradient
-        for state, A, bent in _inside_parts(model, at, loads, inside):
-            out = out + _sandwich(A, state.geometric) + bent
-            gradient = gradient + A.T @ state.gradient.ravel()
-        out = symmetric(sp.csr_array(out))
+        T, parts = transport(config, model.tree), carried_turning(model, at, since, gradient)
+        gradient = T.T @ gradient
+        for state, links in _inside_parts(model, at, total):
+            add_pull(links, state.gradient, gradient)
+            parts += lever_stiffness(links, _by_ends(state.gradient), state.geometric)
+        out = symmetric(sp.csr_array(T.T @ out @ T + summed(parts, model.tree.size)))
     if model.links is None:
         return out
     return symmetric(sp.csr_array(out + link_part(model, config, gradient, in_world=False)[1]))
@@ -257,7 +259,7 @@ def strain_energies(
     hung = _device_span(model, at, loads)
     out += spring_squares(own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
     out += spring_squares(loads.law, *hung, motion[loads.attach_point, :3])
-    out += _own_bushings(model, at, inside=_inside(model, config.since_drawn)).squares(tied)
+    out += _own_bushings(model, at, inside=True).squares(tied)
     out += _grounded(model, at, loads).squares(_on_ground(motion[loads.ground.point]))
     for state, rows in component_states(model, config, loads):
         out += state.squares(rows @ (transport(config, model.tree) @ shapes))
@@ -281,7 +283,7 @@ def predict_forces(
     start, end = model.spring_ends.T
     own = predicted_tension(own_law(model), *_own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *_device_span(model, at, loads), motion[loads.attach_point, :3])
-    between = _own_bushings(model, at, inside=_inside(model, config.since_drawn)).predicted(tied)
+    between = _own_bushings(model, at, inside=True).predicted(tied)
     ground = _grounded(model, at, loads).predicted(_on_ground(motion[loads.ground.point]))
     return Inner(np.concatenate(forces), own, device, between, ground)
 
@@ -295,77 +297,37 @@ def _motions(
     motion = (J @ (transport(config, model.tree) @ shapes)).reshape(len(at.world), 6, count)
     ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)
     tied = motion[model.bushing_ends].reshape(len(model.bushing_ends), 12, count)
-    inside = _inside(model, config.since_drawn)
     for moved, poses, part in (
-        (ends, model.element_ends, inside.beams),
-        (tied, model.bushing_ends, inside.bushings),
+        (ends, model.element_ends, model.inside.beams),
+        (tied, model.bushing_ends, model.inside.bushings),
     ):
-        if len(part.rows):
-            A = chain_jacobian(part.chain, at.poses.p, at.world[poses[part.rows].ravel()], model.tree.size)
-            moved[part.rows] = (A @ shapes).reshape(len(part.rows), 12, count)
+        if len(part.rows) and at.since is not None:
+            moved[part.rows] = move_ends(_levers(at, poses, part), shapes)
     return motion, ends, tied
 
 
-class _Within(NamedTuple):
-    """Elements inside carried parts, the common carrier of each, and the chains of its ends within that."""
-
-    rows: np.ndarray
-    outer: np.ndarray
-    chain: list[np.ndarray]
+def _levers(at: At, ends: np.ndarray, part: Within) -> list[Lever]:
+    return levers(part.chain, at.poses.p, at.world[ends[part.rows]])
 
 
-class _Inside(NamedTuple):
-    """Beams and bushings inside carried parts."""
-
-    beams: _Within
-    bushings: _Within
-
-
-def _inside(model: Model, since: SinceDrawn | None) -> _Inside:
-    return _Inside(_within(model, since, model.element_ends), _within(model, since, model.bushing_ends))
-
-
-def _within(model: Model, since: SinceDrawn | None, ends: np.ndarray) -> _Within:
-    if since is None or not since.carries:
-        return _Within(np.zeros(0, dtype=int), np.zeros(0, dtype=int), [])
-    frames = model.points.frame[ends]
-    on_roots = np.all(frames < model.tree.roots, axis=1)
-    outer = np.full(len(ends), -1)
-    outer[on_roots] = common_carrier(since, frames[on_roots])
-    rows = np.flatnonzero(outer >= 0)
-    outer = outer[rows]
-    return _Within(rows, outer, chain_within(since, frames[rows].ravel(), np.repeat(outer, 2)))
+def _by_ends(load: np.ndarray) -> np.ndarray:
+    return load.reshape(len(load), -1, 6)
 
 
 def _inside_parts(
-    model: Model, at: At, loads: Loads, inside: _Inside, inner: Inner | None = None
-) -> Iterable[tuple[BeamState | BushingState, sp.csr_array, sp.csr_array]]:
+    model: Model, at: At, total: _Total, inner: Inner | None = None
+) -> Iterable[tuple[BeamState | BushingState, list[Lever]]]:
     """State of the beams inside carried parts, without their weight, and that of the bushings.
 
-    With how their ends move as the common carriers see them, and what forces make of its second order.
+    With how their ends move as the common carriers see them.
     """
-    rows = inside.beams.rows
-    x, T, known = _element_ends(model, at, rows)
-    force = None if inner is None else inner.beam[rows]
-    beams = beam_state(_tensioned_beams(model, loads, rows), x, T, force, known)
-    bushings = _own_bushings(model, at, inner, inside).of(inside.bushings.rows)
-    for state, ends, part in (
-        (beams, model.element_ends, inside.beams),
-        (bushings, model.bushing_ends, inside.bushings),
-    ):
-        if len(part.rows):
-            world, size = at.world[ends[part.rows].ravel()], model.tree.size
-            load = state.gradient.reshape(-1, 6)
-            yield (
-                state,
-                chain_jacobian(part.chain, at.poses.p, world, size),
-                chain_stiffness(part.chain, at.poses.p, world, load, size),
-            )
-
-
-def _sandwich(A: sp.csr_array, matrices: np.ndarray) -> sp.csr_array:
-    """A'HA with the matrices of elements, 12 rows of A each."""
-    return sp.csr_array(A.T @ _block_matrix(matrices) @ A)
+    beams, bushings = model.inside
+    if len(beams.rows):
+        parts = (np.concatenate(some) for some in zip(*total.apart, strict=True))
+        yield BeamState(*parts), _levers(at, model.element_ends, beams)
+    if len(bushings.rows):
+        tied = _own_bushings(model, at, inner, inside=True).of(bushings.rows)
+        yield tied, _levers(at, model.bushing_ends, bushings)
 
 
 def carried_mass(model: Model, config: Configuration, loads: Loads | None = None) -> sp.csr_array:
@@ -505,7 +467,8 @@ class _Total(NamedTuple):
     """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points.
 
     ``excess`` is what the elements' own forces add to the gradient where others have taken their place;
-    ``modal`` is the part of the gradient that components have in their modal coordinates.
+    ``modal`` is the part of the gradient that components have in their modal coordinates. ``apart`` are the
+    states of beams inside carried parts, which are not in the sums.
     """
 
     energy: float
@@ -518,14 +481,14 @@ class _Total(NamedTuple):
     material: dict[str, np.ndarray]
     geometric: dict[str, np.ndarray]
     device: np.ndarray
+    apart: list[BeamState]
 
 
-def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _Inside | None = None) -> _Total:
+def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None = None) -> _Total:
     """All elements at their poses; ``inner`` takes the place of the forces inside them.
 
     Of those ``inside`` carried parts only the weight counts.
     """
-    unstrained = None if inside is None else inside.beams.rows
     dtype = np.result_type(
         *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.stiffness, loads.law.stiffness),
         *(loads.push, loads.ground.stiffness, *(b.stiffness for b in model.structure.bushings)),
@@ -536,15 +499,14 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
     geometric = [np.zeros((0, 12, 12))]
     energy = 0.0
     forces: list[np.ndarray] = [np.zeros((0, 6))]
+    apart: list[BeamState] = []
     for rows in _chunks(len(model.element_ends)):
         x, T, known = _element_ends(model, at, rows)
         beams, ends = _tensioned_beams(model, loads, rows), model.element_ends[rows]
-        given = None if inner is None else inner.beam[rows]
-        if unstrained is None:
-            strain = beam_state(beams, x, T, given, known)
-        else:
-            some = unstrained[(rows.start <= unstrained) & (unstrained < rows.stop)] - rows.start
-            strain = _state_of_others(beams, x, T, given, known, some)
+        strain = beam_state(beams, x, T, None if inner is None else inner.beam[rows], known)
+        if inside is not None:
+            own = inside.beams.rows
+            apart.append(_taken(strain, own[(rows.start <= own) & (own < rows.stop)] - rows.start))
         weight = beam_weight(beams, x, T, loads.gravity)
         gradient[ends] += (strain.gradient + weight.gradient).reshape(-1, 2, 6)
         excess[ends] += strain.excess.reshape(-1, 2, 6)
@@ -599,6 +561,7 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: _In
             "bushing": between.geometric,
         },
         held,
+        apart,
     )
 
 
@@ -610,29 +573,12 @@ def _tensioned_beams(model: Model, loads: Loads, rows: slice | np.ndarray) -> Be
     return dataclasses.replace(beams, tension=loads.tension * beams.tension)
 
 
-def _state_of_others(
-    beams: BeamProperties,
-    x: np.ndarray,
-    T: np.ndarray,
-    force: np.ndarray | None,
-    known: EndStrain | None,
-    some: np.ndarray,
-) -> BeamState:
-    """State of all but ``some`` beams, zero for these."""
-    sizes, dtype = ((), (6,), (12,), (12,), (12, 12), (12, 12)), np.result_type(x, T, beams.stiffness)
-    state = BeamState(*(np.zeros((len(x), *size), dtype) for size in sizes))
-    others = np.setdiff1d(np.arange(len(x)), some)
-    if len(others):
-        own = beam_state(
-            select_beams(beams, others),
-            x[others],
-            T[others],
-            None if force is None else force[others],
-            None if known is None else EndStrain(*(part[others] for part in known)),
-        )
-        for part, value in zip(state, own, strict=True):
-            part[others] = value
-    return state
+def _taken(state: BeamState, some: np.ndarray) -> BeamState:
+    """The state of ``some`` elements, what they add to sums being zero in ``state`` then."""
+    out = BeamState(*(part[some] for part in state))
+    for part in (state.energy, state.gradient, state.excess, state.material, state.geometric):
+        part[some] = 0.0
+    return out
 
 
 def _own_springs(
@@ -674,9 +620,7 @@ def bushing_states(model: Model, config: Configuration, loads: Loads) -> tuple[B
     return _own_bushings(model, at), _grounded(model, at, loads)
 
 
-def _own_bushings(
-    model: Model, at: At, inner: Inner | None = None, inside: _Inside | None = None
-) -> BushingState:
+def _own_bushings(model: Model, at: At, inner: Inner | None = None, *, inside: bool = False) -> BushingState:
     """Bushings of the structure; those ``inside`` carried parts with the digits that their carriers see."""
     own = model.structure.bushings
     if not own:
@@ -686,8 +630,9 @@ def _own_bushings(
     span, change = at.world[end] - at.world[start], finish - begin
     turn = np.stack([begun, finished], axis=1)
     axes = np.tile(np.eye(3), (len(own), 1, 1))
-    if inside is not None and len(inside.bushings.rows) and at.since is not None:
-        rows, outer, _ = inside.bushings
+    if inside and at.since is not None and at.since.carries:
+        rows = model.inside.bushings.rows
+        outer = model.inside.bushings.outer[rows]
         ends = model.bushing_ends[rows]
         frame, offset = model.points.frame[ends], model.points.offset[ends]
         seen = seen_from(at.since, frame.ravel(), offset.reshape(-1, 3), np.repeat(outer, 2))
@@ -704,7 +649,7 @@ def _own_bushings(
         turn,
         None if inner is None else inner.bushing.copy(),  # cleared by `_gather`
     )
-    return state if inside is None else state.turned(axes)
+    return state.turned(axes) if inside else state
 
 
 def _grounded(model: Model, at: At, loads: Loads, inner: Inner | None = None) -> BushingState:
@@ -759,7 +704,7 @@ def _element_ends(
     local = np.zeros_like(shift)
     local[:, 1] = length[:, None] * triad[:, :, 0] + shift[:, 1] - shift[:, 0]
     if at.since.carries:
-        outer = common_carrier(at.since, frame)
+        outer = model.inside.beams.outer[rows]
         some = np.flatnonzero(outer >= 0)
         seen = (frame[some].ravel(), offset[some].reshape(-1, 3), np.repeat(outer[some], 2))
         near, turned = seen_from(at.since, *seen)
@@ -801,15 +746,6 @@ def _translations(hessian: np.ndarray) -> np.ndarray:
     out = np.zeros((len(hessian), 6, 6), dtype=hessian.dtype)
     out[:, :3, :3] = hessian
     return out
-
-
-def _block_matrix(matrices: np.ndarray) -> sp.csr_array:
-    """The matrices as blocks on the diagonal."""
-    index = np.arange(matrices.shape[0] * matrices.shape[1]).reshape(matrices.shape[:2])
-    at = np.flatnonzero(matrices)
-    element, row, column = np.unravel_index(at, matrices.shape)
-    entries = (matrices.ravel()[at], (index[element, row], index[element, column]))
-    return sp.csr_array(sp.coo_array(entries, shape=(index.size, index.size)))
 
 
 def _sprung_joints(model: Model, config: Configuration) -> tuple[float, np.ndarray, np.ndarray]:

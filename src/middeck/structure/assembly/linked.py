@@ -19,7 +19,7 @@ from middeck.structure.assembly.links import LinkState, link_state
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import At, carried_turning, moved_since, poses_at, symmetric, transport
 from middeck.structure.elements.frames import Configuration, move_carried
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.since_drawn import summed, uncarried
 from middeck.structure.model.article import JointState
 from middeck.structure.model.connectivity import some_names
 
@@ -161,7 +161,7 @@ def link_part(
     since = config.since_drawn
     if in_world or since is None or not since.carries:
         return pull, symmetric(sp.csr_array(bent))
-    bent = T.T @ bent @ T + carried_turning(model, at, since, pull)
+    bent = T.T @ bent @ T + summed(carried_turning(model, at, since, pull), model.tree.size)
     return T.T @ pull, symmetric(sp.csr_array(bent))
 
 

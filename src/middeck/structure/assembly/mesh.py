@@ -12,6 +12,7 @@ from jaxtyping import Inexact, Int
 from middeck.errors import ConfigError
 from middeck.structure.assembly.carriers import bushing_stiffness, choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
+from middeck.structure.assembly.inside import Inside, lay_out_inside
 from middeck.structure.assembly.links import LinkRows, lay_out_links, link_points
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
@@ -83,6 +84,13 @@ class Model:
     def pose_map(self) -> PoseMap:
         """How coordinates move ``points``."""
         return map_points(self.tree, self.points)
+
+    @functools.cached_property
+    def inside(self) -> Inside:
+        """Beams and bushings inside carried parts."""
+        frame = self.points.frame
+        ends = frame[self.element_ends], frame[self.bushing_ends]
+        return lay_out_inside(self.rest.since_drawn, self.tree.roots, *ends)
 
     @functools.cached_property
     def pattern(self) -> Pattern:

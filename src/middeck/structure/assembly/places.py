@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from jaxtyping import Inexact
 
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import (
@@ -17,10 +18,12 @@ from middeck.structure.elements.frames import (
     points_in_world,
 )
 from middeck.structure.elements.since_drawn import (
+    Entries,
     SinceDrawn,
     chain_jacobian,
-    chain_stiffness,
     chain_within,
+    lever_stiffness,
+    levers,
     whole_motion,
 )
 
@@ -68,12 +71,15 @@ def drawn_places(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np
     return drawn, np.where(own[:, None], change, 0.0)
 
 
-def carried_turning(model: Model, at: At, since: SinceDrawn, gradient: np.ndarray) -> sp.csr_array:
+def carried_turning(
+    model: Model, at: At, since: SinceDrawn, gradient: Inexact[np.ndarray, " coordinate"]
+) -> list[Entries]:
     """Second-order motion of the roots in W by carried coordinates, weighted by the ``gradient`` in W."""
-    roots = np.arange(model.tree.roots)
+    roots = np.flatnonzero(since.carrier >= 0)
     over = chain_within(since, roots, np.full(len(roots), -1))
-    load = gradient[: 6 * len(roots)].reshape(-1, 6)
-    return chain_stiffness(over, at.poses.p, at.poses.p[roots], load, model.tree.size)
+    links = levers((link[:, None] for link in over), at.poses.p, at.poses.p[roots, None])
+    load = gradient[: 6 * model.tree.roots].reshape(-1, 1, 6)[roots]
+    return lever_stiffness(links, load)
 
 
 def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
@@ -87,4 +93,6 @@ def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
 
 def symmetric(K: sp.csr_array) -> sp.csr_array:
     """Symmetric by construction; the mean removes the rounding."""
-    return sp.csr_array(0.5 * (K + K.T))
+    out = K + K.T.tocsr()
+    out.data *= 0.5
+    return out

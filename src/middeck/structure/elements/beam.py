@@ -220,11 +220,12 @@ def beam_weight(
     gradient = -along[:, None] * (lean[:, None] * d_down + down[:, None] * d_lean)
     both = d_down[:, :, None] * d_lean[:, None, :]
     hessian = -along[:, None, None] * (both + np.swapaxes(both, 1, 2))
-    add_cosine_hessian(hessian, e, span, -(along * lean)[:, None] * W, None)
+    led: list[tuple[Array, slice | None]] = [(-(along * lean)[:, None] * W, None)]
     for rows, normal, sign in ((ONE, t, 1.0), (TWO, q, -1.0)):
         gradient[:, rows.start - 3 : rows.start] -= 0.5 * W
         arm = sign * lever[:, None] * normal + aside[:, 0 if rows is ONE else 1]
         gradient[:, rows] -= cross(arm, W)
         hessian[:, rows, rows] -= symmetric_double_cross(W, arm)
-        add_cosine_hessian(hessian, e, span, -(sign * along * down)[:, None] * normal, rows)
+        led.append((-(sign * along * down)[:, None] * normal, rows))
+    add_cosine_hessian(hessian, e, span, led)
     return BeamWeight(energy, gradient, hessian)

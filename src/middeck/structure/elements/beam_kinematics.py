@@ -20,6 +20,7 @@ is analytic: complex poses or lengths give derivatives by complex step.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -136,28 +137,30 @@ def geometric_stiffness(
     out = np.asarray(_transpose(s.slope) @ bent @ s.slope)
     weight = np.einsum("ek,eki->ei", force, deformation.first)
     add_chord_block(out, _wide(weight[:, LENGTH] / s.span) * _across(s.chord))
-    for end, cosines, rotation in ((0, A, ONE), (1, B, TWO)):
-        # Three direction cosines, weighted, are the one of the weighted sum of the triad.
-        vector = (s.T[:, end] @ weight[:, cosines, None])[:, :, 0]
-        add_cosine_hessian(out, s.chord, s.span, vector, rotation)
+    # Three direction cosines, weighted, are the one of the weighted sum of the triad.
+    one, two = ((s.T[:, end] @ weight[:, rows, None])[:, :, 0] for end, rows in ((0, A), (1, B)))
+    add_cosine_hessian(out, s.chord, s.span, ((one, ONE), (two, TWO)))
     _add_twist_hessian(out, s, weight[:, TWIST])
     return out
 
 
-def add_cosine_hessian(out: Array, e: Array, span: Array, vector: Array, rotation: slice | None) -> None:
-    """Add the Hessian of e . vector; ``rotation`` are the coordinates that turn the vector, None if fixed."""
+def add_cosine_hessian(
+    out: Array, e: Array, span: Array, vectors: Sequence[tuple[Array, slice | None]]
+) -> None:
+    """Add the Hessian of e . vector for each vector, with the coordinates that turn it (fixed: None)."""
     P = _across(e)
-    c = _dot(e, vector)
-    Pv = vector - c[:, None] * e
-    outer = Pv[:, :, None] * e[:, None, :]
+    total = np.sum([vector for vector, _ in vectors], axis=0)
+    c = _dot(e, total)
+    outer = (total - c[:, None] * e)[:, :, None] * e[:, None, :]
     add_chord_block(out, -(outer + _transpose(outer) + _wide(c) * P) / _wide(span**2))
-    if rotation is None:
-        return
-    out[:, rotation, rotation] += symmetric_double_cross(e, vector)
-    mixed = skew(vector) @ P / _wide(span)
-    for a, sign in ((0, -1.0), (6, 1.0)):
-        out[:, rotation, a : a + 3] += sign * mixed
-        out[:, a : a + 3, rotation] += sign * _transpose(mixed)
+    for vector, rotation in vectors:
+        if rotation is None:
+            continue
+        out[:, rotation, rotation] += symmetric_double_cross(e, vector)
+        mixed = skew(vector) @ P / _wide(span)
+        for a, sign in ((0, -1.0), (6, 1.0)):
+            out[:, rotation, a : a + 3] += sign * mixed
+            out[:, a : a + 3, rotation] += sign * _transpose(mixed)
 
 
 def add_chord_block(out: Array, H: Array) -> None:
@@ -252,6 +255,17 @@ def _bending_and_twist(s: Array, dtype: np.dtype) -> tuple[Array, Array, Array]:
     return m, dm, ddm
 
 
+def _series(count: int) -> Array:
+    """Coefficients of acos(c)/sqrt(1 - c^2) in x = 1 - c (term, 3), and of its two derivatives in c."""
+    n = np.arange(count + 2.0)
+    a = np.cumprod(np.where(n > 0.0, n / (2.0 * n + 1.0), 1.0))
+    slope, bend = -n[1:] * a[1:], (n * (n - 1.0) * a)[2:]
+    return np.column_stack([a[:count], slope[:count], bend[:count]])
+
+
+SERIES = _series(24)
+
+
 def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
     """f = acos(c)/sqrt(1 - c^2) and two derivatives, smooth through c = 1.
 
@@ -259,15 +273,13 @@ def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
     """
     x = 1.0 - c
     near = np.real(x) < 0.2
-    f, df, ddf = np.zeros_like(c), np.zeros_like(c), np.zeros_like(c)
-    a = 1.0
+    found = np.zeros((3, *c.shape), c.dtype)
     xn = x[near]
-    for n in range(_terms(xn)):
-        if n:
-            a *= n / (2.0 * n + 1.0)
-        f[near] += a * xn**n
-        df[near] -= n * a * xn ** max(n - 1, 0)
-        ddf[near] += n * (n - 1) * a * xn ** max(n - 2, 0)
+    total = np.zeros((3, *xn.shape), c.dtype)
+    for terms in SERIES[: _terms(xn)][::-1]:
+        total = total * xn + terms[:, None]
+    found[:, near] = total
+    f, df, ddf = found
     far = ~near
     cf = c[far]
     q = 1.0 - cf**2

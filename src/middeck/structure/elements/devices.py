@@ -40,6 +40,14 @@ class SpringState:
     geometric: Inexact[np.ndarray, "spring 3 3"]
 
 
+# What most articles have: their state need not be computed in every assembly.
+NO_SPRINGS = SpringState(
+    **{name: np.zeros(0) for name in ("tension", "energy")},
+    **{name: np.zeros((0, 3)) for name in ("gradient", "excess")},
+    **{name: np.zeros((0, 3, 3)) for name in ("material", "geometric")},
+)
+
+
 def spring_state(
     law: SpringLaw,
     span: Inexact[np.ndarray, "spring 3"],
@@ -54,6 +62,8 @@ def spring_state(
     linear everywhere, at l = 0 too. Raises `EquilibriumError` for any other spring whose ends coincide: its
     force has no direction.
     """
+    if not len(span):
+        return NO_SPRINGS
     k, c = law.stiffness, law.preload - law.stiffness * law.length
     length = np.sqrt(np.einsum("si,si->s", span, span))
     if np.any((length == 0.0) & (c != 0.0)):

@@ -15,6 +15,9 @@ what exp(phi_i) has turned.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Inexact, Int
@@ -159,46 +162,114 @@ def chain_jacobian(
         columns.append(6 * link[pose][at] + column)
         values.append(block[at, row, column])
     index = (np.concatenate(rows), np.concatenate(columns))
-    return sp.csr_array(sp.coo_array((np.concatenate(values), index), shape=(6 * len(world) + joints, size)))
+    return sp.coo_array((np.concatenate(values), index), shape=(6 * len(world) + joints, size)).tocsr()
 
 
-def chain_stiffness(
-    chain: list[np.ndarray],
+class Lever(NamedTuple):
+    """One link of the chains of elements' ends: its roots, -1 where a chain has ended, and what they move.
+
+    ``motion`` is that of all ends, as one body with the root each, zero where the chain has ended.
+    """
+
+    root: Int[np.ndarray, "element end"]
+    arm: Inexact[np.ndarray, "element end 3"]
+    motion: Inexact[np.ndarray, "element 6*end 6*end"]
+
+    @property
+    def coordinates(self) -> Int[np.ndarray, "element 6*end"]:
+        """Coordinates of the roots; negative where the chain has ended."""
+        return (6 * self.root[:, :, None] + np.arange(6)).reshape(len(self.root), -1)
+
+
+class Entries(NamedTuple):
+    """Entries of a sparse matrix, to be summed."""
+
+    row: Int[np.ndarray, " entry"]
+    column: Int[np.ndarray, " entry"]
+    value: Inexact[np.ndarray, " entry"]
+
+
+def levers(
+    chain: Iterable[Int[np.ndarray, "element end"]],
     origin: Inexact[np.ndarray, "root 3"],
-    world: np.ndarray,
-    load: Inexact[np.ndarray, "pose 6"],
-    size: int,
-) -> sp.csr_array:
-    """Second-order change of the same poses, weighted by ``load``, the energy gradient (F, M) at each."""
-    rows: list[np.ndarray] = [np.zeros(0, int)]
-    columns: list[np.ndarray] = [np.zeros(0, int)]
-    values: list[np.ndarray] = [np.zeros(0)]
+    world: Inexact[np.ndarray, "element end 3"],
+) -> list[Lever]:
+    """How the roots in the chains move ends at ``world``, to first order in carried coordinates."""
+    return [_lever(root, origin, world) for root in chain]
 
-    def add(first: np.ndarray, second: np.ndarray, blocks: np.ndarray) -> None:
-        """Blocks of the rotations of ``first`` and the last coordinates of ``second``."""
-        width = blocks.shape[2]
-        rows.append(np.repeat(6 * first[:, None] + np.arange(3, 6), width, axis=1).ravel())
-        columns.append(np.tile(6 * second[:, None] + np.arange(6 - width, 6), (1, 3)).ravel())
-        values.append(blocks.ravel())
 
-    for k, inner in enumerate(chain):
-        pose = np.flatnonzero(inner >= 0)
-        F, M = load[pose, :3], load[pose, 3:]
-        arm = world[pose] - origin[inner[pose]]
-        add(inner[pose], inner[pose], symmetric_double_cross(F, arm))
+def _lever(root: np.ndarray, origin: np.ndarray, world: np.ndarray) -> Lever:
+    count, ends = root.shape
+    there, arm = root >= 0, world - origin[root]
+    motion = np.zeros((count, ends, 6, ends, 6), arm.dtype)
+    end = np.arange(ends)
+    motion[:, end[:, None], np.arange(6), end[:, None], np.arange(6)] = there[:, :, None]
+    motion[:, end, :3, end, 3:] = np.swapaxes(-skew(arm) * there[:, :, None, None], 0, 1)
+    return Lever(root, arm, motion.reshape(count, 6 * ends, 6 * ends))
+
+
+def move_ends(
+    links: list[Lever], q: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "element 6*end mode"]:
+    """Motion of the ends with the carried coordinates ``q``."""
+    return np.sum([link.motion @ q[np.maximum(link.coordinates, 0)] for link in links], axis=0)
+
+
+def add_pull(
+    links: list[Lever],
+    load: Inexact[np.ndarray, "element 6*end"],
+    gradient: Inexact[np.ndarray, " coordinate"],
+) -> None:
+    """Add what the energy gradient ``load`` at the ends makes of the ``gradient`` in carried coordinates."""
+    for link in links:
+        pull = (load[:, None] @ link.motion)[:, 0]
+        np.add.at(gradient, np.maximum(link.coordinates, 0), pull)
+
+
+def lever_stiffness(
+    links: list[Lever],
+    load: Inexact[np.ndarray, "element end 6"],
+    hessian: Inexact[np.ndarray, "element 6*end 6*end"] | None = None,
+) -> list[Entries]:
+    """Tangent in carried coordinates of elements of the energy gradient ``load``, (F, M) at each end.
+
+    It is the ``hessian`` at the ends, and ``load`` times the second-order motion of the ends.
+    """
+    out: list[Entries] = []
+    F, M = load[..., :3], load[..., 3:]
+    width = 6 * load.shape[1]
+    end = np.arange(load.shape[1])
+    for k, inner in enumerate(links):
         # An outer rotation o: o . (e x F) for a shift e, o . ((e x arm) x F + (e x M)/2) for a turn e.
-        pull = np.zeros((len(pose), 3, 6))
-        pull[:, :, :3] = -skew(F)
-        pull[:, :, 3:] = skew(F) @ skew(arm) - 0.5 * skew(M)
-        for outer in chain[k + 1 :]:
-            some = np.flatnonzero(outer[pose] >= 0)
-            first, second = outer[pose[some]], inner[pose[some]]
-            add(first, second, pull[some])
-            rows.append(columns[-1])
-            columns.append(rows[-2])
-            values.append(values[-1])
-    index = (np.concatenate(rows), np.concatenate(columns))
-    return sp.csr_array(sp.coo_array((np.concatenate(values), index), shape=(size, size)))
+        pull = np.concatenate([-skew(F), skew(F) @ skew(inner.arm) - 0.5 * skew(M)], axis=3)
+        worked = None if hessian is None else hessian @ inner.motion
+        for outer in links[k:]:
+            there = ((inner.root >= 0) & (outer.root >= 0))[:, :, None, None]
+            block = np.zeros((len(load), width, width), pull.dtype)
+            if worked is not None:
+                block = np.swapaxes(outer.motion, 1, 2) @ worked
+            turned = block.reshape(len(load), len(end), 6, len(end), 6)
+            if outer is inner:
+                own = there * symmetric_double_cross(F, inner.arm)
+                turned[:, end, 3:, end, 3:] += np.swapaxes(own, 0, 1)
+            else:
+                turned[:, end, 3:, end] += np.swapaxes(there * pull, 0, 1)
+            found = _entries(outer.coordinates, inner.coordinates, block)
+            out += [found] if outer is inner else [found, Entries(found.column, found.row, found.value)]
+    return out
+
+
+def _entries(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> Entries:
+    shape = blocks.shape
+    row, column = np.broadcast_to(rows[:, :, None], shape), np.broadcast_to(columns[:, None], shape)
+    there = blocks != 0.0
+    return Entries(row[there], column[there], blocks[there])
+
+
+def summed(parts: Iterable[Entries], size: int) -> sp.csr_array:
+    """The square matrix of all the entries."""
+    row, column, value = (np.concatenate(some) for some in zip(*parts, strict=True))
+    return sp.coo_array((value, (row, column)), shape=(size, size)).tocsr()
 
 
 def uncarried(at: SinceDrawn | None, size: int) -> Bool[np.ndarray, " coordinate"]:
