@@ -1,4 +1,4 @@
-"""Measured hardware that nobody here made: our models and fits beside measurements and the models of others.
+"""Models that users bring, beside measured hardware, the models of others, and closed forms.
 
     python benchmarks/hardware.py [--data FOLDER] [--only CASES] [--made DATE]
 
@@ -7,14 +7,18 @@ FOLDER holds takacs_beam and pazy_skin_off; GARTEUR's geometry is in its case.
 
 from __future__ import annotations
 
-from measured import deck, garteur, pazy, takacs
+from measured import component, constraints, deck, garteur, pazy, rotor, takacs
 from measured.result_file import options_of, write_rows
 
 CASES = {
     "Takacs": lambda o: takacs.rows(o.data),
     "Pazy": lambda o: pazy.rows(o.data),
     "GARTEUR": lambda o: garteur.rows(o.data),
-    "Deck": lambda o: deck.rows(),
+    "Rotor": lambda o: rotor.rows(o.peer_python),
+    "Loop": lambda _: constraints.loop_rows(),
+    "RBE3": lambda _: constraints.rbe3_rows(),
+    "Component": lambda _: component.rows(),
+    "Deck": lambda _: deck.rows(),
 }
 
 

@@ -125,25 +125,6 @@ def sensitivity_rows(case: str) -> list[dict]:
     ]
 
 
-def rotor_rows(python: str | None) -> list[dict]:
-    """Forward and backward whirl of an overhung disc against the closed form."""
-    import rotor
-
-    row = _row(
-        "overhung rotor, 10 to 10,000 rad/s",
-        "largest error of 16 whirl speeds, to the closed form",
-        "",
-        rotor.largest_error([rotor.whirl(speed) for speed in rotor.SPEEDS]),
-        1e-9,
-    )
-    peer = rotor.by_ross(python) if python else None
-    if peer is None:
-        return [row]
-    error = rotor.largest_error([np.array(line) for line in peer["whirl"]])
-    note = "ROSS's matrices, clamped by striking out"
-    return [{**row, "peers": {"ROSS": {"value": error, "version": peer["version"]}}, "note": note}]
-
-
 def run_ours(case: str, size: str, runs: int) -> dict:
     return _median(runs, [sys.executable, str(Path(__file__)), "--one", case, size])
 
@@ -288,7 +269,6 @@ def main() -> None:
     rows += growth_rows(ours)
     for case in ("mace-dm", "1e4"):
         rows += sensitivity_rows(case)
-    rows += rotor_rows(given.peer_python)
     RESULT.write_text(
         json.dumps(
             {

@@ -4,13 +4,28 @@ from __future__ import annotations
 
 import json
 import subprocess
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+from measured.rows import PEERS, row
 
 LENGTH, EI, MASS, ACROSS, POLAR = 0.5, 800.0, 4.0, 0.03, 0.05
 SPEEDS = (10.0, 100.0, 1000.0, 10000.0)  # rad/s
 ELEMENTS = 8
+
+
+def rows(python: str | None) -> list[dict[str, Any]]:
+    """Forward and backward whirl against the closed form."""
+    note = "10 to 10,000 rad/s"
+    found = row("Rotor with an overhung disc", "largest error of 16 whirl speeds, to the closed form", "",
+                largest_error([whirl(speed) for speed in SPEEDS]), 1e-9, note=note)  # fmt: skip
+    peer = by_ross(python) if python else None
+    if peer is None:
+        return [found]
+    error = largest_error([np.array(line) for line in peer["whirl"]])
+    note += "; ROSS's matrices, clamped by striking out"
+    return [{**found, "peers": {"ROSS": {"value": error, "version": peer["version"]}}, "note": note}]
 
 
 def closed_form(speed: float) -> np.ndarray:
@@ -79,6 +94,6 @@ def largest_error(found: list[np.ndarray]) -> float:
 def by_ross(python: str) -> dict | None:
     """The same by ROSS, if the interpreter ``python`` has it."""
     given = {"EI": EI, "length": LENGTH, "mass": MASS, "across": ACROSS, "polar": POLAR, "speeds": SPEEDS}
-    script = Path(__file__).parent / "peers" / "ross_rotor.py"
+    script = PEERS / "ross_rotor.py"
     done = subprocess.run([python, str(script), json.dumps(given)], capture_output=True, text=True)
     return json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else None
