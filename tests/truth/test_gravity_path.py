@@ -486,12 +486,13 @@ def test_mast_standing_and_hanging_in_any_gravity(up: float):
         assert weaker[p] == pytest.approx(exact, rel=2e-4)
 
 
-def test_shallow_truss_snaps_through_at_its_limit_load():
+@pytest.mark.parametrize("size", [1.0, 1e4])
+def test_shallow_truss_snaps_through_at_its_limit_load(size: float):
     """Von Mises truss: 2 k h (L0/L - 1) has its maximum at L^3 = L0 a^2; the branch ends there."""
-    k, a, h = 2000.0, 1.0, 0.1
+    k, a, h = 2000.0 / size, size, 0.1 * size
     free = float(np.hypot(a, h))
     mass = structure(
-        [node("m", (0, h, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))],
+        [node("m", (0, h, 0), body(1.0, inertia=(0.1 * size**2,) * 3))],
         attach=[AttachPoint("m", "m", np.zeros(3))],
     )
     legs = [
@@ -502,7 +503,13 @@ def test_shallow_truss_snaps_through_at_its_limit_load():
     ]
     # What holds it sideways is so long that it has no say in height.
     guides = [
-        AnchoredSpring(name="guide", attach="m", anchor=np.array([0, h, 1e3]), stiffness=1e4, free_length=1e3)
+        AnchoredSpring(
+            name="guide",
+            attach="m",
+            anchor=np.array([0, h, 1e3 * size]),
+            stiffness=1e4 / size,
+            free_length=1e3 * size,
+        )
     ]
     length = (free * a**2) ** (1 / 3)
     low = np.sqrt(length**2 - a**2)
@@ -512,8 +519,23 @@ def test_shallow_truss_snaps_through_at_its_limit_load():
     assert event.kind in (EventKind.NO_REST, EventKind.UNSTABLE)
     assert event.name == ("bounce",)
     assert not path.complete
+    assert len(path.s) < 40  # whatever its size
     # Found to 1e-10 of the path; the guide's pull upwards is 1e4 (0.04/1e3)^2 / 2 = 1e-5 N of 0.8 N.
     assert np.linalg.norm(event.gravity) == pytest.approx(critical, rel=2e-5)
+
+
+@pytest.mark.parametrize("size", [0.01, 2.0])
+def test_a_cantilever_that_sags_by_more_than_half_its_length_takes_few_steps(size: float):
+    """q L^3 / EI = 4 on the ground; in orbit it is straight: omega L^2 = 3.516 (EI/q)^(1/2)."""
+    q = 1.0 / size
+    EI = q * G * size**3 / 4.0
+    rod = Section(EA=1e6 * EI / size**2, GJ=EI, EI_y=EI, EI_z=1.3 * EI, rho_A=q, rho_I_y=0.0, rho_I_z=0.0)
+    members = [member("base", "tip", rod, 4, up=(0, 1, 0))]
+    path = follow_gravity(*on_a_base(nodes=[node("tip", (size, 0, 0))], members=members), [EARTH, ORBIT])
+    assert path.complete
+    assert len(path.s) < 60
+    flat = 1.8751040687**4 * EI / (q * size**4)
+    np.testing.assert_allclose(path.omega2[-1, :2], [flat, 1.3 * flat], rtol=5e-4)
 
 
 def test_cable_that_goes_slack_ends_the_path():

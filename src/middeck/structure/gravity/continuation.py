@@ -1,4 +1,4 @@
-"""The rest state under slightly other loads, by plain Newton from a near one: on its branch or not at all."""
+"""The rest state under slightly other loads by Newton's method: on the branch of a near one, or not at all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,16 @@ from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import closed, static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.rest.statics import STANDARD_GRAVITY, TOLERANCE, imbalance, imbalance_scale, move_whole
+from middeck.structure.rest.statics import (
+    STANDARD_GRAVITY,
+    TOLERANCE,
+    deformation,
+    imbalance,
+    imbalance_scale,
+    move_whole,
+    rest_beside,
+    stride,
+)
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does
@@ -22,7 +31,7 @@ MAX_ITERATIONS = 12
 CONTRACTION = 0.5
 # Of `TOLERANCE`: what rounding alone leaves.
 ROUNDED = 1e-4
-# Largest correction [m or rad] of any coordinate.
+# Largest correction: a turn [rad], or a change of shape over the article's size.
 LONGEST_STEP = 0.3
 # Multiples of the mass [1/s^2] that stand in for the stiffness of a motion that nothing holds, lest rounding
 # drive it; the smallest that will do. They slow Newton down by their part of omega^2, and move no rest state.
@@ -35,9 +44,20 @@ def rest_near(
     """The rest state under ``loads`` on the branch of ``config``, stable or not; None where Newton loses it.
 
     Nothing here descends: where the branch loses stability it is followed all the same. ``mass``, in carried
-    coordinates, need not be exact.
+    coordinates, need not be exact. Where second-order strain of stiff members stops Newton's method on the
+    potential, the forces inside become unknowns too.
     """
     mass = carried_mass(model, config) if mass is None else mass
+    near = _on_potential(model, config, loads, mass)
+    if near is not None:
+        return near
+    found = rest_beside(model, config, loads, mass)
+    return None if found is None else (found, assemble_carried(model, found, loads))
+
+
+def _on_potential(
+    model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
+) -> tuple[Configuration, Assembly] | None:
     # Of the weight on the ground, if that is more: the gravity of a path may be as small as it likes.
     lightness = max(1.0, STANDARD_GRAVITY / (float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY))
     scale = lightness * imbalance_scale(model, loads)
@@ -47,11 +67,11 @@ def rest_near(
     for _ in range(MAX_ITERATIONS):
         if left < TOLERANCE:
             break
-        correction = _correction(at, mass, free)
-        if correction is None or np.abs(correction.q).max() > CONTRACTION * size:
+        correction = _correction(model, config, at, mass, free)
+        if correction is None or stride(model, correction.q) > CONTRACTION * size:
             return None
         q, factor = correction
-        moved, size = closed(model, move_whole(model, config, q, mass)), float(np.abs(q).max())
+        moved, size = closed(model, move_whole(model, config, q, mass)), stride(model, q)
         if moved is None:
             return None
         config = moved
@@ -74,13 +94,18 @@ class _Correction(NamedTuple):
     factor: Factor
 
 
-def _correction(at: Assembly, mass: sp.csr_array, free: Freedom) -> _Correction | None:
+def _correction(
+    model: Model, config: Configuration, at: Assembly, mass: sp.csr_array, free: Freedom
+) -> _Correction | None:
     K, M = free.matrix(at.tangent), free.matrix(mass)
     for hold in HOLDS:
         factor = factorise(sp.csr_array(K + hold * M))
         if factor is None:
             continue
         q = -factor.solve(free.part(at.gradient))
-        if np.all(np.isfinite(q)) and np.abs(q).max(initial=0.0) < LONGEST_STEP:
-            return _Correction(free.spread(q), factor)
+        if not np.all(np.isfinite(q)):
+            continue
+        q = free.spread(q)
+        if deformation(model, config, q, mass) < LONGEST_STEP:
+            return _Correction(q, factor)
     return None

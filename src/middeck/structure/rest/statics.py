@@ -72,8 +72,7 @@ IN_LINE = 1e-9
 MOST_DAMPING = 1e20
 # Turn [rad] of a node in the first step of prescribed displacements, and shift over the article's size.
 PRESCRIBED_TURN = 0.1
-# Largest turn [rad] and largest change [m or rad] of a coordinate beside the rigid motion in one step: what
-# the second-order chart follows well. A translation of the whole may be of any length.
+# Largest `deformation` in one step: what the second-order chart follows well.
 LONGEST_STEP = 0.5
 
 
@@ -259,6 +258,22 @@ def stride(model: Model, q: Float[np.ndarray, " coordinate"]) -> float:
     """The largest change that carried coordinates make: a turn [rad], or a shift over the article's size."""
     turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
     return float(np.abs(np.where(turns, q, q / article_size(model))).max(initial=0.0))
+
+
+def deformation(
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> float:
+    """`stride` without the translation of the whole, which may be of any length."""
+    rigid, rest = split_rigid(model, config, q, mass)
+    return max(float(np.abs(rigid[3:]).max()), stride(model, rest))
+
+
+def rest_beside(
+    model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
+) -> Configuration | None:
+    """The rest state on the branch of ``config``, the forces inside as unknowns; None where it is left."""
+    found = _newton(model, _Way(config, None), loads, 0.0, mass, rough=False)
+    return None if found.to is None else found.to.config
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
@@ -592,8 +607,7 @@ def _damped_step(
         factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
         if factor is not None:
             q = free.spread(-factor.solve(free.part(at.gradient)))
-            rigid, rest = split_rigid(model, config, q, mass)
-            if max(np.abs(rigid[3:]).max(), np.abs(rest).max()) < LONGEST_STEP:
+            if deformation(model, config, q, mass) < LONGEST_STEP:
                 return q, damping
         damping = max(DAMPING_STEP * damping, LEAST_DAMPING)
     raise NumericalError(
