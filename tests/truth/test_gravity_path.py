@@ -486,7 +486,7 @@ def test_mast_standing_and_hanging_in_any_gravity(up: float):
         assert weaker[p] == pytest.approx(exact, rel=2e-4)
 
 
-@pytest.mark.parametrize("size", [1.0, 1e4])
+@pytest.mark.parametrize("size", repeats([1e4, 1.0], 1))
 def test_shallow_truss_snaps_through_at_its_limit_load(size: float):
     """Von Mises truss: 2 k h (L0/L - 1) has its maximum at L^3 = L0 a^2; the branch ends there."""
     k, a, h = 2000.0 / size, size, 0.1 * size
@@ -524,14 +524,15 @@ def test_shallow_truss_snaps_through_at_its_limit_load(size: float):
     assert np.linalg.norm(event.gravity) == pytest.approx(critical, rel=2e-5)
 
 
-@pytest.mark.parametrize("size", [0.01, 2.0])
+@pytest.mark.parametrize("size", repeats([0.01, 2.0], 1))
 def test_a_cantilever_that_sags_by_more_than_half_its_length_takes_few_steps(size: float):
     """q L^3 / EI = 4 on the ground; in orbit it is straight: omega L^2 = 3.516 (EI/q)^(1/2)."""
     q = 1.0 / size
     EI = q * G * size**3 / 4.0
     rod = Section(EA=1e6 * EI / size**2, GJ=EI, EI_y=EI, EI_z=1.3 * EI, rho_A=q, rho_I_y=0.0, rho_I_z=0.0)
-    members = [member("base", "tip", rod, 4, up=(0, 1, 0))]
-    path = follow_gravity(*on_a_base(nodes=[node("tip", (size, 0, 0))], members=members), [EARTH, ORBIT])
+    members = [member("base", "tip", rod, 6, up=(0, 1, 0))]
+    bare = structure([node("base", (0, 0, 0)), node("tip", (size, 0, 0))], members)
+    path = follow_gravity(bare, Environment.clamped("base"), [EARTH, ORBIT], count=4)
     assert path.complete
     assert len(path.s) < 60
     flat = 1.8751040687**4 * EI / (q * size**4)

@@ -1,4 +1,4 @@
-"""The rest state under slightly other loads by Newton's method: on the branch of a near one, or not at all."""
+"""The rest state under slightly other loads by Newton's method: on the branch of a near one, or none."""
 
 from __future__ import annotations
 
