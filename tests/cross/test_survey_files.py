@@ -20,6 +20,7 @@ from middeck.structure.correlation.frequencies import compare_frequencies
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, MeasurementNoise
 from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.profiles import Quantity, find_profile
+from middeck.structure.correlation.units import doubt_frequency_units
 from middeck.structure.modes.solve import Modes
 from repeats import LONG
 
@@ -248,6 +249,19 @@ def test_frequencies_alone_tell_what_they_can(tmp_path: Path, capfd: pytest.Capt
         md.correlate_modes(modes, test, find_profile("orion-well"), rng=np.random.default_rng(0))
     done = middeck(capfd, "correlate", str(ROOT / ARTICLE), str(tmp_path / "f.csv"), "--require")
     assert done.code == 1
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(2.0 * np.pi, "rad/s"), (60.0, "a minute"), (1e-3, "kHz"), (1.0, "")]
+)
+def test_frequencies_alone_in_another_unit_are_told(factor: float, unit: str) -> None:
+    """Of a model that may be 3 % off; in hertz nothing is said, whichever of its modes were measured."""
+    hz = hung().frequency_hz
+    off = 1.0 + 0.03 * np.random.default_rng(3).standard_normal(len(hz))
+    modes = hz[hz > 0.0]
+    said = doubt_frequency_units(modes, factor * (hz * off)[hz > 0.0][:8])
+    assert (unit in " ".join(said)) if unit else not said
+    assert not doubt_frequency_units(modes, modes[[3, 7, 8, 12, 15]])
 
 
 def test_what_a_universal_file_cannot_hold_is_refused(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_noise_out_of_range(noise: tuple[float, float]):
 @pytest.mark.parametrize(
     ("channel", "says"),
     [
-        (("n9", "x"), "no node 'n9'.*nodes and joints are n1, n2"),
+        (("n9", "x"), "no node 'n9'.*nodes and joints are 'n1', 'n2'"),
         (("n1", "angle"), "'n1' is no joint with an angle.*pri_x"),
         (("pri_x", "travel"), "'pri_x' is no joint with a travel.*not there"),
         (("n1", "up"), "no direction 'up'"),

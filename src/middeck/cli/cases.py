@@ -8,7 +8,7 @@ from pathlib import Path
 
 from middeck.cli.blame import reading
 from middeck.errors import MiddeckError
-from middeck.files.documents import find_document, load_setup
+from middeck.files.documents import BUILT_IN, find_document, load_setup
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
@@ -76,7 +76,9 @@ def solve_in(
             modes = solve_modes(rest, most, standstill=standstill)
     except MiddeckError as error:
         # A slipped unit shows as a mechanism or as no rest at all: what may be the cause comes first.
-        error.hint = "; ".join([*doubts, *([error.hint] if error.hint else [])])
+        default = "'lab', the default environment, hangs every attach point: give one with --environment"
+        hung = [default] if files[-1] == BUILT_IN["lab"] else []
+        error.hint = "; ".join([*doubts, *hung, *([error.hint] if error.hint else [])])
         raise
     said = (*doubts, *mesh_warnings(modes, count or COUNT))
     return dataclasses.replace(modes, warnings=(*said, *modes.warnings))
@@ -89,9 +91,9 @@ def case_doubts(structure: Structure, environment: Environment) -> tuple[str, ..
 
 def both_sides(orbit: Modes, lab: Modes) -> tuple[str, ...]:
     """Warnings of a comparison: common ones once, the others with their side."""
-    place = lab.equilibrium.environment.title
+    place, other = (side.equilibrium.environment.title for side in (lab, orbit))
     return (
         *(w for w in orbit.warnings if w in lab.warnings),
-        *(f"in orbit: {w}" for w in orbit.warnings if w not in lab.warnings),
+        *(f"in {other}: {w}" for w in orbit.warnings if w not in lab.warnings),
         *(f"in {place}: {w}" for w in lab.warnings if w not in orbit.warnings),
     )

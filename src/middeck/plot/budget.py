@@ -34,7 +34,8 @@ def budget_figure(budget: GravityBudget) -> Figure:
         axes.set_title(title)
     rest = budget.lab.equilibrium
     title = fill(rest.model.structure.title, 110)
-    figure.suptitle(f"{title}\nfrom orbit to {rest.environment.title}", fontsize=9.5)
+    start = budget.orbit.equilibrium.environment.title
+    figure.suptitle(f"{title}\nfrom {start} to {rest.environment.title}", fontsize=9.5)
     handles, labels = figure.axes[0].get_legend_handles_labels()
     notes = [NOTE, *([DOUBT.format(place=rest.environment.title)] if budget.doubtful else [])]
     figure.legend(

@@ -61,7 +61,8 @@ def verb(
             where="--environment",
             hint="give a laboratory, or an environment file with gravity or springs",
         )
-    floating = dataclasses.replace(Environment.orbit(), clamps=surroundings.clamps)
+    title = f"{surroundings.title} without gravity" if surroundings.clamps else "orbit"
+    floating = dataclasses.replace(Environment.orbit(), clamps=surroundings.clamps, title=title)
     orbit = solve_in(structure, floating, files[0], count=count)
     found = build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
     document = describe(found)
@@ -124,5 +125,5 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         Table("shares of the shift, Hz", headers, rows),
         "\nsusp.: devices; stiff.: inner forces and weight; deform.: the static shape. Means over six orders;"
         "\norder: the widest range of a share over them. The sum of the shares is the shift.",
-        *(["* in some state between, less than half of its shape in orbit"] if doubt else []),
+        *(["* in some state between, less than half of its shape in 0-g"] if doubt else []),
     ]

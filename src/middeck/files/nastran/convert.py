@@ -17,7 +17,7 @@ from middeck.files.nastran.direct_input import NAME, direct_component
 from middeck.files.nastran.entries import Entries, Entry, raise_some
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
-from middeck.files.nastran.members import Bar, own_axes, read_bars
+from middeck.files.nastran.members import RODS, Bar, own_axes, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
 from middeck.files.nastran.rigid_links import find_carriers
@@ -356,6 +356,8 @@ class _Converter:
                 "to": f"g{carriers.get(bar.grids[1], bar.grids[1])}",
                 "up": bar.up / np.linalg.norm(bar.up),
             }
+            if entry.name in RODS:
+                strut["elements"] = 1  # two rods in line are a mechanism
             for k, (side, grid, end) in enumerate(zip(("from", "to"), bar.grids, bar.ends, strict=True)):
                 offset = end - self.places.grids[carriers.get(grid, grid)]
                 if bar.released(k):
@@ -445,7 +447,7 @@ class _Converter:
 
     def _spread(self, bar: Bar) -> str:
         """How the mass of a member goes along it; of a lumped one there is none."""
-        if bar.entry.name in ("CROD", "CONROD"):
+        if bar.entry.name in RODS:
             return "coupled rod" if self.formulation == "coupled" else "rod"
         return "coupled" if self.formulation == "coupled" else "consistent"
 

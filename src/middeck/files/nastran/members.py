@@ -14,7 +14,8 @@ from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.formats import PLACES
 from middeck.files.nastran.sections_of_bars import BarSection, Sections, principal_axes
 
-NAMES = ("CBAR", "CBEAM", "CROD", "CONROD")
+RODS = ("CROD", "CONROD")
+NAMES = ("CBAR", "CBEAM", *RODS)
 OFFT = re.compile("[GB][GO][GO]")
 FLAGS = {"0": None, "1": "GGG", "2": "GGG"}  # older: 1 for an orientation by vector, 2 by grid
 DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
@@ -33,7 +34,7 @@ class Bar(NamedTuple):
 
     def released(self, end: int) -> str:
         """Components in its own axes that do not pass on at an end (PA, PB)."""
-        return "" if self.entry.name in ("CROD", "CONROD") else f"{self.entry[('pa', 'pb')[end]] or ''}"
+        return "" if self.entry.name in RODS else f"{self.entry[('pa', 'pb')[end]] or ''}"
 
     @property
     def length(self) -> float:
@@ -106,7 +107,7 @@ class _Reader:
                 self._say(entry, f"there is no grid {entry[key]}", key)
                 return None
         a, b = (self.places.grids[entry[key]] for key in ("ga", "gb"))
-        if entry.name in ("CROD", "CONROD"):
+        if entry.name in RODS:
             if not np.linalg.norm(b - a) > 0.0:
                 self._say(entry, "a member of no length", "gb")
                 return None

@@ -16,7 +16,12 @@ from middeck.structure.correlation.evaluation import (
     criterion_values,
     evaluate_shapes,
 )
-from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, sensor_rows
+from middeck.structure.correlation.measured_modes import (
+    MeasuredModes,
+    MeasurementNoise,
+    not_measured,
+    sensor_rows,
+)
 from middeck.structure.correlation.pass_probability import (
     CorrectModel,
     Probability,
@@ -281,8 +286,6 @@ def _warnings(
         f"measured mode {i} of {measured.frequency_hz[i]:.4g} Hz has no partner in the model"
         for i in unpaired
     ]
-    said += [
-        f"mode {i} {modes.name[i]!r} of {modes.frequency_hz[i]:.4g} Hz was not measured" for i in unmeasured
-    ]
+    said += not_measured(modes, unmeasured)
     said += [f"no measured mode is judged by: {f.criterion}" for f in findings if not f.items]
     return tuple(said)

@@ -13,6 +13,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.model.connectivity import some_names
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
@@ -22,6 +23,7 @@ ANGLE, TRAVEL = "angle", "travel"
 DIRECTIONS = (*AXES, ANGLE, TRAVEL)
 STRAIGHT = (*AXES[:3], TRAVEL)
 COUNT = 26
+NAMED = 5  # modes that a test lacks, each in a sentence of its own
 
 
 @record(kw_only=True)
@@ -225,7 +227,7 @@ def _frame(model: Model, name: str) -> int:
     if name not in model.frames:
         near = get_close_matches(name, model.frames, 1)
         known = [part.name for part in (*model.structure.nodes, *model.structure.joints)]
-        hint = f"did you mean {near[0]!r}?" if near else f"nodes and joints are {', '.join(known[:20])}"
+        hint = f"did you mean {near[0]!r}?" if near else f"nodes and joints are {some_names(known)}"
         raise ConfigError(f"the model has no node {name!r}", where="measured channels", hint=hint)
     return model.frames.index(name)
 
@@ -255,3 +257,15 @@ def _chosen(modes: Modes, chosen: Sequence[int] | None) -> np.ndarray:
                 hint=f"{modes.kind.count('rigid')} to {len(modes.omega) - 1}",
             )
     return np.array(chosen, dtype=int)
+
+
+def not_measured(modes: Modes, missing: Sequence[int]) -> list[str]:
+    """A sentence for each of the first modes of the model that a test lacks, and one for the others."""
+    said = [
+        f"mode {i} {modes.name[i]!r} of {modes.frequency_hz[i]:.4g} Hz was not measured"
+        for i in missing[:NAMED]
+    ]
+    if len(missing) > NAMED:
+        last = modes.frequency_hz[missing[-1]]
+        said.append(f"nor were {len(missing) - NAMED} more modes of the model, up to {last:.4g} Hz")
+    return said

@@ -16,6 +16,7 @@ from middeck.structure.plants.damping import estimate_damping
 
 ALIKE = 0.8  # assurance from which on two shapes are taken for one mode
 FEWEST = 3  # modes that must agree on a factor
+IN_STEP = 0.15  # on a logarithmic scale: how far a survey without shapes may be off the model's lowest modes
 AGREE = 0.25  # on a logarithmic scale: how far factors may lie from each other and from that of a unit
 MOVES = 0.3  # of a mode's rms: what a channel must move to tell its own scale
 
@@ -58,6 +59,22 @@ def doubt_units(
     # One channel of a thousandfold scale makes any two shapes alike: then frequencies tell the pairs.
     channels = sorts or _channels(phi, measured, alike) or _channels(phi, measured, near)
     return tuple(said + ([] if levels else channels))
+
+
+def doubt_frequency_units(
+    frequency_hz: Float[np.ndarray, " mode"], measured_hz: Float[np.ndarray, " measured"]
+) -> tuple[str, ...]:
+    """A warning where frequencies without shapes are the model's lowest, in order, in another unit."""
+    count = min(len(frequency_hz), len(measured_hz))
+    if count < FEWEST:
+        return ()
+    ratio = np.log(np.sort(measured_hz)[:count] / np.sort(frequency_hz)[:count])
+    middle = float(np.median(ratio))
+    unit = _unit(float(np.exp(middle)), FREQUENCY)
+    if not unit or np.abs(ratio - middle).max() > IN_STEP:
+        return ()
+    times = f"{np.exp(middle):.4g} times the model's lowest {count}, one by one"
+    return (f"the {count} lowest frequencies are {times}: {unit}?",)
 
 
 def _matches(phi: np.ndarray, shape: np.ndarray, straight: np.ndarray) -> Int[np.ndarray, "pair 2"]:

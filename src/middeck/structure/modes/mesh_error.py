@@ -75,7 +75,8 @@ def mesh_warnings(modes: Modes, count: int) -> tuple[str, ...]:
             f"{few}; from {f:.4g} Hz (mode {worst}) on modes are missing, since members vibrate between "
             f"their nodes there; {cure}",
         )
-    mode = f"the worst is mode {worst} {modes.name[worst]!r} of {f:.4g} Hz, {error[worst]:.1%} too high"
+    off_by = f"{100.0 * error[worst]:.2g} % too high"
+    mode = f"the worst is mode {worst} {modes.name[worst]!r} of {f:.4g} Hz, {off_by}"
     more = max(int(np.ceil((error[worst] / LIMIT) ** ORDER)), 2)
     return (f"{few}: {mode}; {cure}, {more} times as many",)
 
