@@ -59,6 +59,8 @@ def test_modes_in_the_laboratory(capfd: Capture, lab: Any) -> None:
     joints = ["pri_x", "pri_z", "sec_x", "sec_z"]
     assert found["holding_torque_nm"] == dict(zip(joints, rest.holding_torque, strict=True))
     assert list(found["node_rotation_deg"]) == ["n1", "n2", "n3", "n4", "n5"]
+    drawn, hung = rest.model.rest.x, rest.config.x
+    np.testing.assert_allclose(list(found["node_shift_m"].values()), (hung - drawn)[:5], atol=1e-12)
     for node, vector in node_rotations(rest).items():
         assert found["node_rotation_deg"][node] == np.degrees(vector).tolist()
     weight = 9.80665 * found["mass_kg"]

@@ -108,7 +108,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     from middeck.cli.summary import summary_numbers
     from middeck.files.json_results import mode_numbers, most_strained, rest_numbers
     from middeck.structure.modes.mesh_error import estimate_mesh_error
-    from middeck.structure.rest.equilibrium import rest_imbalance
+    from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance
 
     zeta, said = _damping(modes, count)
     rest = modes.equilibrium
@@ -130,6 +130,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
         "imbalance": rest_imbalance(rest)._asdict(),
         "gravity_m_s2": float(np.linalg.norm(environment.gravity)),
         **rest_numbers(rest),
+        "node_shift_m": node_shifts(rest),
         "holding_force_n": {
             j.name: force for j, force in zip(joints, rest.holding_torque, strict=False) if j.slides
         },
@@ -219,7 +220,11 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         )
     by = document["held_by"]
     torques = [[j, f"{t:z.5f}", f"its {by[j]}"] for j, t in document["holding_torque_nm"].items()]
-    turned = [[n, *(f"{a:z.5f}" for a in v)] for n, v in document["node_rotation_deg"].items()]
+    moved = document["node_shift_m"]
+    turned = [
+        [n, *(f"{1e3 * a:z.5f}" for a in moved[n]), *(f"{a:z.5f}" for a in v)]
+        for n, v in document["node_rotation_deg"].items()
+    ]
     forces = [
         [j, f"{f:z.5f}", f"{1e3 * document['slide_travel_m'][j]:z.4f}", f"its {by[j]}"]
         for j, f in document["holding_force_n"].items()
@@ -229,7 +234,10 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *([Table("holding torque", ["joint", "N m", "held by"], torques)] if torques else []),
         *([Table("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
         *_if_any(
-            "rotation vector of the nodes", ["node", "x deg", "y deg", "z deg"], turned, "no node turns"
+            "shift of the nodes since drawn, and their rotation vector, world axes",
+            ["node", "x mm", "y mm", "z mm", "x deg", "y deg", "z deg"],
+            turned,
+            "no node moves",
         ),
     ]
 

@@ -17,7 +17,7 @@ from middeck.files.nastran.direct_input import NAME, direct_component
 from middeck.files.nastran.entries import Entries, Entry, raise_some
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
-from middeck.files.nastran.members import RODS, Bar, own_axes, read_bars
+from middeck.files.nastran.members import NAMES, RODS, Bar, own_axes, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
 from middeck.files.nastran.rigid_links import find_carriers
@@ -326,7 +326,7 @@ class _Converter:
         if deck.entries.of("ASET", "ASET1"):
             self.notes.append("the deck reduces to its ASET: the article keeps all degrees of freedom")
         asked = asked_formulation(deck)
-        if asked != self.formulation:
+        if asked != self.formulation and entries.of(*NAMES):
             self.notes.append(
                 f"the deck's own program would give its bars {asked} mass (PARAM COUPMASS), "
                 f"the article has {self.formulation} mass: with {asked} it compares with that program"

@@ -15,6 +15,7 @@ from middeck.structure.assembly.linked import check_links, link_warnings, static
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
+from middeck.structure.elements.since_drawn import whole_motion
 from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
@@ -274,6 +275,13 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
     poses = frame_poses(equilibrium.model.tree, equilibrium.config)
     nodes = equilibrium.model.structure.nodes
     return {node.name: rotation_log(poses.R[i]) for i, node in enumerate(nodes)}
+
+
+def node_shifts(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:
+    """How far every node has moved since drawn [m], in W."""
+    since, rest = equilibrium.config.since_drawn, equilibrium.model.rest
+    shift = equilibrium.config.x - rest.x if since is None else whole_motion(since)[0]
+    return {node.name: shift[i] for i, node in enumerate(equilibrium.model.structure.nodes)}
 
 
 def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
