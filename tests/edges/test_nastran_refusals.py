@@ -69,10 +69,22 @@ def test_the_deck_is_sound(tmp_path):
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
         ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),
-        ("PBEAML,2,1,,CHAN\n,1.,1.,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this CHAN"),
-        ("PBEAML,2,1,,I\n,1.,1.,.5,.1,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this I"),
+        ("PBEAML,2,1,,BOX1\n,1.,1.,.2,.1,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this BOX1"),
+        ("PBEAML,2,1,,ROD\n,1.,,NO,.5,1.\nCBEAM,21,2,1,4,0.,1.,0.", "no station at end B, X/XB = 1.0"),
+        (
+            "PBEAML,2,1,,ROD\n,1.,,2.,1.,1.\nCBEAM,21,2,1,4,0.,1.,0.",
+            "field 14 (DIMS) = 2.: must be YES",
+        ),
         ("PBARL,2,1,,BOX\n,1.,1.,.1\nCBAR,21,2,1,4,0.,1.,0.", "BOX needs 4 real dimensions"),
-        ("PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,0.\nCBEAM,21,2,1,4,0.,1.,0.",
+            "without area",
+        ),
+        ("PBEAM,2,1,1.,1.,1.,,1.\n,NO,.5,2.\nCBEAM,21,2,1,4,0.,1.,0.", "no station at end B"),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,NO,1.,2.\n,NO,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.",
+            "a.dat:17: PBEAM 2 field 23 (REST) = 1.: must be > 0 and at most 1, once for each station",
+        ),
         ("CELAS2,20,1.+5,1,1,4,2", "components of different directions"),
         ("CELAS2,20,1.+5,1,2,4,2", "across the line between its grids"),
         ("CELAS2,20,-1.,1,1", "a negative stiffness"),
@@ -84,7 +96,15 @@ def test_the_deck_is_sound(tmp_path):
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "only K1 and K4"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "by OCID"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2", "to the ground needs a CID"),
-        ("PBEAM,2,1,1.,1.,1.,,1.\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,\n,1.,1.,.2\nCBEAM,21,2,1,4,0.,1.,0.",
+            ".2: shear relief S1",
+        ),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,\n,1.,1.\n,.1,x\nCBEAM,21,2,1,4,0.,1.,0.",
+            "33 (REST) = X: must be",
+        ),
+        ("PBEAM,2,1,1.,1.,1.,.5,1.\n,\n,1.,0.\nCBEAM,21,2,1,4,0.,1.,0.", "rigid in shear in one plane alone"),
         ("RBE2,20,1,123456,5,6,7,8,9,10", "a number, 10, where the mark of a continuation stands"),
         (
             "GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2",
