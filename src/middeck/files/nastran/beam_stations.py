@@ -17,8 +17,8 @@ ROW = 8
 OUTPUT = ("YES", "YESA", "NO")  # the first field of a station
 OWN = ("a", "i1", "i2", "i12", "j", "nsm")  # of a PBEAM, in the order of its stations
 # The last two lines of a PBEAM.
-FACTORS = ("K1", "K2", "S1", "S2", "NSI(A)", "NSI(B)", "CW(A)", "CW(B)")
-AXES = ("M1(A)", "M2(A)", "M1(B)", "M2(B)", "N1(A)", "N2(A)", "N1(B)", "N2(B)")
+FACTORS: tuple[str, ...] = ("K1", "K2", "S1", "S2", "NSI(A)", "NSI(B)", "CW(A)", "CW(B)")
+AXES: tuple[str, ...] = ("M1(A)", "M2(A)", "M1(B)", "M2(B)", "N1(A)", "N2(A)", "N1(B)", "N2(B)")
 
 
 class FieldError(ValueError):

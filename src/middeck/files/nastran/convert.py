@@ -51,7 +51,7 @@ ROUNDING = 1e-12
 class Conversion(NamedTuple):
     """An article's document, and what became of the cards.
 
-    ``environment`` is the document of an environment without gravity: what holds the deck, if anything does.
+    ``environment`` is the document of an environment: what holds the deck, if anything does, and its gravity.
     ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
     ``notes`` are sentences for the report, ``components`` what the document names, by file.
     """
@@ -108,7 +108,8 @@ class _Converter:
     """What is known of the deck so far; faults are gathered and raised together."""
 
     def __init__(self, deck: Deck, units: Units, formulation: Formulation) -> None:
-        self.deck, self.units, self.formulation = deck, units, formulation
+        self.deck, self.units = deck, units
+        self.formulation: Formulation = formulation
         self.mass_unit = units.mass * real_parameter(deck, "WTMASS", 1.0)
         self.places: Places = place_grids(deck.entries)
         self.left_out: list[tuple[str, int, str]] = []
@@ -158,7 +159,6 @@ class _Converter:
         loads = LoadSets(self.deck, self.places, carriers, kept)
         cases = loads.cases(self.units, faults)
         raise_some(faults)
-        self.left_out += loads.refused
         self._account(used | set(held), carriers, direct)
         sections, struts = self._members(bars, carriers)
         pinned, pins = self._pins(bars, carriers)
@@ -224,7 +224,13 @@ class _Converter:
         converted["grids that are nodes"] = len(kept)
         converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
         read = {name: len(found) for name, found in entries.by_name.items()}
-        environment = {"schema": 1, "name": f"{name}-supports", "clamp": clamps + turns, "bushing": grounds}
+        constants, notes = loads.constants(bool(clamps or grounds))
+        self.notes += notes
+        self.left_out += loads.refused
+        converted["gravity"] = len(constants) and 1
+        environment = {"schema": 1, "name": f"{name}-supports"}
+        environment |= {"constants": constants} if constants else {}
+        environment |= {"clamp": clamps + turns, "bushing": grounds}
         return Conversion(
             document,
             read,
