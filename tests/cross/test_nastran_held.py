@@ -12,6 +12,7 @@ from middeck.files.nastran.convert import convert_deck
 from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.units import parse_units
 from nastran_decks import RandomDeck, card, components, motion, random_deck, textbook
+from repeats import repeats
 
 DIGITS = 1e-6
 EYE = np.eye(3)
@@ -207,3 +208,30 @@ def test_decks_with_averages_partial_links_and_equations_are_those_of_the_textbo
         assert count == len(omega)
         worst = np.abs(omega / expected[:count] - 1.0).max()
         assert worst < DIGITS, (seed, worst)
+
+
+@pytest.mark.parametrize("seed", repeats(range(12), 2))
+def test_gravity_is_the_sum_of_its_cards(tmp_path, seed):
+    """GRAV in turned systems, summed and scaled by LOAD with a force, in mm and tonnes."""
+    deck, rng = random_deck(seed), np.random.default_rng([9, seed])
+    turned = [n for n, (kind, _, _) in deck.systems.items() if kind == "R"]
+    lines, g = [], np.zeros(3)
+    whole, factors = rng.uniform(0.5, 2.0), rng.uniform(-2.0, 2.0, 3)
+    for k, factor in enumerate(factors):
+        cid, size, vector = int(rng.choice(turned)), rng.uniform(1.0, 9.0), rng.standard_normal(3)
+        lines += card(rng, "GRAV", 40 + k, cid, size, *vector)
+        g += whole * factor * size * deck.systems[cid][2] @ vector
+    push = rng.standard_normal(3)
+    lines += card(rng, "FORCE", 50, deck.free[0], 0, 1.0, *push)
+    lines += card(rng, "LOAD", 60, whole, *(x for k in range(3) for x in (factors[k], 40 + k)), 1.0, 50)
+    lines += card(rng, "SPC1", 71, "123456", deck.free[0])
+    text = deck.text.replace("METHOD = 1", "SPC = 71\nLOAD = 60").replace(
+        "ENDDATA", "\n".join([*lines, "ENDDATA"])
+    )
+    (tmp_path / "a.dat").write_text(text)
+    made = convert_deck(read_deck(tmp_path / "a.dat"), parse_units("mm-t-s-N"), "consistent", "a")
+    constants = made.environment["constants"]
+    found = constants["gravity_m_s2"] * constants["gravity_direction"]
+    np.testing.assert_allclose(found, 1e-3 * g, rtol=1e-6, atol=1e-9)
+    (case,) = made.document["load_case"]
+    np.testing.assert_allclose(case["load"][0]["force_n"], whole * push, rtol=1e-6, atol=1e-9)

@@ -69,10 +69,22 @@ def test_the_deck_is_sound(tmp_path):
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
         ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),
-        ("PBEAML,2,1,,CHAN\n,1.,1.,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this CHAN"),
-        ("PBEAML,2,1,,I\n,1.,1.,.5,.1,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this I"),
+        ("PBEAML,2,1,,BOX1\n,1.,1.,.2,.1,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this BOX1"),
+        ("PBEAML,2,1,,ROD\n,1.,,NO,.5,1.\nCBEAM,21,2,1,4,0.,1.,0.", "no station at end B, X/XB = 1.0"),
+        (
+            "PBEAML,2,1,,ROD\n,1.,,2.,1.,1.\nCBEAM,21,2,1,4,0.,1.,0.",
+            "field 14 (DIMS) = 2.: must be YES",
+        ),
         ("PBARL,2,1,,BOX\n,1.,1.,.1\nCBAR,21,2,1,4,0.,1.,0.", "BOX needs 4 real dimensions"),
-        ("PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,\n,YES,1.,0.\nCBEAM,21,2,1,4,0.,1.,0.",
+            "without area",
+        ),
+        ("PBEAM,2,1,1.,1.,1.,,1.\n,NO,.5,2.\nCBEAM,21,2,1,4,0.,1.,0.", "no station at end B"),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,NO,1.,2.\n,NO,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.",
+            "a.dat:17: PBEAM 2 field 23 (REST) = 1.: must be > 0 and at most 1, once for each station",
+        ),
         ("CELAS2,20,1.+5,1,1,4,2", "components of different directions"),
         ("CELAS2,20,1.+5,1,2,4,2", "across the line between its grids"),
         ("CELAS2,20,-1.,1,1", "a negative stiffness"),
@@ -84,7 +96,15 @@ def test_the_deck_is_sound(tmp_path):
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "only K1 and K4"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "by OCID"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2", "to the ground needs a CID"),
-        ("PBEAM,2,1,1.,1.,1.,,1.\n,YES,1.,2.\nCBEAM,21,2,1,4,0.,1.,0.", "tapers"),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,\n,1.,1.,.2\nCBEAM,21,2,1,4,0.,1.,0.",
+            ".2: shear relief S1",
+        ),
+        (
+            "PBEAM,2,1,1.,1.,1.,,1.\n,\n,1.,1.\n,.1,x\nCBEAM,21,2,1,4,0.,1.,0.",
+            "33 (REST) = X: must be",
+        ),
+        ("PBEAM,2,1,1.,1.,1.,.5,1.\n,\n,1.,0.\nCBEAM,21,2,1,4,0.,1.,0.", "rigid in shear in one plane alone"),
         ("RBE2,20,1,123456,5,6,7,8,9,10", "a number, 10, where the mark of a continuation stands"),
         (
             "GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2",
@@ -93,6 +113,7 @@ def test_the_deck_is_sound(tmp_path):
         ("FORCE,5,9,,1.,1.", "nothing stands on grid 9"),
         ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
         ("LOAD,5,1.,1.,8", "no factor and set of loads"),
+        ("GRAV,5,7,9.8,,,-1.", "GRAV 5 field 3 (CID) = 7: there is no rectangular coordinate system 7"),
         ("CQUAD4,20,1,1,2,3,4", "reduce the part"),
         ("CMASS4,20,1.,1", "not converted yet, and without it the modes would be others"),
         ("CMASS2,20,1.,1,1", "the masses of grid 1 differ by direction, [1.0, 0.0, 0.0]: no body has them"),
@@ -170,8 +191,33 @@ def test_load_sets_are_converted_whole_or_listed(tmp_path):
     cards = ["FORCE,5,1,,1.,1.", "FORCE,6,1,,1.,1.", "PLOAD4,6,1,2.", "GRAV,7,,9.81,0.,0.,-1."]
     made = convert(write(tmp_path, *cards))
     assert [case["name"] for case in made.document["load_case"]] == ["load5"]
-    assert [row[0] for row in made.left_out if row[0].startswith("load")] == ["load set 6", "load set 7"]
+    assert [row[0] for row in made.left_out if "load" in row[0]] == ["load set 6", "gravity of load set 7"]
+    assert any("load set '7' 9.81 m/s^2 along [0.0, 0.0, -1.0]" in note for note in made.notes)
     assert "load_case" not in convert(write(tmp_path, *cards, case=["LOAD = 6"])).document
+
+
+def test_the_word_about_up(tmp_path):
+    """One gravity is the environment's, several are listed; a note says where down is."""
+    spc, down = "SPC1,5,123456,1", "GRAV,7,,9.81,0.,0.,-1."
+    held = {"case": ["SPC = 5"]}
+    silent = convert(write(tmp_path, spc, **held))
+    assert "constants" not in silent.environment
+    assert any("does not say where down is" in note for note in silent.notes)
+    unselected = convert(write(tmp_path, spc, down, "FORCE,8,1,,1.,1.", case=["SPC = 5", "LOAD = 8"]))
+    assert "constants" not in unselected.environment
+    assert any("down is [0.0, 0.0, -1.0] by a GRAV that is not selected" in n for n in unselected.notes)
+    one = convert(write(tmp_path, spc, down, "FORCE,8,1,,1.,1.", **held))
+    assert one.environment["constants"]["gravity_m_s2"] == 9.81
+    assert one.environment["constants"]["gravity_direction"].tolist() == [0.0, 0.0, -1.0]
+    assert any("load case 'load8' has no gravity in the deck" in note for note in one.notes)
+    assert one.converted["gravity"] == 1
+    two = convert(write(tmp_path, spc, down, "GRAV,9,,9.81,0.,1.", **held))
+    assert "constants" not in two.environment
+    assert [row[0] for row in two.left_out if "gravity" in row[0]] == [
+        "gravity of load set 7",
+        "gravity of load set 9",
+    ]
+    assert not any("does not say" in note for note in two.notes)
 
 
 def test_a_held_deck_needs_an_environment(capfd, tmp_path):

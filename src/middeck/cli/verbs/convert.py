@@ -46,7 +46,7 @@ Examples:
     "held_target",
     endings=options.ARTICLES,
     metavar="ENVIRONMENT",
-    help="Write what holds the deck: its SPC as clamps, its springs to the ground.",
+    help="Write what holds the deck, its SPC as clamps and its springs to the ground, and its gravity.",
 )
 @options.common
 def verb(
@@ -61,11 +61,11 @@ def verb(
     """Convert a Nastran DECK to an article, in SI units.
 
     Bars, beams, rods, masses, springs, bushings, point loads, rigid links, averages (RBE3) and equations
-    (MPC) are converted; what holds the deck goes to the environment of --environment; what has no part in the
-    modes is left out, listed and counted; what has, and cannot be converted, is an error with file, line,
-    card and field. Superelements whose matrices are in OUTPUT4 or punched become components, in NPZ files
-    beside the article. Without --units their likeliest set is named, and nothing is written. --set takes
-    units and mass_formulation.
+    (MPC) are converted; what holds the deck, and its gravity, goes to the environment of --environment; what
+    has no part in the modes is left out, listed and counted; what has, and cannot be converted, is an error
+    with file, line, card and field. Superelements whose matrices are in OUTPUT4 or punched become components,
+    in NPZ files beside the article. Without --units their likeliest set is named, and nothing is written.
+    --set takes units and mass_formulation.
     """
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers

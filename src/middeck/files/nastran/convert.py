@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from middeck.files.faults import Fault
+from middeck.files.nastran.article_sections import (
+    ArticleSections,
+    Formulation,
+    article_sections,
+    lumps,
+    taper_notes,
+)
 from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses
 from middeck.files.nastran.constraints import Constraint, check_dependent, read_constraints, that_matter
 from middeck.files.nastran.coordinates import Places, place_grids
@@ -21,7 +28,7 @@ from middeck.files.nastran.members import NAMES, RODS, Bar, own_axes, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
 from middeck.files.nastran.rigid_links import find_carriers
-from middeck.files.nastran.sections_of_bars import principal_axes, read_material, shear_stiffness
+from middeck.files.nastran.sections_of_bars import read_material
 from middeck.files.nastran.ties import Tie, read_ties
 from middeck.files.nastran.units import Units, guess_units
 from middeck.structure.model.component import Component
@@ -29,7 +36,6 @@ from middeck.structure.model.connectivity import separate_parts, some_names
 
 __all__ = ["Conversion", "Formulation", "convert_deck", "likely_units", "read_deck"]
 
-Formulation = Literal["consistent", "coupled", "lumped"]
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
 NO_PART = {
@@ -45,7 +51,7 @@ ROUNDING = 1e-12
 class Conversion(NamedTuple):
     """An article's document, and what became of the cards.
 
-    ``environment`` is the document of an environment without gravity: what holds the deck, if anything does.
+    ``environment`` is the document of an environment: what holds the deck, if anything does, and its gravity.
     ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
     ``notes`` are sentences for the report, ``components`` what the document names, by file.
     """
@@ -102,11 +108,13 @@ class _Converter:
     """What is known of the deck so far; faults are gathered and raised together."""
 
     def __init__(self, deck: Deck, units: Units, formulation: Formulation) -> None:
-        self.deck, self.units, self.formulation = deck, units, formulation
+        self.deck, self.units = deck, units
+        self.formulation: Formulation = formulation
         self.mass_unit = units.mass * real_parameter(deck, "WTMASS", 1.0)
         self.places: Places = place_grids(deck.entries)
         self.left_out: list[tuple[str, int, str]] = []
         self.notes: list[str] = []
+        self.tapers: dict[str, ArticleSections] = {}
         self.rotors: list[str] = []  # grids with an inertia that no body has by itself
 
     def conversion(self, name: str, parts: dict[str, Component]) -> Conversion:
@@ -143,7 +151,7 @@ class _Converter:
         riders = {g: carriers.pop(g) for g in self.places.grids if g in linked and g in carriers}
         used |= linked | set(riders.values())
         if self.formulation == "lumped":
-            masses += [half for bar in bars for half in _halves(bar)]
+            masses += [half for bar in bars for half in lumps(bar)]
         bodies = merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses)
         kept = {carriers.get(grid, grid) for grid in used}
         links = [*(c.grids for c in tied), *riders.items()]
@@ -151,7 +159,6 @@ class _Converter:
         loads = LoadSets(self.deck, self.places, carriers, kept)
         cases = loads.cases(self.units, faults)
         raise_some(faults)
-        self.left_out += loads.refused
         self._account(used | set(held), carriers, direct)
         sections, struts = self._members(bars, carriers)
         pinned, pins = self._pins(bars, carriers)
@@ -217,7 +224,13 @@ class _Converter:
         converted["grids that are nodes"] = len(kept)
         converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
         read = {name: len(found) for name, found in entries.by_name.items()}
-        environment = {"schema": 1, "name": f"{name}-supports", "clamp": clamps + turns, "bushing": grounds}
+        constants, notes = loads.constants(bool(clamps or grounds))
+        self.notes += notes
+        self.left_out += loads.refused
+        converted["gravity"] = len(constants) and 1
+        environment = {"schema": 1, "name": f"{name}-supports"}
+        environment |= {"constants": constants} if constants else {}
+        environment |= {"clamp": clamps + turns, "bushing": grounds}
         return Conversion(
             document,
             read,
@@ -340,6 +353,7 @@ class _Converter:
         self, bars: list[Bar], carriers: dict[int, int]
     ) -> tuple[dict[str, dict[str, Any]], list[dict[str, Any]]]:
         sections: dict[str, dict[str, Any]] = {}
+        along: dict[str, dict[str, Any]] = {}  # what struts of one property share
         struts: list[dict[str, Any]] = []
         for bar in bars:
             entry = bar.entry
@@ -347,14 +361,14 @@ class _Converter:
             section = (
                 f"conrod{entry.id}" if own else f"{entry.name.replace('C', 'p', 1).lower()}{entry['pid']}"
             )
-            if section not in sections:
-                sections[section] = self._section(bar)
+            if section not in along:
+                along[section] = self._sections(section, bar, sections)
             strut: dict[str, Any] = {
                 "name": f"{entry.name[1:].lower()}{entry.id}",
-                "section": section,
                 "from": f"g{carriers.get(bar.grids[0], bar.grids[0])}",
                 "to": f"g{carriers.get(bar.grids[1], bar.grids[1])}",
                 "up": bar.up / np.linalg.norm(bar.up),
+                **along[section],
             }
             if entry.name in RODS:
                 strut["elements"] = 1  # two rods in line are a mechanism
@@ -365,7 +379,26 @@ class _Converter:
                 elif np.any(offset):
                     strut[f"{side}_offset_m"] = offset * self.units.length
             struts.append(strut)
+        self.notes += taper_notes(self.tapers)
         return sections, struts
+
+    def _sections(self, name: str, bar: Bar, sections: dict[str, dict[str, Any]]) -> dict[str, Any]:
+        """Adds the sections of a property to ``sections``; what a strut says of them."""
+        rod = bar.entry.name in ("CROD", "CONROD")
+        made = article_sections(bar.section, rod, self.units, self.mass_unit, self.formulation)
+        count = len(made.tables)
+        named = [name] if count == 1 else [f"{name}_{k}" for k in range(1, count + 1)]
+        sections |= dict(zip(named, made.tables, strict=True))
+        self.tapers[name] = made
+        shared: dict[str, Any] = {"section": named[0]}
+        if count > 1:
+            middles = [(k + 0.5) / count for k in range(count)]
+            shared["elements"] = count
+            shared["stations"] = [
+                {"at": at, "section": part}
+                for at, part in zip([*middles, 1.0], [*named, named[-1]], strict=True)
+            ]
+        return shared
 
     def _pins(
         self, bars: list[Bar], carriers: dict[int, int]
@@ -421,36 +454,6 @@ class _Converter:
                 grounds.append({"name": name, "attach": ends[0], **law})
         return points, between, grounds
 
-    def _section(self, bar: Bar) -> dict[str, Any]:
-        section, (shape, _) = bar.section, principal_axes(bar.section)
-        material, length = section.material, self.units.length
-        bending = self.units.force * length**2
-        own = self.formulation == "consistent"
-        inertia = self.mass_unit * length if own else 0.0
-        table: dict[str, Any] = {
-            "EA_n": material.E * shape.area * self.units.force,
-            "GJ_nm2": material.G * shape.j * bending,
-            "EI_y_nm2": material.E * shape.i2 * bending,
-            "EI_z_nm2": material.E * shape.i1 * bending,
-            "rho_A_kg_per_m": 0.0
-            if self.formulation == "lumped"
-            else section.per_length * self.mass_unit / length,
-            "rho_I_y_kg_m": material.rho * shape.i2 * inertia,
-            "rho_I_z_kg_m": material.rho * shape.i1 * inertia,
-            "mass": self._spread(bar),
-        }
-        for key, factor in (("GA_y_n", shape.k1), ("GA_z_n", shape.k2)):
-            stiffness = shear_stiffness(section, factor) * self.units.force
-            if np.isfinite(stiffness):
-                table[key] = stiffness
-        return table
-
-    def _spread(self, bar: Bar) -> str:
-        """How the mass of a member goes along it; of a lumped one there is none."""
-        if bar.entry.name in RODS:
-            return "coupled rod" if self.formulation == "coupled" else "rod"
-        return "coupled" if self.formulation == "coupled" else "consistent"
-
     def _node(self, grid: int, body: Mass | None) -> dict[str, Any]:
         place, length = self.places.grids[grid], self.units.length
         x, y, z = place * length
@@ -492,17 +495,6 @@ def _turns(body: Mass) -> bool:
     """Whether it has inertia beyond the rounding of its place."""
     reach = ROUNDING * float(np.linalg.norm(body.centre))
     return bool(np.abs(body.inertia).max() > body.mass * reach**2)
-
-
-def _halves(bar: Bar) -> list[Mass]:
-    """Halves at the ends; those of a beam turn about its axis, those of a bar or rod do not."""
-    half, inertia = 0.5 * bar.section.per_length * bar.length, np.zeros((3, 3))
-    if bar.entry.name == "CBEAM":
-        along = (bar.ends[1] - bar.ends[0]) / bar.length
-        shape = bar.section.shape
-        polar = bar.section.material.rho * (shape.i1 + shape.i2)
-        inertia = 0.5 * polar * bar.length * np.outer(along, along)
-    return [Mass(grid, half, end, inertia) for grid, end in zip(bar.grids, bar.ends, strict=True) if half]
 
 
 def _linked(entries: Entries) -> set[int]:

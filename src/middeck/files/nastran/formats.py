@@ -48,7 +48,7 @@ FORMATS: dict[str, str] = {
     "CROD": "eid:n pid:n= ga:n gb:n",
     "CONROD": "eid:n ga:n gb:n mid:n a:r j:r=0 c:r=0 nsm:r=0",
     "PBAR": "pid:n mid:n a:r=0 i1:r=0 i2:r=0 j:r=0 nsm:r=0 - * * * * * * * * k1:r= k2:r= i12:r=0",
-    "PBARL": "pid:n mid:n group:a= type:t - - - - +dims:r",
+    "PBARL": "pid:n mid:n group:a= type:t - - - - +dims:a",
     "PBEAM": "pid:n mid:n a:r i1:r i2:r i12:r=0 j:r=0 nsm:r=0 +rest:a",
     "PBEAML": "pid:n mid:n group:a= type:t - - - - +dims:a",
     "PROD": "pid:n mid:n a:r j:r=0 c:r=0 nsm:r=0",

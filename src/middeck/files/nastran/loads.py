@@ -1,4 +1,4 @@
-"""Forces and moments of a deck as load cases of the article, one for each load set."""
+"""Forces and moments of a deck as load cases of the article, one for each load set, and its gravity."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from middeck.files.nastran.entries import Entry
 from middeck.files.nastran.formats import OTHER_LOADS
 from middeck.files.nastran.numbers import integer, real
 from middeck.files.nastran.units import Units
+from middeck.structure.model.connectivity import some_names
 
 DIRECT = ("FORCE", "MOMENT")
+ALIKE = 1e-6  # of gravity: fields of eight columns
 
 
 class LoadSets:
@@ -24,20 +26,22 @@ class LoadSets:
     def __init__(self, deck: Deck, places: Places, carriers: Mapping[int, int], kept: set[int]) -> None:
         self.places, self.carriers, self.kept = places, carriers, kept
         self.direct: dict[int, list[Entry]] = {}
-        for entry in deck.entries.of(*DIRECT, "GRAV", *OTHER_LOADS):
+        self.entries = deck.entries.of(*DIRECT, "GRAV", *OTHER_LOADS)
+        for entry in self.entries:
             self.direct.setdefault(entry.id, []).append(entry)
         self.sums = deck.entries.numbered("LOAD")
         self.chosen = deck.selection.sets.get("LOAD")
         self.refused: list[tuple[str, int, str]] = []
+        self.gravity: dict[int, np.ndarray] = {}  # acceleration by set, zero in one of forces alone
 
     def cases(self, units: Units, faults: list[Fault]) -> list[dict[str, Any]]:
         """Load cases ``load7`` of the sets that case control selects, of all if it selects none.
 
-        Sets with other loads go to ``refused``.
+        Sets with loads other than forces, moments and gravity go to ``refused``.
         """
         found: list[dict[str, Any]] = []
         chosen = None if self.chosen is None else self.chosen & {*self.direct, *self.sums}
-        summed = {integer(text or "") for sid in chosen or () for text in self._terms(sid)[1::2]}
+        summed = {integer(text) for sid in (chosen or self.sums) for text in self._terms(sid)[1::2]}
         for sid in sorted({*self.direct, *self.sums}):
             if chosen is not None and sid not in chosen:
                 if sid in summed:
@@ -45,14 +49,65 @@ class LoadSets:
                 self.refused.append((f"load set {sid}", 1, "not selected by case control"))
                 continue
             parts = self._parts(sid, faults)
-            other = next((entry.name for _, entry in parts if entry.name not in DIRECT), None)
+            other = next((entry.name for _, entry in parts if entry.name not in (*DIRECT, "GRAV")), None)
             if other is not None:
-                hint = ": give it as [constants] of an environment" if other == "GRAV" else ""
-                self.refused.append((f"load set {sid}", 1, f"it has {other}, which is no point load{hint}"))
+                self.refused.append((f"load set {sid}", 1, f"it has {other}, which is no point load"))
                 continue
-            loads = [self._load(factor, entry, units, faults) for factor, entry in parts]
-            found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
+            falls = [self._acceleration(f, entry, faults) for f, entry in parts if entry.name == "GRAV"]
+            loads = [self._load(f, entry, units, faults) for f, entry in parts if entry.name in DIRECT]
+            if loads or not falls:
+                found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
+            if loads or sid not in summed:
+                self.gravity[sid] = np.sum([np.zeros(3), *falls], axis=0) * units.length / units.time**2
         return found
+
+    def constants(self, holds: bool) -> tuple[dict[str, Any], list[str]]:
+        """Gravity for an environment, where all sets that have some have the same, and notes.
+
+        What is not converted goes to ``refused``, as all of it where nothing ``holds`` the deck.
+        """
+        falling = {sid: g for sid, g in self.gravity.items() if np.any(g)}
+        if not falling:
+            return {}, [self._down()]
+        first = next(iter(falling.values()))
+        size = float(np.linalg.norm(first))
+        along = first / size
+        named = some_names([f"{sid}" for sid in falling])
+        given = f"{size:g} m/s^2 along {along.round(6).tolist()}"
+        alike = all(np.linalg.norm(g - first) <= ALIKE * size for g in falling.values())
+        if not alike or not holds:
+            why = "nothing holds the deck" if alike else "an environment has one, and load sets differ"
+            self.refused += [
+                (f"gravity of load set {sid}", 1, f"{why}: {g.round(6).tolist()} m/s^2")
+                for sid, g in falling.items()
+            ]
+            return {}, [
+                f"gravity is left out: [constants] of an environment gives it, load set {named} {given}"
+            ]
+        notes = [
+            f"the environment has the gravity of load set {named}, {given}: modes are those under it; those "
+            "of the deck's own program, without STATSUB, are those without [constants]"
+        ]
+        others = [f"load{sid}" for sid in self.gravity if sid not in falling]
+        if others:
+            notes.append(
+                f"load case {some_names(others)} has no gravity in the deck, and the environment's here"
+            )
+        return {"gravity_m_s2": size, "gravity_direction": along}, notes
+
+    def _down(self) -> str:
+        """A note on where down is in a deck without gravity."""
+        known = [self._acceleration(1.0, entry, []) for entry in self.entries if entry.name == "GRAV"]
+        down = next((g / np.linalg.norm(g) for g in known if np.any(g)), None)
+        says = (
+            "the deck has no GRAV and does not say where down is"
+            if down is None
+            else f"down is {down.round(6).tolist()} by a GRAV that is not selected"
+        )
+        return (
+            f"{says}: gravity of an environment ([constants]) acts along -y, unless gravity_direction says "
+            "otherwise, which is [0.0, 0.0, -1.0] for z up"
+        )
 
     def _terms(self, sid: int) -> list[str]:
         """Factors and sets, in turn, that a LOAD of this number sums."""
@@ -75,6 +130,13 @@ class LoadSets:
             else:
                 parts += [(entry["s"] * factor, part) for part in self.direct[number]]
         return parts
+
+    def _acceleration(self, factor: float, entry: Entry, faults: list[Fault]) -> np.ndarray:
+        system = self.places.systems.get(entry["cid"])
+        if system is None or system.kind != "R":
+            faults.append(entry.fault(f"there is no rectangular coordinate system {entry['cid']}", "cid"))
+            return np.zeros(3)
+        return factor * entry["a"] * (system.axes @ np.array([entry["n1"], entry["n2"], entry["n3"]]))
 
     def _load(self, factor: float, entry: Entry, units: Units, faults: list[Fault]) -> dict[str, Any]:
         grid, cid = entry["g"], entry["cid"]

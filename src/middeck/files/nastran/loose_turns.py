@@ -12,7 +12,6 @@ import numpy as np
 
 from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.members import Bar, own_axes
-from middeck.files.nastran.sections_of_bars import principal_axes
 from middeck.files.nastran.ties import Tie
 from middeck.structure.model.connectivity import separate_parts
 
@@ -45,7 +44,7 @@ def loose_turns(
     alive = {grid for grid in stiffness if grid in turning}
     twists: list[tuple[str, str]] = []
     for bar in bars:
-        shape = bar.section.shape
+        shape = bar.section.first
         ends = [carriers.get(grid, grid) for grid in bar.grids]
         for end, (grid, place) in enumerate(zip(ends, bar.ends, strict=True)):
             if grid in firm or _is_hinged(bar, end):
@@ -79,8 +78,8 @@ def _is_hinged(bar: Bar, end: int) -> bool:
 
 def _is_firm(bar: Bar) -> bool:
     """Whether both ends of a bar resist all turns."""
-    shape = bar.section.shape
-    return shape.i1 > 0.0 and shape.i2 > 0.0 and shape.j > 0.0 and bar.section.material.G > 0.0
+    resists = all(cut.i1 > 0.0 and cut.i2 > 0.0 and cut.j > 0.0 for _, cut in bar.section.stations.cuts)
+    return resists and bar.section.material.G > 0.0
 
 
 def _loose(K: np.ndarray, held: str, axes: np.ndarray) -> np.ndarray:
@@ -107,10 +106,10 @@ def turn_clamp(grid: int, turns: np.ndarray) -> dict[str, object]:
 
 def _end_stiffness(bar: Bar, end: int) -> np.ndarray:
     """Stiffness (6, 6) of one end of a bar whose other end is held, in basic coordinates; shear left out."""
-    shape, material, L = principal_axes(bar.section)[0], bar.section.material, bar.length
+    cut, material, L = bar.section.first, bar.section.material, bar.length
     K = np.zeros((6, 6))
-    K[0, 0], K[3, 3] = material.E * shape.area / L, material.G * shape.j / L
-    for v, turn, i, sign in ((1, 5, shape.i1, 1.0), (2, 4, shape.i2, -1.0)):
+    K[0, 0], K[3, 3] = material.E * cut.area / L, material.G * cut.j / L
+    for v, turn, i, sign in ((1, 5, cut.i1, 1.0), (2, 4, cut.i2, -1.0)):
         pair = np.array([[12.0 / L**2, 6.0 * sign / L], [6.0 * sign / L, 4.0]])
         if end:
             pair[[0, 1], [1, 0]] *= -1.0

@@ -12,7 +12,7 @@ from middeck.files.faults import Fault
 from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.formats import PLACES
-from middeck.files.nastran.sections_of_bars import BarSection, Sections, principal_axes
+from middeck.files.nastran.sections_of_bars import BarSection, Sections
 
 RODS = ("CROD", "CONROD")
 NAMES = ("CBAR", "CBEAM", *RODS)
@@ -55,10 +55,9 @@ def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar
         if section is None or placed is None or len(faults) > before:
             continue
         ends, up = placed
-        angle = principal_axes(section)[1]
-        if angle:
+        if section.angle:
             _, y, z = own_axes(ends[1] - ends[0], up).T
-            up = np.cos(angle) * y + np.sin(angle) * z
+            up = np.cos(section.angle) * y + np.sin(section.angle) * z
         bars.append(Bar(entry, (entry["ga"], entry["gb"]), ends, up, section))
     return bars
 

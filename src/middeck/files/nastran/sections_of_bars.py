@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.files.faults import Fault
+from middeck.files.nastran.beam_stations import Cut, FieldError, Stations, read_pbeam, read_shape
 from middeck.files.nastran.entries import Entries, Entry
-from middeck.files.nastran.numbers import real
-from middeck.files.nastran.shapes import SHAPES, SectionShape, section_shape
 
-ROW = 8
-STATIONS = ("YES", "YESA", "NO")  # the first field of a station of a PBEAM
+# Of a product of inertia over the second moments: fields of eight columns.
+ROUNDING = 1e-6
 
 
 class Material(NamedTuple):
@@ -25,17 +24,34 @@ class Material(NamedTuple):
 
 
 class BarSection(NamedTuple):
-    """The cross-section of a member with its material; ``i12`` is turned away by `principal_axes`."""
+    """The cross-sections of a member, see `Stations`, with its material.
+
+    They are in axes turned about the member by ``angle`` [rad]: the principal ones if all share them.
+    """
 
     material: Material
-    shape: SectionShape
-    i12: float
-    nsm: float
+    stations: Stations
+    angle: float
 
     @property
-    def per_length(self) -> float:
-        """Mass per length."""
-        return self.material.rho * self.shape.area + self.nsm
+    def first(self) -> Cut:
+        """That at end A."""
+        return self.stations.cuts[0][1]
+
+    @property
+    def tapers(self) -> bool:
+        """Whether it has more than one."""
+        return len(self.stations.cuts) > 1
+
+    @property
+    def knots(self) -> np.ndarray:
+        """Fractions of the length of all stations."""
+        return np.array([at for at, _ in self.stations.cuts])
+
+    def at(self, x: np.ndarray) -> Cut:
+        """Numbers of the cross-sections at fractions ``x`` of the length, linear between stations."""
+        columns = np.array([cut for _, cut in self.stations.cuts]).T
+        return Cut(*(np.interp(x, self.knots, column) for column in columns))
 
 
 class Sections:
@@ -64,44 +80,36 @@ class Sections:
     def _once(self, entry: Entry) -> BarSection | None:
         key = (entry.name, entry.id)
         if key not in self.done:
+            self.done[key] = None
             try:
                 self.done[key] = self._section(entry)
+            except FieldError as error:
+                self.faults.append(entry.fault_at(error.place, str(error)))
             except ValueError as error:
-                key_name = "dims" if entry.name.endswith("L") else ""
-                self.faults.append(entry.fault(str(error), key_name))
-                self.done[key] = None
+                self.faults.append(entry.fault(str(error), "dims" if entry.name.endswith("L") else ""))
         return self.done[key]
 
     def _section(self, entry: Entry) -> BarSection:
-        material = self._material(entry)
-        if entry.name in ("PBARL", "PBEAML"):
-            shape, nsm = _shape(entry)
-            if entry.name == "PBEAML" and not shape.centred:
-                raise ValueError(
-                    f"the shear centre of this {entry['type']} is not its centroid, which a CBEAM counts: "
-                    "not converted yet"
-                )
-            return BarSection(material, shape, 0.0, nsm)
-        area, nsm, torsion = entry["a"], entry["nsm"], entry["j"]
-        if not area > 0.0:
-            raise ValueError("a member without area is not converted")
-        if nsm < 0.0 or torsion < 0.0:
-            raise ValueError("a negative mass or torsion constant")
-        if entry.name in ("PROD", "CONROD"):
-            return BarSection(material, SectionShape(area, 0.0, 0.0, torsion), 0.0, nsm)
-        i1, i2, i12 = entry["i1"], entry["i2"], entry["i12"]
-        if i1 < 0.0 or i2 < 0.0 or (i12 != 0.0 and not i1 * i2 > i12**2):
-            raise ValueError("second moments that no section has: I1 I2 > I12^2, none < 0")
-        if entry.name == "PBEAM":
-            k1, k2 = _constant_beam(entry)
-            if i12 != 0.0 and (k1, k2) != (0.0, 0.0):
-                raise ValueError("I12 together with shear flexibility is not converted yet")
-        else:
-            k1, k2 = (0.0, 0.0) if i12 != 0.0 else (entry["k1"] or 0.0, entry["k2"] or 0.0)
-        if min(k1, k2) < 0.0:
+        stations = _stations(entry)
+        if min(stations.k1, stations.k2) < 0.0:
             raise ValueError("a negative shear factor")
-        shape = SectionShape(area, i1, i2, torsion, k1 or math.inf, k2 or math.inf)
-        return BarSection(material, shape, i12, nsm)
+        for at, cut in stations.cuts:
+            where = f" at X/XB = {at:g}" if len(stations.cuts) > 1 else ""
+            if not cut.area > 0.0:
+                raise ValueError(f"a member without area is not converted{where}")
+            if min(cut.nsm, cut.nsi, cut.j) < 0.0:
+                raise ValueError(f"a negative mass or torsion constant{where}")
+            if min(cut.i1, cut.i2) < 0.0 or (cut.i12 != 0.0 and not cut.i1 * cut.i2 > cut.i12**2):
+                raise ValueError(f"second moments that no section has: I1 I2 > I12^2, none < 0{where}")
+        material, angle = self._material(entry), principal_angle(stations)
+        cuts = tuple((at, turned(cut, angle)) for at, cut in stations.cuts)
+        if (
+            any(cut.i12 for _, cut in cuts)
+            and material.G > 0.0
+            and (stations.k1 > 0.0) != (stations.k2 > 0.0)
+        ):
+            raise ValueError("I12 in a section rigid in shear in one plane alone is not converted")
+        return BarSection(material, stations._replace(cuts=cuts), angle)
 
     def _material(self, entry: Entry) -> Material:
         card = self.materials.get(entry["mid"])
@@ -124,58 +132,39 @@ def read_material(card: Entry) -> Material:
     return Material(young, shear, card["rho"])
 
 
-def principal_axes(section: BarSection) -> tuple[SectionShape, float]:
-    """The section in its principal axes and the angle [rad] from own y to the first of them."""
-    if section.i12 == 0.0:
-        return section.shape, 0.0
-    shape = section.shape
-    angle = 0.5 * math.atan2(2.0 * section.i12, shape.i1 - shape.i2)
-    middle, half = 0.5 * (shape.i1 + shape.i2), math.hypot(0.5 * (shape.i1 - shape.i2), section.i12)
-    return shape._replace(i1=middle + half, i2=middle - half), angle
+def _stations(entry: Entry) -> Stations:
+    if entry.name in ("PBARL", "PBEAML"):
+        return read_shape(entry)
+    if entry.name == "PBEAM":
+        return read_pbeam(entry)
+    if entry.name == "PBAR":
+        i12 = entry["i12"]
+        factors = (0.0, 0.0) if i12 != 0.0 else (entry["k1"] or 0.0, entry["k2"] or 0.0)
+        cut = Cut(entry["a"], entry["i1"], entry["i2"], i12, entry["j"], entry["nsm"])
+        return Stations(((0.0, cut),), *factors)
+    return Stations(((0.0, Cut(entry["a"], 0.0, 0.0, 0.0, entry["j"], entry["nsm"])),), 0.0, 0.0)
 
 
-def _shape(entry: Entry) -> tuple[SectionShape, float]:
-    name = entry["type"]
-    if name not in SHAPES:
-        raise ValueError(f"shape {name} is not converted yet; {', '.join(SHAPES)} are")
-    dims = [real(text) if isinstance(text, str) else text for text in entry["dims"]]
-    count = SHAPES[name][0]
-    if None in dims[:count] or len(dims) < count:
-        raise ValueError(f"{name} needs {count} real dimensions")
-    if len(dims) > count + 1:
-        raise ValueError(f"more than the {count} dimensions of {name} and a mass per length: it tapers")
-    nsm = (dims[count] if len(dims) > count else 0.0) or 0.0
-    if nsm < 0.0:
-        raise ValueError("a negative mass per length")
-    return section_shape(name, [float(d) for d in dims[:count] if d is not None]), nsm
+def principal_angle(stations: Stations) -> float:
+    """The angle [rad] from own y to the first principal axis of all cross-sections; 0 if they share none."""
+    cut = max((cut for _, cut in stations.cuts), key=lambda cut: abs(cut.i12))
+    angle = 0.5 * math.atan2(2.0 * cut.i12, cut.i1 - cut.i2) if cut.i12 else 0.0
+    shared = all(not turned(cut, angle).i12 for _, cut in stations.cuts)
+    return angle if shared and stations.k1 == stations.k2 else 0.0
 
 
-def _constant_beam(entry: Entry) -> tuple[float, float]:
-    """Shear factors of a PBEAM; raises `ValueError` for one that tapers, warps, or whose axes are apart."""
-    fields = [text or "" for text in entry["rest"]]  # from C1(A), on the second line of eight
-    rows = [fields[i : i + ROW] for i in range(0, len(fields), ROW)]
-    rows = [row + [""] * (ROW - len(row)) for row in rows]
-    if rows and rows[0][0] not in STATIONS:  # stress recovery at end A may be left out
-        rows = rows[1:]
-    own = [entry[key] for key in ("a", "i1", "i2", "i12", "j", "nsm")]
-    while rows and rows[0][0] in STATIONS:
-        here = [real(text) if text else value for text, value in zip(rows[0][2:], own, strict=True)]
-        if here != own:
-            raise ValueError("a beam that tapers is not converted yet")
-        stress = rows[0][0] == "YES" or (len(rows) > 1 and not any(rows[1]))
-        rows = rows[2 if stress else 1 :]
-    texts = [text for row in rows for text in row]
-    values = [real(text) if text else None for text in texts]
-    if any(text and value is None for text, value in zip(texts, values, strict=True)):
-        raise ValueError("a field of its last lines is not a real number")
-    values += [None] * (2 * ROW - len(values))
-    if len(values) > 2 * ROW or any(value for value in values[4:]):
-        raise ValueError("warping, mass beside the axis or a neutral axis beside it are not converted yet")
-    k1, k2 = (1.0 if value is None else value for value in values[:2])
-    return k1, k2
-
-
-def shear_stiffness(section: BarSection, factor: float) -> float:
-    """K G A; infinite for a section that is rigid in shear."""
-    stiffness = factor * section.material.G * section.shape.area
-    return stiffness if stiffness > 0.0 else float(np.inf)
+def turned(cut: Cut, angle: float) -> Cut:
+    """The cross-section in axes turned by ``angle`` from own y to z; a product that is rounding is zero."""
+    if angle == 0.0:
+        return cut
+    c, s = math.cos(angle), math.sin(angle)
+    i12 = c * s * (cut.i2 - cut.i1) + (c * c - s * s) * cut.i12
+    return cut._replace(
+        i1=c * c * cut.i1 + 2.0 * c * s * cut.i12 + s * s * cut.i2,
+        i2=s * s * cut.i1 - 2.0 * c * s * cut.i12 + c * c * cut.i2,
+        i12=0.0 if abs(i12) <= ROUNDING * (cut.i1 + cut.i2) else i12,
+        m1=c * cut.m1 + s * cut.m2,
+        m2=c * cut.m2 - s * cut.m1,
+        n1=c * cut.n1 + s * cut.n2,
+        n2=c * cut.n2 - s * cut.n1,
+    )

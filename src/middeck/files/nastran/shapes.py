@@ -18,7 +18,8 @@ PI = float(np.pi)
 class SectionShape(NamedTuple):
     """Area, second moments, torsion constant; shear factors K of the area, infinite if rigid in shear.
 
-    ``centred``: the shear centre is the centroid; a CBAR takes it to be so, a CBEAM does not.
+    ``centroid``: where it is (y, z) from the shear centre of thin walls; None if that is not known. A CBAR
+    takes both to be one, a CBEAM does not.
     """
 
     area: float
@@ -27,7 +28,7 @@ class SectionShape(NamedTuple):
     j: float
     k1: float = np.inf
     k2: float = np.inf
-    centred: bool = True
+    centroid: tuple[float, float] | None = (0.0, 0.0)
 
 
 def _need(walls: bool) -> None:
@@ -70,7 +71,9 @@ def _box(width: float, height: float, t_flange: float, t_web: float) -> SectionS
     )
 
 
-def _walls(*walls: tuple[float, float, float, float], centred: bool = False) -> SectionShape:
+def _walls(
+    *walls: tuple[float, float, float, float], shear_centre: tuple[float, float] | None = None
+) -> SectionShape:
     """An open section of thin rectangles: y and z of the middle, sizes along y and z; no product moment.
 
     Walls do not overlap; the torsion constant counts each up to the middle of the one that it meets.
@@ -78,24 +81,28 @@ def _walls(*walls: tuple[float, float, float, float], centred: bool = False) -> 
     y, z, h, w = np.array(walls).T
     _need(bool(np.all(h > 0.0) and np.all(w > 0.0)))
     area = h * w
-    y, z = y - area @ y / area.sum(), z - area @ z / area.sum()
+    centre = area @ y / area.sum(), area @ z / area.sum()
+    y, z = y - centre[0], z - centre[1]
     return SectionShape(
         float(area.sum()),
         float(np.sum(area * (y**2 + h**2 / 12.0))),
         float(np.sum(area * (z**2 + w**2 / 12.0))),
         float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3.0),
-        centred=centred,
+        centroid=shear_centre and (float(centre[0] - shear_centre[0]), float(centre[1] - shear_centre[1])),
     )
 
 
 def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_upper: float) -> SectionShape:
     inside = height - t_lower - t_upper
     _need(inside > 0.0 and min(lower, upper) > web)
+    low, high = 0.5 * t_lower, height - 0.5 * t_upper
+    # The flanges share a shear force across the web by their second moments.
+    share = t_upper * upper**3 / (t_upper * upper**3 + t_lower * lower**3)
     made = _walls(
-        (0.5 * t_lower, 0.0, t_lower, lower),
+        (low, 0.0, t_lower, lower),
         (t_lower + 0.5 * inside, 0.0, inside, web),
-        (height - 0.5 * t_upper, 0.0, t_upper, upper),
-        centred=lower == upper and t_lower == t_upper,
+        (high, 0.0, t_upper, upper),
+        shear_centre=(low + share * (high - low), 0.0),
     )
     return made._replace(j=made.j + 0.5 * (t_lower + t_upper) * web**3 / 3.0)
 
@@ -106,26 +113,42 @@ def _i1(flange: float, web: float, inside: float, height: float) -> SectionShape
     return _i(height, width, width, web, t, t)
 
 
-def _t(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
+def _t2(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
+    """A T on its head; its shear centre is where the walls meet."""
     stem = height - t_flange
     _need(stem > 0.0)
-    made = _walls((0.0, 0.0, t_flange, width), (0.5 * height, 0.0, stem, t_web))
+    made = _walls((0.0, 0.0, t_flange, width), (0.5 * height, 0.0, stem, t_web), shear_centre=(0.0, 0.0))
     return made._replace(j=made.j + 0.5 * t_flange * t_web**3 / 3.0)
 
 
+def _t(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
+    made = _t2(width, height, t_flange, t_web)
+    y, z = made.centroid or (0.0, 0.0)
+    return made._replace(centroid=(-y, z))
+
+
+def _quarter_turn(shape: SectionShape, sign: float) -> SectionShape:
+    """The shape with its y and z exchanged, the centroid to the side of ``sign``."""
+    y, z = shape.centroid or (0.0, 0.0)
+    return shape._replace(i1=shape.i2, i2=shape.i1, centroid=(sign * z, sign * y))
+
+
 def _t1(flange: float, web: float, t_flange: float, t_web: float) -> SectionShape:
-    """A T that lies: ``web`` beside the flange."""
-    made = _t(flange, web + t_flange, t_flange, t_web)
-    return made._replace(i1=made.i2, i2=made.i1)
+    """A T that lies: ``web`` beside the flange, towards -z."""
+    return _quarter_turn(_t2(flange, web + t_flange, t_flange, t_web), -1.0)
 
 
 def _channel(width: float, height: float, t_web: float, t_flange: float) -> SectionShape:
+    """Its web towards -z, and beyond that its shear centre (Timoshenko 1945)."""
     inside = height - 2.0 * t_flange
     _need(inside > 0.0 and width > t_web)
+    leg, between, web = width - 0.5 * t_web, height - t_flange, 0.5 * (t_web - width)
+    behind = 3.0 * leg**2 * t_flange / (6.0 * leg * t_flange + between * t_web)
     made = _walls(
-        (0.5 * (height - t_flange), 0.0, t_flange, width),
-        (-0.5 * (height - t_flange), 0.0, t_flange, width),
-        (0.0, 0.5 * (t_web - width), inside, t_web),
+        (0.5 * between, 0.0, t_flange, width),
+        (-0.5 * between, 0.0, t_flange, width),
+        (0.0, web, inside, t_web),
+        shear_centre=(0.0, web - behind),
     )
     return made._replace(j=made.j + (t_flange * t_web**3 - t_web * t_flange**3) / 3.0)
 
@@ -136,8 +159,7 @@ def _channel1(flange: float, t_web: float, inside: float, height: float) -> Sect
 
 def _channel2(t_leg: float, t_base: float, height: float, width: float) -> SectionShape:
     """Its legs stand on a base: a channel turned by a right angle."""
-    made = _channel(height, width, t_base, t_leg)
-    return made._replace(i1=made.i2, i2=made.i1)
+    return _quarter_turn(_channel(height, width, t_base, t_leg), 1.0)
 
 
 def _box1(width: float, height: float, top: float, bottom: float, left: float, right: float) -> SectionShape:
@@ -148,7 +170,7 @@ def _box1(width: float, height: float, top: float, bottom: float, left: float, r
         (-0.5 * (height - bottom), 0.0, bottom, width),
         (0.5 * (bottom - top), 0.5 * (left - width), h, left),
         (0.5 * (bottom - top), 0.5 * (width - right), h, right),
-        centred=top == bottom and left == right,
+        shear_centre=(0.0, 0.0) if top == bottom and left == right else None,
     )
     product = 0.5 * w * h * (top - bottom) * (left - right)
     if abs(product) > 0.0:
@@ -165,7 +187,7 @@ def _cross(wings: float, t_vertical: float, height: float, t_wings: float) -> Se
         (0.0, 0.0, height, t_vertical),
         (0.0, middle, t_wings, 0.5 * wings),
         (0.0, -middle, t_wings, 0.5 * wings),
-        centred=True,
+        shear_centre=(0.0, 0.0),
     )
     return made._replace(j=(height * t_vertical**3 + (wings + t_vertical) * t_wings**3) / 3.0)
 
@@ -173,7 +195,8 @@ def _cross(wings: float, t_vertical: float, height: float, t_wings: float) -> Se
 def _h(inside: float, legs: float, height: float, t_web: float) -> SectionShape:
     """``legs`` is the thickness of both together."""
     arm, leg = 0.5 * (inside + 0.5 * legs), 0.5 * legs
-    made = _walls((0.0, 0.0, t_web, inside), (0.0, arm, height, leg), (0.0, -arm, height, leg), centred=True)
+    walls = ((0.0, 0.0, t_web, inside), (0.0, arm, height, leg), (0.0, -arm, height, leg))
+    made = _walls(*walls, shear_centre=(0.0, 0.0))
     return made._replace(j=made.j + leg * t_web**3 / 3.0)
 
 
@@ -187,7 +210,7 @@ SHAPES: dict[str, tuple[int, Callable[..., SectionShape]]] = {
     "I1": (4, _i1),
     "T": (4, _t),
     "T1": (4, _t1),
-    "T2": (4, _t),
+    "T2": (4, _t2),
     "CHAN": (4, _channel),
     "CHAN1": (4, _channel1),
     "CHAN2": (4, _channel2),

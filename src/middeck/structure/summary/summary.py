@@ -122,7 +122,7 @@ def _rods(structure: Structure) -> _Rods:
     def column(name: str) -> np.ndarray:
         return np.array([getattr(s, name) for s in sections], dtype=float)
 
-    mean, spread = np.array([_spread(m) for m in members]).reshape(-1, 2).T
+    mean, spread, y, z = np.array([_spread(m) for m in members]).reshape(-1, 4).T
     return _Rods(
         x + geometry.offset[:, 0],
         along,
@@ -133,20 +133,21 @@ def _rods(structure: Structure) -> _Rods:
         column("rho_A"),
         np.stack([column("rho_I_y") + column("rho_I_z"), column("rho_I_y"), column("rho_I_z")], axis=1),
         np.array([m.elements for m in members], dtype=float),
-        np.stack([geometry.length * mean, column("mass_centre_y"), column("mass_centre_z")], axis=1),
+        np.stack([geometry.length * mean, y, z], axis=1),
         spread,
     )
 
 
-def _spread(member: Member) -> tuple[float, float]:
-    """Mean place of a member's mass, and its mean square about that, of its length."""
+def _spread(member: Member) -> tuple[float, float, float, float]:
+    """Mean place of a member's mass and its mean square about that, of its length, and (y, z) across it."""
     if not member.stations:
-        return 0.5, 1.0 / 12.0
+        return 0.5, 1.0 / 12.0, member.section.mass_centre_y, member.section.mass_centre_z
     rho = np.array([s.rho_A for s in member.sections])
     share = rho / rho.sum() if rho.sum() > 0.0 else np.full(len(rho), 1.0 / len(rho))
     at = (np.arange(len(rho)) + 0.5) / len(rho)
     mean = float(share @ at)
-    return mean, float(share @ (at - mean) ** 2 + 1.0 / (12.0 * len(rho) ** 2))
+    across = share @ np.array([(s.mass_centre_y, s.mass_centre_z) for s in member.sections])
+    return mean, float(share @ (at - mean) ** 2 + 1.0 / (12.0 * len(rho) ** 2)), *across.tolist()
 
 
 def _mass_properties(

@@ -1,0 +1,288 @@
+"""Random tapered beams against integrals along them: flexibility, mass, frequencies."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from middeck.files.article_toml import document_text
+from middeck.files.documents import load_structure
+from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.deck import read_deck
+from middeck.files.nastran.shapes import section_shape
+from middeck.files.nastran.units import parse_units
+from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.summary.summary import summarise
+from nastran_decks import NU, RHO, E, card, skew, turned
+from structure_builders import clamped_matrices
+
+G = E / (2.0 * (1.0 + NU))
+NAMES = ("A", "I1", "I2", "I12", "J", "nsm", "nsi", "m1", "m2", "n1", "n2")
+OWN = 6  # of them at every station
+DIGITS = 1e-6  # of the deck's fields
+
+
+class Taper:
+    """A beam of length ``L`` whose numbers are linear between ``x``; ``k`` are its shear factors."""
+
+    def __init__(self, rng, steep=0.5):
+        self.L, self.turn = rng.uniform(1.0, 3.0), turned(rng)
+        self.x = np.sort(np.concatenate([[0.0, 1.0], rng.uniform(0.1, 0.9, rng.integers(0, 3))])).round(3)
+        a = 1e-4 * rng.uniform(2.0, 6.0)
+        i1, i2 = rng.uniform(1e-8, 9e-8, 2)
+        i12 = rng.choice([0.0, 0.4]) * np.sqrt(i1 * i2)
+        start = np.array([a, i1, i2, i12, 0.7 * (i1 + i2), rng.choice([0.0, 0.5])])
+        more = np.array([2e-4, *rng.uniform(-0.03, 0.03, 4)]) * rng.choice([0.0, 1.0], 5)
+        shrink = 1.0 - steep * rng.uniform(0.2, 1.0, (len(self.x), 1)) * (self.x > 0.0)[:, None]
+        own = start * shrink ** np.array([1.0, 2.0, 2.0, 2.0, 2.0, 1.0])
+        ends = np.array([more, more * rng.choice([1.0, rng.uniform(0.3, 1.0)])])
+        lines = ends[0] + self.x[:, None] * (ends[1] - ends[0])
+        self.k = tuple(rng.choice([[1.0, 1.0], [0.0, 0.0], [0.6, 0.8]]))
+        self.blank = rng.random((len(self.x), OWN)) < 0.3
+        self.blank[:, 1:4] = self.blank[:, 1:2]  # else I12 may be too large for I1 and I2
+        self.blank[0] = False
+        own[-1] = np.where(self.blank[-1], own[0], own[-1])
+        straight = own[0] + self.x[:, None] * (own[-1] - own[0])
+        own = np.where(self.blank, straight, own)
+        self.numbers = np.hstack([own, lines])
+
+    def at(self, x):
+        return {n: np.interp(x, self.x, c) for n, c in zip(NAMES, self.numbers.T, strict=True)}
+
+    def deck(self, rng, body=""):
+        rows = []
+        order = rng.permutation(np.arange(1, len(self.x)))
+        for i in order:
+            so = str(rng.choice(["YES", "YESA", "NO"]))
+            own = [None if b else v for b, v in zip(self.blank[i], self.numbers[i, :OWN], strict=True)]
+            rows += [so, self.x[i], *own, *([None] * 8 if so == "YES" else [])]
+        a, b = self.at(0.0), self.at(1.0)
+        end = [None if a[n] == b[n] else b[n] for n in ("nsi", "m1", "m2", "n1", "n2")]
+        rows += [*self.k, None, None, a["nsi"] or None, end[0], None, None]
+        rows += [a["m1"], a["m2"], *end[1:3], a["n1"], a["n2"], *end[3:]]
+        points = [None] * 8 if rng.random() < 0.5 else [0.01] * 8
+        up = self.turn[:, 1]
+        lines = card(rng, "PBEAM", 7, 3, *self.numbers[0, :OWN], *points, *rows)
+        lines += card(rng, "MAT1", 3, E, None, NU, RHO)
+        lines += card(rng, "GRID", 1, None, 0.0, 0.0, 0.0)
+        lines += card(rng, "GRID", 2, None, *(self.L * self.turn[:, 0]))
+        lines += card(rng, "CBEAM", 5, 7, 1, 2, *up, "BGG")
+        return "\n".join(["CEND", "BEGIN BULK", *lines, body, "ENDDATA", ""])
+
+    def compliance(self, x):
+        """Strains (extension, shears, twist, curvatures) on the shear axis per section force."""
+        p = self.at(x)
+        C = np.zeros((6, 6))
+        bend = E * np.array([[p["I2"], -p["I12"]], [-p["I12"], p["I1"]]])
+        own = np.zeros((3, 3))
+        own[0, 0], own[1:, 1:] = 1.0 / (E * p["A"]), np.linalg.inv(bend)
+        # Moments about the centroid of an axial force on the axis; the extension there of curvatures.
+        T = np.eye(3)
+        T[1, 0], T[2, 0] = -p["n2"], p["n1"]
+        C[np.ix_([0, 4, 5], [0, 4, 5])] = T.T @ own @ T
+        C[3, 3] = 1.0 / (G * p["J"])
+        for i, k in zip((1, 2), self.k, strict=True):
+            C[i, i] = 1.0 / (k * G * p["A"]) if k else 0.0
+        return C
+
+    def mass(self, x):
+        """6x6 of shift and turn of the shear axis, per length."""
+        p = self.at(x)
+        M = np.zeros((6, 6))
+        for m, y, z, own in (
+            (RHO * p["A"], p["n1"], p["n2"], RHO * np.array([[p["I2"], -p["I12"]], [-p["I12"], p["I1"]]])),
+            (p["nsm"], p["m1"], p["m2"], 0.5 * p["nsi"] * np.eye(2)),
+        ):
+            T = np.hstack([np.eye(3), -skew(np.array([0.0, y, z]))])
+            M += m * T.T @ T
+            M[4:, 4:] += own
+            M[3, 3] += np.trace(own)
+        return M
+
+    def quadrature(self, cells):
+        """Points and weights of a rule that sees every station."""
+        edges = np.unique(np.concatenate([np.linspace(0.0, 1.0, cells + 1), self.x]))
+        points, weights = np.polynomial.legendre.leggauss(8)
+        middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+        return (middle[:, None] + half[:, None] * points).ravel(), (half[:, None] * weights).ravel()
+
+
+def forces(arm):
+    """Forces of a section under unit loads at ``arm`` beyond it."""
+    B = np.eye(6)
+    B[4, 2], B[5, 1] = -arm, arm
+    return B
+
+
+def flexibility(taper):
+    """Motion of end B under loads there, in own axes, with end A clamped."""
+    parts = [
+        taper.L * w * forces(taper.L * (1.0 - x)).T @ taper.compliance(x) @ forces(taper.L * (1.0 - x))
+        for x, w in zip(*taper.quadrature(20), strict=True)
+    ]
+    return sum(parts)
+
+
+def article(tmp_path, text, formulation="consistent"):
+    (tmp_path / "a.dat").write_text(text)
+    made = convert_deck(read_deck(tmp_path / "a.dat"), parse_units("m-kg-s-N"), formulation, "a")
+    (tmp_path / "a.toml").write_text(document_text(made.document, "a"))
+    return load_structure(tmp_path / "a.toml"), made
+
+
+def own_axes(taper):
+    return np.kron(np.eye(2), taper.turn)
+
+
+def test_tip_flexibility_is_the_integral(tmp_path, campaign):
+    for seed in campaign(100):
+        rng = np.random.default_rng(seed)
+        taper = Taper(rng)
+        structure, _ = article(tmp_path, taper.deck(rng))
+        K, _, keep = clamped_matrices(mesh_structure(structure))
+        found = np.linalg.inv(K)[np.ix_(*2 * [np.searchsorted(keep, np.arange(6, 12))])]
+        R = own_axes(taper)
+        exact = flexibility(taper)
+        scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+        assert np.abs((R.T @ found @ R - exact) / scale).max() < DIGITS
+
+
+@pytest.mark.parametrize("formulation", ["consistent", "coupled", "lumped"])
+def test_mass_is_the_integral(tmp_path, campaign, formulation):
+    for seed in campaign(40):
+        rng = np.random.default_rng(seed)
+        taper = Taper(rng)
+        structure, _ = article(tmp_path, taper.deck(rng), formulation)
+        summary = summarise(structure)
+        whole = np.zeros((6, 6))
+        for x, w in zip(*taper.quadrature(4), strict=True):
+            T = np.eye(6)
+            T[:3, 3:] = -skew(np.array([taper.L * x, 0.0, 0.0]))
+            whole += w * taper.L * T.T @ taper.mass(x) @ T
+        R = own_axes(taper)
+        whole = R @ whole @ R.T
+        assert summary.mass == pytest.approx(whole[0, 0], rel=DIGITS)
+        centre = np.array([whole[5, 1], whole[3, 2], whole[4, 0]]) / whole[0, 0]
+        np.testing.assert_allclose(summary.centre, centre, atol=DIGITS)
+
+
+def frequencies(taper, cells=12, count=4):
+    """Of the beam clamped at A, by the integral equation of its motion under its own inertia (Nystrom)."""
+    x, w = taper.quadrature(cells)
+    order = np.argsort(x)
+    x, w = taper.L * x[order], taper.L * w[order]
+    n = len(x)
+    # Integrals of C, C s and C s^2 from A up to each point.
+    ends = np.concatenate([[0.0], x])
+    points, weights = np.polynomial.legendre.leggauss(2)
+    powers = np.zeros((3, n, 6, 6))
+    total = np.zeros((3, 6, 6))
+    for i in range(n):
+        half = 0.5 * (ends[i + 1] - ends[i])
+        for p, v in zip(points, weights, strict=True):
+            s = ends[i] + half * (1.0 + p)
+            C = half * v * taper.compliance(s / taper.L)
+            total = total + np.array([C, C * s, C * s * s])
+        powers[:, i] = total
+    zero, arm = forces(0.0), forces(1.0) - forces(0.0)
+    least = np.minimum.outer(np.arange(n), np.arange(n))
+    B = [zero + xi * arm for xi in x]
+    F = np.zeros((n, 6, n, 6))
+    for i in range(n):
+        for j in range(n):
+            c0, c1, c2 = powers[:, least[i, j]]
+            F[i, :, j] = B[i].T @ c0 @ B[j] - arm.T @ c1 @ B[j] - B[i].T @ c1 @ arm + arm.T @ c2 @ arm
+    root = np.zeros((n, 6, 6))
+    for i in range(n):
+        size, axes = np.linalg.eigh(w[i] * taper.mass(x[i] / taper.L))
+        root[i] = axes * np.sqrt(np.maximum(size, 0.0))
+    A = np.einsum("iab,iajc,jcd->ibjd", root, F, root).reshape(6 * n, 6 * n)
+    return 1.0 / np.sqrt(np.linalg.eigvalsh(A)[::-1][:count]) / (2.0 * np.pi)
+
+
+def test_frequencies_are_those_of_the_integral_equation(tmp_path, campaign):
+    for seed in campaign(20):
+        rng = np.random.default_rng(seed)
+        taper = Taper(rng)
+        structure, _ = article(tmp_path, taper.deck(rng))
+        K, M, _ = clamped_matrices(mesh_structure(structure))
+        exact = frequencies(taper)
+        found = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[: len(exact)]) / (2.0 * np.pi)
+        np.testing.assert_allclose(found[:2], exact[:2], rtol=2e-4)
+        np.testing.assert_allclose(found, exact, rtol=5e-3)
+
+
+# Midlines of thin walls as in the guides' figures, y up and z to the right: where the shear flow starts and
+# ends, and the thickness; flows that end at a point go on in the walls that start there.
+t = 1e-3
+WALLS = {
+    ("T", (2.0, 3.0, t, t)): [((3, -1), (3, 0)), ((3, 1), (3, 0)), ((3, 0), (0, 0))],
+    ("T2", (2.0, 3.0, t, t)): [((0, -1), (0, 0)), ((0, 1), (0, 0)), ((0, 0), (3, 0))],
+    ("T1", (2.0, 3.0, t, t)): [((1, 3), (0, 3)), ((-1, 3), (0, 3)), ((0, 3), (0, 0))],
+    ("CHAN", (2.0, 3.0, t, t)): [((3, 2), (3, 0)), ((3, 0), (0, 0)), ((0, 0), (0, 2))],
+    ("CHAN1", (2.0, t, 3.0, 3.0 + 2 * t)): [((3, 2), (3, 0)), ((3, 0), (0, 0)), ((0, 0), (0, 2))],
+    ("CHAN2", (t, t, 3.0, 2.0)): [((3, 0), (0, 0)), ((0, 0), (0, 2)), ((0, 2), (3, 2))],
+    ("I", (3.0, 2.0, 1.0, t, t, t)): [
+        ((0, -1), (0, 0)), ((0, 1), (0, 0)), ((0, 0), (3, 0)), ((3, -0.5), (3, 0)), ((3, 0.5), (3, 0)),
+    ],
+}  # fmt: skip
+
+
+def shear_flow_centre(walls):
+    """The centroid from the shear centre, by the moment of the shear flow of a force along y and along z."""
+    ends = np.array(walls, dtype=float)
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    middle = ends.mean(axis=1)
+    centroid = length @ middle / length.sum()
+    ends = ends - centroid
+    n = 2000
+    s = (np.arange(n) + 0.5) / n
+    torque = np.zeros(2)
+    inertia = np.zeros(2)
+    lines = [a + s[:, None] * (b - a) for a, b in ends]
+    for line, L in zip(lines, length, strict=True):
+        inertia += t * L * np.mean(line**2, axis=0)
+    for axis in (0, 1):
+        flow_at: dict[tuple[float, ...], float] = {}
+        for (a, b), line, L in zip(ends, lines, length, strict=True):
+            growth = -t * line[:, axis] * L / n / inertia[axis]
+            q = flow_at.get(tuple(a.round(9)), 0.0) + np.cumsum(growth) - 0.5 * growth
+            flow_at[tuple(b.round(9))] = flow_at.get(tuple(b.round(9)), 0.0) + q[-1] + 0.5 * growth[-1]
+            along = (b - a) / L
+            torque[axis] += np.mean(q * (line[:, 0] * along[1] - line[:, 1] * along[0])) * L
+    return -np.array([torque[1], -torque[0]])
+
+
+@pytest.mark.parametrize(("name", "dims"), WALLS)
+def test_centroids_are_off_the_centre_of_shear_flow(name, dims):
+    shape = section_shape(name, list(dims))
+    np.testing.assert_allclose(shape.centroid, shear_flow_centre(WALLS[name, dims]), atol=4e-3)
+
+
+def test_a_pbeaml_is_the_pbeam_of_its_shapes(tmp_path):
+    """Stations in any order, blanks at the end and between; the centroid of a channel is off its axis."""
+    sizes = [
+        (0.04, 0.06, 0.004, 0.003, 0.2),
+        (0.035, 0.05, 0.003, 0.003, 0.15),
+        (0.03, 0.04, 0.002, 0.003, 0.1),
+    ]
+    rows, axes = [], []
+    for *dims, nsm in sizes:
+        shape = section_shape("CHAN", dims)
+        numbers = (shape.area, shape.i1, shape.i2, 0.0, shape.j, nsm)
+        rows.append(",".join(f"{x:.12E}" for x in numbers))
+        axes.append(shape.centroid)
+    beam = ["MAT1,1,7.+10,,.3,2700.", "GRID,1", "GRID,2,,1.", "CBEAM,5,1,1,2,0.,1.,0."]
+    long = "PBEAML,1,1,,CHAN\n,.04,.06,.004,.003,.2,NO,1.,.03\n,.04,.002,,.1,,.5,.035,.05\n,.003,,.15"
+    deck = "CEND\nBEGIN BULK\n{}\nENDDATA\n"
+    _, made = article(tmp_path, deck.format("\n".join([*beam, long])))
+    found = made.document["section"]
+    short = f"PBEAM,1,1,{rows[0]}\n,NO,.5,{rows[1]}\n,NO,1.,{rows[2]}\n,0.,0.\n,,,,,"
+    short += ",".join(f"{x:.12E}" for x in (*axes[0], *axes[2]))
+    _, made = article(tmp_path, deck.format("\n".join([*beam, short])))
+    for name, table in made.document["section"].items():
+        for key, value in table.items():
+            if key not in ("mass", "stiffness", "centroid_m", "mass_centre_m"):
+                assert found[name][key] == pytest.approx(value, rel=2e-2), (name, key)  # N1 is a line
+    ends = [found[f"pbeam1_{k}"]["centroid_m"] for k in (1, len(found))]
+    assert ends[0][1] > ends[1][1] > 0.0
+    assert abs(ends[0][0]) < 1e-12
