@@ -10,7 +10,13 @@ import numpy as np
 
 from middeck.files.faults import Fault
 from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses
-from middeck.files.nastran.constraints import Constraint, check_dependent, read_constraints, that_matter
+from middeck.files.nastran.constraints import (
+    Constraint,
+    check_dependent,
+    joined_components,
+    read_constraints,
+    that_matter,
+)
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.direct_input import NAME, direct_component
@@ -20,7 +26,7 @@ from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.members import Bar, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
-from middeck.files.nastran.rigid_links import find_carriers
+from middeck.files.nastran.rigid_links import ALL, find_carriers
 from middeck.files.nastran.sections_of_bars import principal_axes, read_material, shear_stiffness
 from middeck.files.nastran.ties import Tie, read_ties
 from middeck.files.nastran.units import Units, guess_units
@@ -141,6 +147,7 @@ class _Converter:
         raise_some(faults)
         linked = {g for c in tied for g in c.grids} | on_components
         riders = {g: carriers.pop(g) for g in self.places.grids if g in linked and g in carriers}
+        borne = {carriers.get(grid, grid) for grid in used}
         used |= linked | set(riders.values())
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in _halves(bar)]
@@ -161,14 +168,29 @@ class _Converter:
             if grid in held and grid in kept
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
+        # What constraints join is not loose; of grids on which nothing else stands all other motions are.
+        whole = dict.fromkeys({*on_components, *riders, *riders.values()}, ALL)
+        joins = joined_components(tied) | whole
+        taken = {grid: held.get(grid, "") + joins.get(grid, "") for grid in kept}
+        bare = {
+            g: "".join(sorted(set("123") - set(taken[g]))) for g in self.places.grids if g in linked - borne
+        }
+        bare = {grid: shifts for grid, shifts in bare.items() if shifts}
+        shifts = [clamp(grid, components, self.places) for grid, components in bare.items()]
         turning = {grid for grid, body in bodies.items() if _turns(body)}
-        found = loose_turns(kept, bars, ties, turning, held, carriers, self.places)
-        loose = {grid: found[grid] for grid in self.places.grids if grid in found.keys() - linked}
+        turning |= {grid for grid, components in joins.items() if not set(components).isdisjoint("456")}
+        found = loose_turns(kept, bars, ties, turning, taken, carriers, self.places)
+        loose = {grid: found[grid] for grid in self.places.grids if grid in found}
         turns = [turn_clamp(grid, directions) for grid, directions in loose.items()]
         if turns:
             named = some_names([f"{grid}" for grid in loose])
             self.notes.append(
                 f"nothing holds rotations of grid {named}: the environment holds them, as PARAM AUTOSPC does"
+            )
+        if bare:
+            named = some_names([f"{grid}" for grid in bare])
+            self.notes.append(
+                f"nothing holds shifts of grid {named}: the environment holds them, as PARAM AUTOSPC does"
             )
         document = _filled(
             {
@@ -215,7 +237,12 @@ class _Converter:
         converted["grids that are nodes"] = len(kept)
         converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
         read = {name: len(found) for name, found in entries.by_name.items()}
-        environment = {"schema": 1, "name": f"{name}-supports", "clamp": clamps + turns, "bushing": grounds}
+        environment = {
+            "schema": 1,
+            "name": f"{name}-supports",
+            "clamp": clamps + shifts + turns,
+            "bushing": grounds,
+        }
         return Conversion(
             document,
             read,
