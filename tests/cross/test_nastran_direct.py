@@ -154,3 +154,24 @@ def test_hinges_of_a_truss_that_constraints_name_do_not_turn(tmp_path, capfd):
     structure, around = md.load_setup(tmp_path / "rod.toml", tmp_path / "rod-held.toml")
     omega = md.solve_modes(md.solve_equilibrium(structure, around)).omega
     np.testing.assert_allclose(omega, [np.sqrt(7e6 / 5.0)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("released", ["5", "56", "456", "26"])
+def test_a_pinned_end_is_a_row_of_its_own(tmp_path, capfd, released):
+    """Two bars between walls, the second pinned to the first: its released components are unknowns apart."""
+    pinned = bar(2).rstrip() + f",,+P\n+P,{released}\n"
+    bulk = GRIDS.split("GRID,4")[0] + PROPERTIES + "SPC1,1,123456,1,3\n" + bar(1) + pinned
+    ended = converted(tmp_path, capfd, "pin", "SPC = 1\n", bulk, "--environment", tmp_path / "pin-held.toml")
+    assert ended.code == 0, ended.err
+    K = np.zeros((6 + len(released),) * 2)
+    K[:6, :6] = beam_stiffness()[6:, 6:]
+    own = [int(c) - 1 for c in released]
+    rows = [6 + own.index(k) if k in own else k for k in range(6)]
+    K[np.ix_(rows, rows)] += beam_stiffness()[:6, :6]
+    if released == "456":  # nothing holds its twist
+        K[6, 6] = 1.0
+    rigid = np.linalg.inv(np.linalg.inv(K)[:3, :3])
+    expected = np.sqrt(np.linalg.eigvalsh(rigid) / (RHO * A * L)) / (2.0 * np.pi)
+    structure, around = md.load_setup(tmp_path / "pin.toml", tmp_path / "pin-held.toml")
+    found = md.solve_modes(md.solve_equilibrium(structure, around), 3).frequency_hz[:3]
+    np.testing.assert_allclose(found, expected, rtol=1e-7)

@@ -60,7 +60,7 @@ def test_the_deck_is_sound(tmp_path):
         ("CBAR,21,1,1,4,1.,0.,0.", "its orientation vector is zero or along the member"),
         ("CBAR,21,1,1,4", "no orientation"),
         ("CBAR,21,1,1,1,0.,1.,0.", "a member of no length"),
-        ("CBAR,21,1,1,4,0.,1.,0.\n,5", "released degrees of freedom (pins)"),
+        ("CBAR,21,1,1,4,0.,1.,0.\n,7", "no list of components 1 to 6"),
         ("CBAR,21,1,1,4,0.,1.,0.,GEE\n,,,.1", "then G or O for each offset"),
         ("CBAR,21,1,1,4,1.,0.,0.,GOO\n,,,.0,.1", "which grids and orientation do not give"),
         ("BAROR,,1,,,1.,0.,0.\nCBAR,21,1,1,4,,1.", "an orientation of which BAROR gives a part"),

@@ -124,3 +124,19 @@ def test_a_decay_without_a_tail_is_kept_whole() -> None:
     t = np.arange(4000) / 200.0
     for law in (np.exp(-0.4 * t), 1.0 / (1.0 + t), np.maximum(1.0 - t / 21.0, 0.0)):
         assert without_tail(law * np.cos(44.0 * t), slice(0, 4000), 28.6) == slice(0, 4000)
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.0, False), (0.3, True)])
+def test_another_mode_in_the_record_is_told(share: float, said: bool) -> None:
+    """Its deviations are then five times too small for the damping."""
+    t, rng = np.arange(2000) / 200.0, np.random.default_rng(4)
+    decays = [
+        np.exp(-0.01 * 2 * np.pi * 7 * t) * np.cos(2 * np.pi * 7 * t + k)
+        + share * np.exp(-0.01 * 2 * np.pi * 23 * t) * np.cos(2 * np.pi * 23 * t + 2 * k)
+        + 0.01 * rng.standard_normal(len(t))
+        for k in range(3)
+    ]
+    parts = [slice(2000 * k, 2000 * (k + 1)) for k in range(3)]
+    found = fit_free_decay(np.concatenate(decays), 200.0, decays=parts)
+    assert bool(found.warnings) is said
+    assert not said or "near 23" in found.warnings[0]

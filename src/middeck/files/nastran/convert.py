@@ -23,7 +23,7 @@ from middeck.files.nastran.direct_input import NAME, direct_component
 from middeck.files.nastran.entries import Entries, Entry, raise_some
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
-from middeck.files.nastran.members import Bar, read_bars
+from middeck.files.nastran.members import Bar, own_axes, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
 from middeck.files.nastran.rigid_links import ALL, find_carriers
@@ -161,6 +161,7 @@ class _Converter:
         self.left_out += loads.refused
         self._account(used | set(held), carriers, direct)
         sections, struts = self._members(bars, carriers)
+        pinned, pins = self._pins(bars, carriers)
         points, bushings, grounds = self._ties(ties, carriers)
         clamps = [
             clamp(grid, held[grid], self.places)
@@ -199,7 +200,7 @@ class _Converter:
                 "title": f"{name} (from {self.deck.path.rsplit('/', 1)[-1]})",
                 "mesh": {"elements_per_strut": 1},
                 "section": sections,
-                "node": [self._node(grid, bodies.get(grid)) for grid in self.places.grids if grid in kept],
+                "node": [self._node(g, bodies.get(g)) for g in self.places.grids if g in kept] + pinned,
                 "strut": struts,
                 "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept]
                 + points,
@@ -216,7 +217,8 @@ class _Converter:
                     {"name": f"rigid_g{g}", "from": f"g{carrier}", "to": f"g{g}"}
                     for g, carrier in riders.items()
                 ]
-                + [c.table for c in tied if c.kind == "link"],
+                + [c.table for c in tied if c.kind == "link"]
+                + pins,
                 "interpolation": [c.table for c in tied if c.kind == "interpolation"],
                 "equation": [self._summed(c.table) for c in tied if c.kind == "equation"],
                 "load_case": cases,
@@ -381,12 +383,42 @@ class _Converter:
                 "to": f"g{carriers.get(bar.grids[1], bar.grids[1])}",
                 "up": bar.up / np.linalg.norm(bar.up),
             }
-            for key, grid, end in zip(("from_offset_m", "to_offset_m"), bar.grids, bar.ends, strict=True):
+            for k, (side, grid, end) in enumerate(zip(("from", "to"), bar.grids, bar.ends, strict=True)):
                 offset = end - self.places.grids[carriers.get(grid, grid)]
-                if np.any(offset):
-                    strut[key] = offset * self.units.length
+                if bar.released(k):
+                    strut[side] = f"{strut['name']}{'ab'[k]}"
+                elif np.any(offset):
+                    strut[f"{side}_offset_m"] = offset * self.units.length
             struts.append(strut)
         return sections, struts
+
+    def _pins(
+        self, bars: list[Bar], carriers: dict[int, int]
+    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Nodes of the ends that pins part from their grids, and the links that leave them free to move."""
+        nodes: list[dict[str, Any]] = []
+        links: list[dict[str, Any]] = []
+        for bar in bars:
+            for k, (grid, end) in enumerate(zip(bar.grids, bar.ends, strict=True)):
+                released = bar.released(k)
+                if not released:
+                    continue
+                name = f"{bar.entry.name[1:].lower()}{bar.entry.id}{'ab'[k]}"
+                x, y, z = end * self.units.length
+                axes = own_axes(bar.ends[1] - bar.ends[0], bar.up)
+                nodes.append({"name": name, "x_m": x, "y_m": y, "z_m": z})
+                links.append(
+                    {
+                        "name": f"pin_{name}",
+                        "from": f"g{carriers.get(grid, grid)}",
+                        "to": name,
+                        "along": "".join(a for a, c in zip("xyz", "123", strict=True) if c not in released),
+                        "about": "".join(a for a, c in zip("xyz", "456", strict=True) if c not in released),
+                        "x_axis": axes[:, 0],
+                        "y_axis": axes[:, 1],
+                    }
+                )
+        return nodes, links
 
     def _ties(
         self, ties: list[Tie], carriers: dict[int, int]

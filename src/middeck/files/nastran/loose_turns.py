@@ -34,7 +34,13 @@ def loose_turns(
     inertia. Where hinges without inertia only twist each other, by rods with a torsion constant, all turn
     freely together: no stiffness of a single grid shows it, and no shift depends on it.
     """
-    firm = {carriers.get(grid, grid) for bar in bars if _is_firm(bar) for grid in bar.grids}
+    firm = {
+        carriers.get(grid, grid)
+        for bar in bars
+        if _is_firm(bar)
+        for end, grid in enumerate(bar.grids)
+        if not _is_hinged(bar, end)
+    }
     stiffness = {grid: np.zeros((3, 3)) for grid in kept if grid not in firm}
     alive = {grid for grid in stiffness if grid in turning}
     twists: list[tuple[str, str]] = []
@@ -42,13 +48,13 @@ def loose_turns(
         shape = bar.section.shape
         ends = [carriers.get(grid, grid) for grid in bar.grids]
         for end, (grid, place) in enumerate(zip(ends, bar.ends, strict=True)):
-            if grid in firm:
+            if grid in firm or _is_hinged(bar, end):
                 continue
             arm = place - places.grids[grid]
             stiffness[grid] += _about(_end_stiffness(bar, end), arm)
             if shape.i1 > 0.0 or shape.i2 > 0.0 or arm.any() or (shape.j > 0.0 and ends[1 - end] in firm):
                 alive.add(grid)
-        if shape.j > 0.0 and not firm.intersection(ends):
+        if shape.j > 0.0 and not firm.intersection(ends) and not any(map(bar.released, (0, 1))):
             twists.append((f"{ends[0]}", f"{ends[1]}"))
     for tie in ties:
         turn = np.kron(np.eye(2), tie.axes)
@@ -64,6 +70,11 @@ def loose_turns(
         grid: _loose(K, held.get(grid, ""), places.displacement_axes(grid)) for grid, K in stiffness.items()
     }
     return {grid: turns for grid, turns in found.items() if turns.size}
+
+
+def _is_hinged(bar: Bar, end: int) -> bool:
+    """Whether pins let an end turn in every direction."""
+    return set("456") <= set(bar.released(end))
 
 
 def _is_firm(bar: Bar) -> bool:

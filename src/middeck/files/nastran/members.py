@@ -31,6 +31,10 @@ class Bar(NamedTuple):
     up: np.ndarray
     section: BarSection
 
+    def released(self, end: int) -> str:
+        """Components in its own axes that do not pass on at an end (PA, PB)."""
+        return "" if self.entry.name in ("CROD", "CONROD") else f"{self.entry[('pa', 'pb')[end]] or ''}"
+
     @property
     def length(self) -> float:
         """From end to end."""
@@ -157,8 +161,8 @@ class _Reader:
 
     def _representable(self, entry: Entry) -> None:
         for key in ("pa", "pb"):
-            if entry[key]:
-                self._say(entry, "released degrees of freedom (pins) are not converted yet", key)
+            if entry[key] and not set(f"{entry[key]}") <= set("123456"):
+                self._say(entry, "no list of components 1 to 6", key)
         if entry.name == "CBEAM" and (entry["sa"] or entry["sb"]):
             self._say(entry, "warping is not converted yet", "sa")
         offt = entry["offt"]

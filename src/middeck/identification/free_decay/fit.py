@@ -20,6 +20,9 @@ STEPS = 40  # of a search: of one mode it takes about five
 UNEXPLAINED = 0.5  # largest part of the energy that may be left
 TOLD = 25  # amplitudes of the result
 CLEAR = 3.0  # least amplitude told, in rms of the residual
+ITSELF = 0.1  # of its frequency: what is nearer to the mode belongs to it
+BAND = 9  # lines that count as one: a decaying oscillation is no sharp line
+LINE = 0.2  # of the energy of a residual in one band: another oscillation
 DEPTH = 0.005  # least amplitude at which rates change, of the largest
 
 
@@ -37,6 +40,7 @@ class FreeDecay:
         residual_rms: Of each decay.
         one_exponential_rms: Of all, where frequency and damping do not depend on the amplitude.
         coefficients: Of each of the two splines: one more than the shortest description has (Schwarz 1978).
+        warnings: Of another oscillation that is left: deviations do not count what it does to the mode.
     """
 
     amplitude: Float[np.ndarray, " amplitude"]
@@ -48,6 +52,7 @@ class FreeDecay:
     residual_rms: Float[np.ndarray, " decay"]
     one_exponential_rms: float
     coefficients: int
+    warnings: tuple[str, ...] = ()
 
 
 class _Fit(NamedTuple):
@@ -115,6 +120,28 @@ def fit_free_decay(
         residual_rms=unit * rms,
         one_exponential_rms=unit * float(np.sqrt(first.cost / total)),
         coefficients=best.splines,
+        warnings=_others(best.residual, sample_hz, float(value[0, -1])),
+    )
+
+
+def _others(
+    residual: list[Float[np.ndarray, " sample"]], sample_hz: float, mode_hz: float
+) -> tuple[str, ...]:
+    """A warning where much of what is left of the decays is in one narrow band, as noise never is.
+
+    What is left at the mode itself is no other oscillation.
+    """
+    longest = max(map(len, residual))
+    power = sum((np.abs(np.fft.rfft(e, longest)) ** 2 for e in residual), np.zeros(longest // 2 + 1))
+    near = np.convolve(power, np.ones(BAND), "same")
+    hz = np.arange(len(power)) * sample_hz / longest
+    k = int(np.argmax(np.where(np.abs(hz / mode_hz - 1.0) < ITSELF, 0.0, near)))
+    if not near[k] > (LINE + BAND / len(power)) * power.sum():
+        return ()
+    share = 100.0 * near[k] / power.sum()
+    return (
+        f"another oscillation near {hz[k]:.4g} Hz is left of the decays, {share:.0f} % of what one mode does "
+        "not explain: the deviations do not count what it does; filter it out",
     )
 
 

@@ -140,7 +140,7 @@ def coupled_section(
 
     >>> K = np.diag([1e6, 10.0, 20.0, 30.0])
     >>> K[0, 3] = K[3, 0] = 1e3  # the centroid is at y = -1 mm
-    >>> coupled_section(K, rho_A=0.1, rho_I_y=0.0, rho_I_z=0.0).EI_z
+    >>> float(coupled_section(K, rho_A=0.1, rho_I_y=0.0, rho_I_z=0.0).EI_z)
     30.0
     """
     check_stiffness(stiffness)
