@@ -165,11 +165,15 @@ def _same(a: Any, b: Any) -> bool:
             and isinstance(b, np.ndarray)
             and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc" and b.dtype.kind in "fc")
         )
-    return bool(a == b)
+    differ: Any = a != b  # of sparse arrays, where they do
+    return differ.nnz == 0 if hasattr(differ, "nnz") else not differ
 
 
 def _hash(self: Any) -> int:
-    parts = (a.tobytes() if isinstance(a, np.ndarray) else a for a in _fields(self))
+    parts = (
+        a.tobytes() if isinstance(a, np.ndarray) else a.data.tobytes() if hasattr(a, "tocsr") else a
+        for a in _fields(self)
+    )
     return hash((type(self).__name__, *parts))
 
 

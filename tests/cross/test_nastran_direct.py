@@ -120,6 +120,42 @@ def test_matrices_on_a_grid_that_follows_another(tmp_path, capfd):
     np.testing.assert_allclose(frequencies(tmp_path, "parts"), frequencies(tmp_path, "whole"), rtol=1e-8)
 
 
+TWO = "".join(f"GRID,{k + r},,{L * (k - 1)},{0.03 * r},0.\n" for r in (0, 10) for k in (1, 2, 3))
+TWO += "".join(bar(k) for k in (1, 2, 11, 12)) + PROPERTIES + "SPC1,1,123456,1,11\nCELAS2,90,1.E3,2,2,12,2\n"
+CHOSEN = "SPC = 1\nMPC = 7\n"
+PINNED = "MPC,7,13,2,1.,3,2,-1.\n"
+
+
+@pytest.mark.parametrize(
+    "constraints",
+    [
+        "MPC,7,50,2,1.,3,2,-1.\nMPC,7,13,2,1.,50,2,-1.\n",
+        "RBE3,60,,50,123,1.,123,3\nMPC,7,13,2,1.,50,2,-1.\n",
+        "RBE2,60,3,123,50\nMPC,7,13,2,1.,50,2,-1.\n",
+        "RBE2,60,3,123456,50\nMPC,7,13,2,1.,50,2,-1.\n",
+    ],
+)
+def test_constraints_that_meet_at_a_bare_grid_join_what_they_name(tmp_path, capfd, constraints):
+    """Two cantilevers whose tips move up together, told in one equation or by way of a grid of no body."""
+    for name, bulk in (("one", TWO + PINNED), ("two", TWO + f"GRID,50,,{2 * L},0.,0.\n" + constraints)):
+        ended = converted(
+            tmp_path, capfd, name, CHOSEN, bulk, "--environment", tmp_path / f"{name}-held.toml"
+        )
+        assert ended.code == 0, ended.err
+    np.testing.assert_allclose(frequencies(tmp_path, "two"), frequencies(tmp_path, "one"), rtol=1e-8)
+
+
+def test_hinges_of_a_truss_that_constraints_name_do_not_turn(tmp_path, capfd):
+    """A rod to a grid of two, the other by an equation: sqrt(k / (m + M)) along it, all else is held."""
+    bulk = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.,,23\nGRID,3,,2.,0.,0.,,23\nCROD,1,1,1,2\nPROD,1,1,1.E-4\n"
+    bulk += "MAT1,1,7.E10,,.3,0.\nCONM2,8,2,0,2.\nCONM2,9,3,0,3.\nSPC1,1,123,1\nMPC,7,3,1,1.,2,1,-1.\n"
+    ended = converted(tmp_path, capfd, "rod", CHOSEN, bulk, "--environment", tmp_path / "rod-held.toml")
+    assert ended.code == 0, ended.err
+    structure, around = md.load_setup(tmp_path / "rod.toml", tmp_path / "rod-held.toml")
+    omega = md.solve_modes(md.solve_equilibrium(structure, around)).omega
+    np.testing.assert_allclose(omega, [np.sqrt(7e6 / 5.0)], rtol=1e-9)
+
+
 @pytest.mark.parametrize("released", ["5", "56", "456", "26"])
 def test_a_pinned_end_is_a_row_of_its_own(tmp_path, capfd, released):
     """Two bars between walls, the second pinned to the first: its released components are unknowns apart."""

@@ -103,6 +103,36 @@ def test_other_verbs_take_one_too(
     assert "load cases are pull, settle" in ended.err
 
 
+@pytest.mark.filterwarnings("ignore:.*the mesh is coarse")
+def test_plants_are_those_of_the_load_case(
+    files: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    coarse = BOOM.replace("elements = 4", "elements = 1")
+    load = 'load = [{frame = "tip", force_n = [0.0, -2.0, 0.0], offset_m = [0.0, 0.0, 0.1]}]'
+    files[0].write_text(coarse.replace(load, ""))
+    heavy = tmp_path / "heavy.toml"
+    heavy.write_text(coarse.replace("x_m = 2.0", "x_m = 2.0, mass_kg = 1.5, cg_m = [0.0, 0.1, 0.0]"))
+    ports = ("--environment", files[1], "--count", "4")
+    asked = ("--input", "arm_rel", "--output", "arm_rel", "--at", "0.3,1", "--json")
+    bolted, built, bare = (
+        json.loads(middeck(capfd, "response", *where, *ports, *asked).out)["re"]
+        for where in ((files[0], "--load-case", "pull"), (heavy,), (files[0],))
+    )
+    np.testing.assert_allclose(bolted, built, rtol=1e-9)
+    assert np.abs(np.array(bare) / built - 1.0).max() > 1e-3
+    law, control = tmp_path / "law.json", ("--control", "arm_rel", "--measure", "arm_rel", "--authority", "1")
+    ended = middeck(capfd, "design", files[0], "--load-case", "pull", *ports, *control, "-o", law)
+    assert ended.code == 0
+    here, there = (
+        json.loads(middeck(capfd, "qualify", law, *where, *ports, "--json").out)["rows"][0]["rms"]
+        for where in ((files[0], "--load-case", "pull"), (heavy,))
+    )
+    assert here == pytest.approx(there, rel=1e-6)
+    ended = middeck(capfd, "qualify", law, law, "--load-case", "pull")
+    assert ended.code == 2
+    assert "--load-case is for articles" in ended.err
+
+
 @pytest.mark.parametrize("verb", ["level", "budget"])
 def test_verbs_that_cannot_use_a_case_say_so(
     verb: str, files: tuple[Path, Path], capfd: pytest.CaptureFixture[str]

@@ -309,6 +309,12 @@ def test_one_fault_is_named_with_its_place(tmp_path: Path, case: str) -> None:
     assert hint in fault.hint
 
 
+def test_an_inertia_that_rounding_left_unsymmetric_is_read(tmp_path: Path) -> None:
+    rounded = ("[0.06, 0.045, 0.07]", "[[0.06, 0.01, 0], [0.010000000000000002, 0.045, 0], [0, 0, 0.07]]")
+    inertia = load_structure(edited(tmp_path, DM, rounded)).nodes[0].body.inertia
+    np.testing.assert_array_equal(inertia, inertia.T)
+
+
 def test_an_unconnected_node(tmp_path: Path) -> None:
     path = written(tmp_path, "beam.toml", BEAM + '\n[[node]]\nname = "c"\nx_m = 2.0\n')
     (fault,) = faults_of(load_structure, path)

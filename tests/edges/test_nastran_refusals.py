@@ -279,6 +279,18 @@ def test_nothing_half_written(capfd, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.dat", "a.toml"]
 
 
+def test_nothing_is_written_that_cannot_be_used(capfd, tmp_path):
+    """An average of two grids turns with none about their line."""
+    path, article = (
+        write(tmp_path, "GRID,9,,1.,1.", "RBE3,7,,9,123456,1.,123,1,2", "CONM2,8,9,,1."),
+        tmp_path / "a.toml",
+    )
+    ended = middeck(capfd, "convert", path, "--units", "m-kg-s", "-o", article)
+    assert (ended.code, article.exists()) == (2, False)
+    assert "determine no turn along" in ended.err
+    assert str(path) in ended.err
+
+
 def test_masses_by_weight_and_length(tmp_path):
     """WTMASS goes to every mass: density, mass per length and bodies."""
     plain = convert(write(tmp_path, "PBAR,1,1,1.-4,1.-9,2.-9,2.-9,.1", bulk=[BULK[0], *BULK[2:]]))

@@ -23,6 +23,7 @@ from middeck.structure.gravity.budget import (
 )
 from middeck.structure.gravity.tracking import solve_spectrum
 from middeck.structure.model.article import AttachPoint, Joint, Section, Spring
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -308,6 +309,24 @@ def test_a_tilt_is_a_deformation():
     devices = tuple(Device(name=n, attach=n, force=f, stiffness=10.0, anchor=a) for n, a, f in lines)
     found = build_budget(*both(bar, Environment(title="lab", gravity=GRAVITY, devices=devices)))
     assert np.abs(found.share_hz[:, DEFORMATION]).max() > 1e-4
+
+
+def test_axes_of_a_clamp_change_no_budget():
+    """A hinge about z holds the same turns in axes turned about z."""
+    nodes = [node("root", (0, 0, 0)), node("tip", (1, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))]
+    beam = structure(
+        nodes, [member("root", "tip", TUBE, 2)], attach=[AttachPoint("tip", "tip", np.array([0, 0.1, 0]))]
+    )
+    budgets = []
+    for turn in (0.0, 0.7):
+        clamp = Clamp(node="root", about="xy", axes=rotation_exp(np.array([0.0, 0.0, turn])))
+        held = Environment(title="held", gravity=np.zeros(3), clamps=(clamp,))
+        device = Device(name="d", attach="tip", bounce_hz=0.5, cable_length=2.0, held="y")
+        hung = dataclasses.replace(held, title="lab", gravity=GRAVITY, devices=(device,))
+        budgets.append(build_budget(*(solve_modes(solve_equilibrium(beam, e)) for e in (held, hung))))
+    drawn, turned = budgets
+    np.testing.assert_allclose(turned.by_order, drawn.by_order, rtol=1e-6, atol=1e-6)
+    assert np.abs(drawn.by_order).max() > 1.0
 
 
 # What is refused

@@ -74,6 +74,18 @@ def test_a_heavy_node_is_doubted_whatever_its_inertia(tmp_path: Path):
             assert any(name in text and "kg" in text for text in doubts(wrong, tmp_path))
 
 
+def test_a_node_at_the_place_of_another_is_not_doubted(tmp_path: Path):
+    """What a link ties together there may be a point with a mass."""
+    tables = draw_article(np.random.default_rng(0))
+    twin = tables["node"][0] | {"name": "twin", "mass_kg": 0.1}
+    twin.pop("inertia_kg_m2", None)
+    tables["node"].append(twin)
+    tables["link"] = [{"from": tables["node"][0]["name"], "to": "twin", "about": ""}]
+    assert doubts(tables, tmp_path) == ()
+    twin["mass_kg"] = 1e4
+    assert any("'twin'" in text for text in doubts(tables, tmp_path))
+
+
 def test_environments_in_other_units_are_doubted():
     parts, lab = load_setup("articles/mace-simple.toml", "environments/lab.toml")
     assert doubt_environment(parts, lab) == ()

@@ -50,13 +50,17 @@ def gather_plants(
     environments: Sequence[str],
     law: Law,
     *,
+    case: str | None,
     count: int,
     overrides: Sequence[str],
     delay_s: float,
 ) -> Gathered:
     """Each article in each environment, and each model; all with ``delay_s`` added."""
-    if overrides and all(s.lower().endswith(".json") for s in sources):
-        raise ConfigError("--set is for articles and environments", hint="name an article, or leave it out")
+    unused = [key for key, given in (("--set", overrides), ("--load-case", case)) if given]
+    if unused and all(s.lower().endswith(".json") for s in sources):
+        raise ConfigError(
+            f"{unused[0]} is for articles and environments", hint="name an article, or leave it out"
+        )
     found: dict[str, Plant] = {}
     unknown: list[str] = []
     for source in sources:
@@ -68,7 +72,7 @@ def gather_plants(
         for environment in environments:
             name = f" in {Path(environment).stem}"
             found[_new_name(source, found, name)] = delay_plant(
-                _article(source, environment, law, count, overrides), delay_s
+                _article(source, environment, law, case, count, overrides), delay_s
             )
     return Gathered(found, tuple(unknown))
 
@@ -79,8 +83,10 @@ def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
     return source + end if short in found else short
 
 
-def _article(source: str, environment: str, law: Law, count: int, overrides: Sequence[str]) -> Plant:
-    modes = solve_case(source, environment, overrides, standstill=True)
+def _article(
+    source: str, environment: str, law: Law, case: str | None, count: int, overrides: Sequence[str]
+) -> Plant:
+    modes = solve_case(source, environment, overrides, case=case, standstill=True)
     tell_warnings(modes)
     structure = modes.equilibrium.model.structure
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))

@@ -150,7 +150,7 @@ def inertia_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
         raise PydanticCustomError("inertia", "not symmetric", allowed)
     if not np.linalg.eigvalsh(matrix)[0] > least * np.abs(matrix).max():
         raise PydanticCustomError("inertia", "not positive definite", allowed)
-    return tuple(tuple(row) for row in matrix.tolist())
+    return tuple(tuple(row) for row in (0.5 * (matrix + matrix.T)).tolist())
 
 
 def _numbers(value: Any) -> np.ndarray:

@@ -72,7 +72,6 @@ def verb(
     from middeck.files.nastran.assembly import has_superelements, read_assembly
     from middeck.files.nastran.convert import convert_deck, read_deck
     from middeck.files.nastran.units import parse_units
-    from middeck.structure.summary.summary import summarise
 
     if target and held_target and Path(target).resolve() == Path(held_target).resolve():
         raise click.UsageError("--output and --environment name one file")
@@ -94,8 +93,8 @@ def verb(
     made = convert_deck(source, known, chosen.mass_formulation, name, parts)
     if target and made.holds and not held_target:
         raise _not_held(source.path)
-    structure = _written(made, source, known, chosen.mass_formulation, target, held_target)
-    numbers = summary_numbers(summary := summarise(structure))
+    summary = _written(made, source, known, chosen.mass_formulation, target, held_target)
+    numbers = summary_numbers(summary)
     document = {
         "schema": "middeck.convert/1",
         "deck": deck,
@@ -167,7 +166,7 @@ def _written(
     target: str | None,
     held_target: str | None,
 ) -> Any:
-    """The structure as it is read back from the article; nothing is written where that fails."""
+    """What the article is, read back and meshed; nothing is written where that fails."""
     from tempfile import TemporaryDirectory
 
     from middeck.cli.blame import reading
@@ -175,6 +174,7 @@ def _written(
     from middeck.files.atomic import replacing
     from middeck.files.components import write_component
     from middeck.files.documents import load_setup
+    from middeck.structure.summary.summary import summarise
 
     head = (
         f"From {source.path} by middeck convert, units {units.name}.\n"
@@ -191,14 +191,14 @@ def _written(
         held = Path(folder) / "environment.toml"
         held.write_text(around, encoding="utf-8")
         with reading(source.path):
-            structure, _ = load_setup(trial, held)
+            summary = summarise(load_setup(trial, held)[0])
         for name in made.components if target else ():
             shutil.copyfile(Path(folder) / name, Path(target or "").parent / name)
     for path, content in ((target, text), (held_target, around)):
         if path is not None:
             with replacing(path) as file:
                 file.write_text(content, encoding="utf-8")
-    return structure
+    return summary
 
 
 def _blocks(document: dict[str, Any]) -> list[str | Table]:

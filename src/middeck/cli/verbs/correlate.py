@@ -44,6 +44,7 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 @options.article
 @click.argument("test", metavar="MODES")
 @options.environment
+@options.load_case
 @click.option(
     "--profile",
     type=click.Choice(PROFILES),
@@ -88,6 +89,7 @@ def verb(
     article: str,
     test: str,
     environment: str,
+    load_case: str | None,
     profile: str,
     limits: tuple[tuple[str, float], ...],
     reduction: str,
@@ -123,7 +125,7 @@ def verb(
     for name, limit in limits:
         quantity = Quantity[name.replace("-", "_").upper()]
         criteria = change_limit(criteria, quantity, limit, "--limit of the command line")
-    modes = solve_case(article, environment, overrides)
+    modes = solve_case(article, environment, overrides, case=load_case)
     if not measured.node:
         with reading(test):
             alone = compare_frequencies(modes, measured, criteria)

@@ -9,6 +9,7 @@ import click
 
 from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.cli.lqg import DesignedLoop
@@ -31,6 +32,7 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @click.command("design", cls=options.Verb, epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="ARTICLE|MODEL.json|RECORD...")
 @options.environment
+@options.load_case
 @options.count
 @click.option("--control", multiple=True, metavar="PORT", help="Input to drive; may be repeated.")
 @click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; same.")
@@ -64,6 +66,7 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 def verb(
     sources: tuple[str, ...],
     environment: str,
+    load_case: str | None,
     count: int,
     control: tuple[str, ...],
     measure: tuple[str, ...],
@@ -107,9 +110,10 @@ def verb(
         from middeck.cli.cases import solve_case
         from middeck.cli.plants import article_plant
 
-        plant, band_hz = article_plant(
-            solve_case(sources[0], environment, overrides, standstill=True), count, wanted
-        )
+        modes = solve_case(sources[0], environment, overrides, case=load_case, standstill=True)
+        plant, band_hz = article_plant(modes, count, wanted)
+    elif load_case is not None:
+        raise ConfigError("--load-case is for an article", hint="name an article, or leave it out")
     else:
         fitted = _fitted_plant(sources, settings, wanted)
         plant, band_hz, warnings = fitted.plant, fitted.band_hz, fitted.warnings

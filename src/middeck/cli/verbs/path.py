@@ -190,7 +190,7 @@ def _notes(document: dict[str, Any], stations: list[int]) -> list[str]:
         )
     if document["devices"] != "none" and not document["gravity_m_s2"][stations].any(axis=1).all():
         notes.append(
-            "in orbit devices are released, stiffness and moving mass: frequencies jump there, from a"
-            "\nthousandth of the gravity for which they were tuned"
+            "in orbit all supports but clamps are released, stiffness and moving mass: frequencies jump"
+            "\nthere, from a thousandth of the gravity for which devices were tuned"
         )
     return ["", *notes] if notes else []

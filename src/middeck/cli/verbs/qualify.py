@@ -37,6 +37,7 @@ AT_MOST = ("db", "control_rms")
     metavar="NAME|PATH",
     help="Environment of the articles; may be repeated.  [default: lab]",
 )
+@options.load_case
 @options.count
 @click.option(
     "--shift",
@@ -72,6 +73,7 @@ def verb(
     law_file: str,
     plants: tuple[str, ...],
     environments: tuple[str, ...],
+    load_case: str | None,
     count: int,
     required: tuple[str, ...],
     figure_file: str | None,
@@ -88,7 +90,9 @@ def verb(
     its data had one. --set takes the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
-    law, found, allowed, said = _qualify(law_file, plants, environments or ("lab",), count, overrides, given)
+    law, found, allowed, said = _qualify(
+        law_file, plants, environments or ("lab",), load_case, count, overrides, given
+    )
     rows = [_row(q) for q in found]
     document = describe(law_file, law, rows, requirements, said) | {"allowed_shift": allowed}
     if figure_file is not None:
@@ -112,6 +116,7 @@ def _qualify(
     law_file: str,
     sources: tuple[str, ...],
     environments: tuple[str, ...],
+    load_case: str | None,
     count: int,
     overrides: tuple[str, ...],
     given: dict[str, Any],
@@ -125,7 +130,9 @@ def _qualify(
 
     law = load_law(law_file)
     delay_s = 1e-3 * given["delay_ms"]
-    gathered = gather_plants(sources, environments, law, count=count, overrides=overrides, delay_s=delay_s)
+    gathered = gather_plants(
+        sources, environments, law, case=load_case, count=count, overrides=overrides, delay_s=delay_s
+    )
     allowed = allowed_shifts(gathered.plants, law) if given["limits"] else None
     plants = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))

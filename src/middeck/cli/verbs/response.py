@@ -30,6 +30,7 @@ Examples:
 @click.command("response", cls=options.Verb, epilog=EPILOG)
 @options.article
 @options.environment
+@options.load_case
 @click.option(
     "--input", "inputs", multiple=True, required=True, metavar="PORT", help="Actuator; may be repeated."
 )
@@ -58,6 +59,7 @@ Examples:
 def verb(
     article: str,
     environment: str,
+    load_case: str | None,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
     frequency_hz: tuple[float, ...],
@@ -81,7 +83,7 @@ def verb(
     from middeck.structure.plants.residual import compare_static_gain
     from middeck.systems.response import evaluate_plant
 
-    modes = solve_case(article, environment, overrides, count, standstill=True)
+    modes = solve_case(article, environment, overrides, count, load_case, standstill=True)
     u, y = options.separate_names(inputs), options.separate_names(outputs)
     with reading(find_case(article, environment)[0]):
         plant = build_plant(modes, inputs=u, outputs=y, count=count, static=static)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Container, Iterator
 from typing import Any, NamedTuple
 
@@ -24,16 +25,22 @@ SQUARE = 1e-14
 class Constraint(NamedTuple):
     """One constraint: the kind of its table in an article, that table, and what depends by which field.
 
-    It means nothing where a grid of ``defines`` carries nothing else.
+    ``moves`` are the components of grids that it joins. It means nothing where nothing else knows of all that
+    one of ``defines`` names.
     """
 
     kind: str
     table: dict[str, Any]
     entry: Entry
     key: str
-    grids: tuple[int, ...]
+    moves: tuple[tuple[int, str], ...]
     dependent: tuple[tuple[int, str], ...]
-    defines: tuple[int, ...]
+    defines: tuple[tuple[tuple[int, str], ...], ...]
+
+    @property
+    def grids(self) -> tuple[int, ...]:
+        """The grids that it joins."""
+        return tuple(dict.fromkeys(grid for grid, _ in self.moves))
 
 
 def read_constraints(deck: Deck, places: Places, faults: list[Fault]) -> list[Constraint]:
@@ -49,19 +56,25 @@ def read_constraints(deck: Deck, places: Places, faults: list[Fault]) -> list[Co
 
 
 def that_matter(constraints: list[Constraint], used: Container[int]) -> list[Constraint]:
-    """Those that do more than say how a grid moves on which nothing stands."""
+    """Those that do more than say how a grid moves on which nothing stands.
+
+    Two that share a motion of such a grid join what else they name.
+    """
     while True:
-        kept = [
-            c
-            for c in constraints
-            if all(
-                g in used or any(g in o.grids and g not in o.defines for o in constraints if o is not c)
-                for g in c.defines
-            )
-        ]
+        known = Counter(move for c in constraints for move in {(g, k) for g, some in c.moves for k in some})
+        alone = {move for move, count in known.items() if count == 1 and move[0] not in used}
+        kept = [c for c in constraints if not any(alone.issuperset(some) for some in c.defines)]
         if len(kept) == len(constraints):
             return kept
         constraints = kept
+
+
+def joined_components(constraints: list[Constraint]) -> dict[int, str]:
+    """The components, in its own axes, that constraints join of each grid."""
+    found: dict[int, set[str]] = {}
+    for grid, components in (move for c in constraints for move in c.moves):
+        found.setdefault(grid, set()).update(components)
+    return {grid: "".join(sorted(components)) for grid, components in found.items()}
 
 
 def check_dependent(
@@ -110,8 +123,9 @@ def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Const
             faults.append(entry.fault("a grid is named twice, which is not converted", "rest"))
         table = {"name": f"rbe3_{entry.id}", "frame": f"g{at}", **_directions(places, at, components)}
         table["follows"] = shares
+        joins = ((at, components), *((g, moves) for _, moves, found in groups for g in found))
         depends = tuple((at, c) for c in components)
-        yield Constraint("interpolation", table, entry, "refgrid", grids, depends, (at,))
+        yield Constraint("interpolation", table, entry, "refgrid", joins, depends, (depends,))
 
 
 def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[int]]]:
@@ -139,7 +153,17 @@ def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
         table = {"name": f"{entry.name.lower()}_{entry.id}_g{grid}", "from": f"g{carrier}", "to": f"g{grid}"}
         table |= _directions(places, grid, components)
         depends = tuple((grid, c) for c in components)
-        yield Constraint("link", table, entry, key, (carrier, grid), depends, (grid,))
+        joins = ((carrier, _carrying(places, carrier, grid, components)), (grid, components))
+        yield Constraint("link", table, entry, key, joins, depends, (depends,))
+
+
+def _carrying(places: Places, carrier: int, grid: int, components: str) -> str:
+    """What moves the ``components`` of ``grid``: shifts, and turns too but of a carrier at the same place."""
+    known = carrier in places.grids and grid in places.grids
+    turns = not set(components).isdisjoint("456")
+    apart = known and bool(np.any(places.grids[grid] != places.grids[carrier]))
+    shifts = not set(components).isdisjoint("123")
+    return ("123" if shifts else "") + ("456" if turns or (shifts and apart) else "")
 
 
 def _equations(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
@@ -157,9 +181,10 @@ def _equations(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Cons
                     total[direction] = total.get(direction, 0.0) + factor * cosine
         if terms:
             rows = [{"frame": f"g{g}", "direction": w, "coefficient": a} for (g, w), a in total.items()]
-            grids = tuple(dict.fromkeys(grid for grid, _, _ in terms))
+            joins = tuple((grid, component) for grid, component, _ in terms)
+            each = tuple((move,) for move in joins)
             table = {"name": f"mpc{entry.id}_{number}", "term": rows}
-            yield Constraint("equation", table, entry, "terms", grids, ((terms[0][0], terms[0][1]),), grids)
+            yield Constraint("equation", table, entry, "terms", joins, joins[:1], each)
 
 
 def _terms(entry: Entry, faults: list[Fault]) -> list[tuple[int, str, float]]:

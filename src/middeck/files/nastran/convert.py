@@ -17,7 +17,13 @@ from middeck.files.nastran.article_sections import (
     taper_notes,
 )
 from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses
-from middeck.files.nastran.constraints import Constraint, check_dependent, read_constraints, that_matter
+from middeck.files.nastran.constraints import (
+    Constraint,
+    check_dependent,
+    joined_components,
+    read_constraints,
+    that_matter,
+)
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.direct_input import NAME, direct_component
@@ -27,7 +33,7 @@ from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.members import NAMES, RODS, Bar, own_axes, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
-from middeck.files.nastran.rigid_links import find_carriers
+from middeck.files.nastran.rigid_links import ALL, find_carriers
 from middeck.files.nastran.sections_of_bars import read_material
 from middeck.files.nastran.ties import Tie, read_ties
 from middeck.files.nastran.units import Units, guess_units
@@ -149,6 +155,7 @@ class _Converter:
         raise_some(faults)
         linked = {g for c in tied for g in c.grids} | on_components
         riders = {g: carriers.pop(g) for g in self.places.grids if g in linked and g in carriers}
+        borne = {carriers.get(grid, grid) for grid in used}
         used |= linked | set(riders.values())
         if self.formulation == "lumped":
             masses += [half for bar in bars for half in lumps(bar)]
@@ -169,14 +176,29 @@ class _Converter:
             if grid in held and grid in kept
         ]
         self._leave("SPC, PS", len(held) - len(clamps), "at grids on which nothing stands")
+        # What constraints join is not loose; of grids on which nothing else stands all other motions are.
+        whole = dict.fromkeys({*on_components, *riders, *riders.values()}, ALL)
+        joins = joined_components(tied) | whole
+        taken = {grid: held.get(grid, "") + joins.get(grid, "") for grid in kept}
+        bare = {
+            g: "".join(sorted(set("123") - set(taken[g]))) for g in self.places.grids if g in linked - borne
+        }
+        bare = {grid: shifts for grid, shifts in bare.items() if shifts}
+        shifts = [clamp(grid, components, self.places) for grid, components in bare.items()]
         turning = {grid for grid, body in bodies.items() if _turns(body)}
-        found = loose_turns(kept, bars, ties, turning, held, carriers, self.places)
-        loose = {grid: found[grid] for grid in self.places.grids if grid in found.keys() - linked}
+        turning |= {grid for grid, components in joins.items() if not set(components).isdisjoint("456")}
+        found = loose_turns(kept, bars, ties, turning, taken, carriers, self.places)
+        loose = {grid: found[grid] for grid in self.places.grids if grid in found}
         turns = [turn_clamp(grid, directions) for grid, directions in loose.items()]
         if turns:
             named = some_names([f"{grid}" for grid in loose])
             self.notes.append(
                 f"nothing holds rotations of grid {named}: the environment holds them, as PARAM AUTOSPC does"
+            )
+        if bare:
+            named = some_names([f"{grid}" for grid in bare])
+            self.notes.append(
+                f"nothing holds shifts of grid {named}: the environment holds them, as PARAM AUTOSPC does"
             )
         document = _filled(
             {
@@ -230,7 +252,7 @@ class _Converter:
         converted["gravity"] = len(constants) and 1
         environment = {"schema": 1, "name": f"{name}-supports"}
         environment |= {"constants": constants} if constants else {}
-        environment |= {"clamp": clamps + turns, "bushing": grounds}
+        environment |= {"clamp": clamps + shifts + turns, "bushing": grounds}
         return Conversion(
             document,
             read,
@@ -384,7 +406,7 @@ class _Converter:
 
     def _sections(self, name: str, bar: Bar, sections: dict[str, dict[str, Any]]) -> dict[str, Any]:
         """Adds the sections of a property to ``sections``; what a strut says of them."""
-        rod = bar.entry.name in ("CROD", "CONROD")
+        rod = bar.entry.name in RODS
         made = article_sections(bar.section, rod, self.units, self.mass_unit, self.formulation)
         count = len(made.tables)
         named = [name] if count == 1 else [f"{name}_{k}" for k in range(1, count + 1)]

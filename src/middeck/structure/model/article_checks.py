@@ -103,7 +103,10 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
 def _bodies(structure: Structure) -> Iterator[str]:
     for part in (*structure.nodes, *structure.joints, *structure.masses):
         if not _possible(part.body):
-            yield f"{part.name!r} carries a body whose mass or inertia is negative or not a number"
+            yield (
+                f"{part.name!r} carries a body whose mass or inertia is negative or not a number, or whose "
+                "inertia is not symmetric to the last digit: take (I + I.T) / 2"
+            )
         elif not part.body.rotors_excluded and np.any(part.body.inertia):
             yield from _triangle(part.name, part.body.inertia)
 

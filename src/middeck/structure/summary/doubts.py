@@ -24,6 +24,7 @@ SLENDERNESS = (0.3, 1e4)  # length over radius of gyration: a disc, a cable
 STOUT = 3.0  # the same of the median member: a tube as long as it is wide
 DENSE, SLOW = 2500.0, 500.0  # kg/m^3, m/s: what is as dense as this is stiffer than lead (1200 m/s)
 ROOM = 3.0  # sides of a body over the clear distance that its node leaves between members
+SAME = 1e-6  # of half a cube: a node this near is at the same place
 STEEL = 7850.0  # kg/m^3
 OVERHANG = 2.0  # an offset from a frame's origin over the distance between the nodes farthest apart
 ROUNDING = 1e-6  # of the first frequency: what a comparison with a test never sees
@@ -115,11 +116,13 @@ def _point(node: Node, structure: Structure) -> Iterator[str]:
     """A mass without inertia: it is somewhere within its node, or out to where its centre stands."""
     mass, cg = node.body.mass, node.body.cg
     room = max(ROOM * node.size, 2.0 * float(np.linalg.norm(cg)))
+    reach = 0.5 * (mass / STEEL) ** (1.0 / 3.0)
     others = [np.linalg.norm(n.position - node.position - cg) for n in structure.nodes if n is not node]
-    nearest = float(min(others, default=np.inf))
+    # A node at the same place is what a link or a joint ties to it there.
+    nearest = float(min((d for d in others if d > SAME * reach), default=np.inf))
     if node.size > 0.0 and mass > BODY_DENSITY[1] * room**3:
         yield f"{node.name!r} carries {mass:.4g} kg on a node of {node.size:.3g} m: is its mass in kg?"
-    elif 0.5 * (mass / STEEL) ** (1.0 / 3.0) > nearest:
+    elif reach > nearest:
         yield (
             f"{node.name!r} carries {mass:.4g} kg: a solid steel cube of it would reach past the next node, "
             f"{nearest:.3g} m away; is its mass in kg?"
