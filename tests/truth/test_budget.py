@@ -99,7 +99,7 @@ def test_ends_of_the_cube_are_orbit_and_laboratory(bus: tuple[Modes, Modes]):
         # Rounding: the same terms in another order.
         assert abs(K - whole).max() <= 1e-14 * abs(whole).max()
         assert abs(M - mass).max() <= 1e-14 * abs(mass).max()
-        lam = solve_spectrum(rest.model, K, M, 30).lam[:30]
+        lam = solve_spectrum(rest.model, rest.config, K, M, 30).lam[:30]
         assert lam == pytest.approx(modes.omega[:30] ** 2, rel=1e-10, abs=1e-9)
 
 

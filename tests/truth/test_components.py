@@ -23,8 +23,9 @@ from middeck.structure.model.component import (
     rigid_mass,
 )
 from middeck.structure.modes.left_out import left_out
-from middeck.structure.sensitivity.parameters import list_parameters
-from middeck.structure.sensitivity.patches import make_patches
+from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.summary.summary import summarise
 from repeats import repeats
 from structure_builders import GRAVITY
@@ -234,11 +235,32 @@ def test_modal_mass_that_is_rounding():
     np.testing.assert_allclose(found[1][6:], found[0][6:], rtol=1e-9)
 
 
-def test_derivatives_are_refused():
-    article = with_component(*bent_beam(np.random.default_rng(1)), count=1)
-    rest = md.solve_equilibrium(article, md.Environment.orbit())
-    with pytest.raises(ConfigError, match="no derivatives of an article with reduced components"):
-        make_patches(rest.model, rest.environment, list_parameters(article, rest.environment)[:1])
+def test_derivatives_of_an_article_with_a_component_are_those_of_the_whole_solved_again():
+    """Hung, so that gravity bends it; all parameters at once, each by a part of its size."""
+    rng = np.random.default_rng(1)
+    article = with_component(*bent_beam(rng, 300.0), count=4)
+    lab = md.Environment(title="lab", gravity=0.3 * GRAVITY, clamps=(Clamp(node="a"),))
+    both = article, lab
+    wanted = ["node.c.mass", "node.c.cg.z", "node.c.position.y", "member.b-c.EI_y", "environment.gravity.*"]
+    parameters = find_parameters(*both, wanted)
+
+    def lam(article, lab) -> np.ndarray:
+        return md.solve_modes(md.solve_equilibrium(article, lab)).omega[:6] ** 2
+
+    def along(step: float) -> np.ndarray:
+        out = both
+        for p, w in zip(parameters, way, strict=True):
+            out = set_parameter(*out, p, p.value + step * w)
+        return lam(*out)
+
+    way = np.array([0.1, 0.1, 0.1, 30.0, 1.0, 2.0, -1.0])
+    found = differentiate_frequencies(md.solve_modes(md.solve_equilibrium(*both)), parameters, 6)
+    assert np.all(np.abs(found.d_lambda).max(axis=1) > 0.0)
+    h = 1e-3
+    want = (along(-2 * h) - 8.0 * along(-h) + 8.0 * along(h) - along(2 * h)) / (12.0 * h)
+    np.testing.assert_allclose(way @ found.d_lambda, want, rtol=1e-6, atol=1e-6 * np.abs(want).max())
+    with pytest.raises(ConfigError, match=r"node.b.position.x: it moves grids of component 'part' apart"):
+        differentiate_rest(md.solve_equilibrium(*both), find_parameters(*both, ["node.b.position.x"]))
 
 
 def test_what_is_seldom_meant_is_doubted():

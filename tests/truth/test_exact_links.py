@@ -29,15 +29,12 @@ from middeck.structure.model.article import (
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment, GroundBushing
 from middeck.structure.model.links import AnyLink, Equation, Interpolation, Link, Share, Term
-from middeck.structure.modes.craig_bampton import reduce_structure
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
 from middeck.structure.rest.link_loads import link_loads
 from middeck.structure.rest.statics import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
-from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.systems.plant import Plant
 from repeats import repeats
 from structure_builders import GRAVITY, TUBE, body, member, node, structure
@@ -420,16 +417,6 @@ def plant_response(plant: Plant, frequency_hz: np.ndarray) -> np.ndarray:
     s, system = 2j * np.pi * frequency_hz, plant.system
     one = np.eye(len(system.A))
     return np.array([system.C @ np.linalg.solve(x * one - system.A, system.B) + system.D for x in s])
-
-
-def test_what_does_not_know_links_says_so() -> None:
-    nodes = [node("a", ZERO, body(1.0)), node("b", (1, 0, 0), body(1.0, inertia=(1, 1, 1)))]
-    parts = linked(structure(nodes), Link(name="bar", first="a", second="b"))
-    modes = solve_modes(solve_equilibrium(parts, Environment.orbit()))
-    with pytest.raises(ConfigError, match=r"does not know links.*'bar'"):
-        differentiate_frequencies(modes, find_parameters(parts, Environment.orbit(), ["*"])[:1])
-    with pytest.raises(ConfigError, match=r"does not know links.*'bar'"):
-        reduce_structure(parts, ["a"], count=0)
 
 
 @pytest.mark.parametrize(

@@ -52,16 +52,16 @@ class Closing(NamedTuple):
     nearly: Int[np.ndarray, " nearly"]
     size: Float[np.ndarray, " row"]
 
-    def follow(self, value: Float[np.ndarray, " row"]) -> Float[np.ndarray, " coordinate"]:
+    def follow(self, value: Float[np.ndarray, "row ..."]) -> Float[np.ndarray, "coordinate ..."]:
         """Moves of the dependent coordinates that take ``value`` from the rows, to first order."""
-        out = np.zeros(len(self.independent))
+        out = np.zeros((len(self.independent), *value.shape[1:]))
         for block in self.blocks:
             out[block.dependent] = -np.linalg.solve(block.matrix, value[block.rows])
         return out
 
-    def multipliers(self, gradient: Float[np.ndarray, " coordinate"]) -> Float[np.ndarray, " row"]:
+    def multipliers(self, gradient: Float[np.ndarray, "coordinate ..."]) -> Float[np.ndarray, "row ..."]:
         """Factors of the rows that leave no gradient at the dependent coordinates; zero for spare rows."""
-        out = np.zeros(len(self.size))
+        out = np.zeros((len(self.size), *gradient.shape[1:]))
         for block in self.blocks:
             out[block.rows] = -np.linalg.solve(block.matrix.T, gradient[block.dependent])
         return out

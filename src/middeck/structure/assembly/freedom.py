@@ -78,6 +78,10 @@ class Freedom(NamedTuple):
         """Of displacements in W, one or more columns, the coordinates that move by themselves."""
         return (q if self.axes is None else self.axes.T @ q)[self.active]
 
+    def allowed(self, motions: Float[np.ndarray, "coordinate motion"]) -> np.ndarray:
+        """A basis of the combinations of ``motions`` in W that clamps, held joints and links allow."""
+        return motions @ _still(motions, motions - self.spread(self.coordinates(motions)))
+
     def beyond(self, load: np.ndarray) -> np.ndarray:
         """What the others take of ``load`` in W, that of links included: clamps, and joints that are held."""
         turned = load if self.axes is None else self.axes.T @ load

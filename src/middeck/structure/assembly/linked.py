@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Inexact
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly.closing import NEARLY, Closing, close_rows
 from middeck.structure.assembly.freedom import Freedom
-from middeck.structure.assembly.links import LinkState, link_state
+from middeck.structure.assembly.links import GROUND, LinkState, link_state
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import At, carried_turning, moved_since, poses_at, symmetric, transport
 from middeck.structure.elements.frames import Configuration, move_carried
@@ -47,37 +47,22 @@ def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
     return free if model.held is None else free & ~model.held.fixed
 
 
-def static_freedom(model: Model, config: Configuration | None = None, *, in_world: bool = False) -> Freedom:
-    """What moves in statics, see `static_coordinates`; with links at ``config``, in carried coordinates or W.
-
-    Raises `ConfigError` for an article with links where the caller knows of no configuration.
-    """
+def static_freedom(model: Model, config: Configuration, *, in_world: bool = False) -> Freedom:
+    """What moves in statics, see `static_coordinates`, at ``config``, in carried coordinates or W."""
     return _freedom(model, static_coordinates(model), config, in_world)
 
 
-def dynamic_freedom(model: Model, config: Configuration | None = None, *, in_world: bool = False) -> Freedom:
+def dynamic_freedom(model: Model, config: Configuration, *, in_world: bool = False) -> Freedom:
     """What moves in dynamics, see `dynamic_coordinates`; else as `static_freedom`."""
     return _freedom(model, dynamic_coordinates(model), config, in_world)
 
 
-def _freedom(model: Model, moving: np.ndarray, config: Configuration | None, in_world: bool) -> Freedom:
+def _freedom(model: Model, moving: np.ndarray, config: Configuration, in_world: bool) -> Freedom:
     axes = None if model.held is None else model.held.axes
     if model.links is None:
         return Freedom(moving, axes)
-    if config is None:
-        raise refused(model)
     close = _closing(model, links_at(model, config), config, moving, in_world=in_world)
     return Freedom(close.independent, axes, close.basis, moving)
-
-
-def refused(model: Model, what: str = "this computation") -> ConfigError:
-    """The error of what does not know links."""
-    names = ", ".join(repr(link.name) for link in model.structure.links[:3])
-    return ConfigError(
-        f"{what} does not know links, and the article has some: {names}",
-        where=f"structure {model.structure.title!r}",
-        hint="rest states, modes and plants do; take stiff bushings in the place of links here",
-    )
 
 
 def check_links(model: Model) -> None:
@@ -93,6 +78,11 @@ def check_links(model: Model) -> None:
             where=f"link {model.structure.links[int(model.links.link[row])].name!r}",
             hint="give places and axes with all their digits, or release what the others hold already",
         )
+
+
+def ties_to_ground(model: Model) -> bool:
+    """Whether an equation holds motions in W, which do not turn with the article."""
+    return model.links is not None and bool(np.any(model.links.ends[:, 0] == GROUND))
 
 
 def link_warnings(model: Model, config: Configuration) -> tuple[str, ...]:
@@ -142,6 +132,14 @@ def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Clos
     return state, _closing(model, state, config, static_coordinates(model))
 
 
+def close_links(
+    model: Model, config: Configuration, moving: Bool[np.ndarray, " coordinate"]
+) -> tuple[LinkState, Closing]:
+    """The links at ``config`` and which of the ``moving`` coordinates follow, in W."""
+    state = links_at(model, config)
+    return state, _closing(model, state, config, moving, in_world=True)
+
+
 def link_part(
     model: Model, config: Configuration, gradient: Float[np.ndarray, " coordinate"], *, in_world: bool
 ) -> tuple[Float[np.ndarray, " coordinate"], sp.csr_array]:
@@ -154,15 +152,31 @@ def link_part(
     state = _state(model, at, J, config)
     T = transport(config, model.tree)
     multiplier = multipliers(model, config, state, T.T @ gradient if in_world else gradient)
-    load = state.load(multiplier)
     pull = state.jacobian.T @ multiplier
-    bent = state.bent(multiplier, J)
-    bent = bent + model.pattern.matrix(J.data, {"turning": model.pose_map.second_order(at.poses, load)})
+    bent = _bent(model, at, J, state, multiplier)
     since = config.since_drawn
     if in_world or since is None or not since.carries:
-        return pull, symmetric(sp.csr_array(bent))
+        return pull, bent
     bent = T.T @ bent @ T + summed(carried_turning(model, at, since, pull), model.tree.size)
     return T.T @ pull, symmetric(sp.csr_array(bent))
+
+
+def bent_links(
+    model: Model, config: Configuration, multiplier: Inexact[np.ndarray, " row"]
+) -> tuple[LinkState, sp.csr_array]:
+    """The links at ``config``, and their second derivatives times multipliers, in W; analytic."""
+    assert model.links is not None
+    at = poses_at(model, config)
+    J = model.pose_map.jacobian(at.poses)
+    state = _state(model, at, J, config)
+    return state, _bent(model, at, J, state, multiplier)
+
+
+def _bent(model: Model, at: At, J: sp.csr_array, state: LinkState, multiplier: np.ndarray) -> sp.csr_array:
+    turning = model.pose_map.second_order(at.poses, state.load(multiplier))
+    return symmetric(
+        sp.csr_array(state.bent(multiplier, J) + model.pattern.matrix(J.data, {"turning": turning}))
+    )
 
 
 def multipliers(

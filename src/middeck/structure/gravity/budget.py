@@ -21,11 +21,13 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import inner_forces, mass_matrix, split_tangent
+from middeck.structure.assembly.linked import bent_links
 from middeck.structure.gravity.pairs import pair_modes
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.link_loads import rest_multipliers
 from middeck.values import record
 
 EFFECTS = ("suspension", "stiffness", "deformation")
@@ -132,7 +134,8 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     corner[:, 0, 0, 0] = start.lam
     for on in CORNERS[1:-1]:
         K, M = corner_matrices(start_at, lab.equilibrium, on)
-        found = track(start, solve_spectrum(model, K, M, count))
+        at = lab.equilibrium.config if on[-1] else start_at.config
+        found = track(start, solve_spectrum(model, at, K, M, count))
         corner[:, *on], match[:, *on] = found.spectrum.lam, found.match
     corner[:, 1, 1, 1], match[:, 1, 1, 1] = end.spectrum.lam, end.match
     rows = np.argsort(end.found, kind="stable")
@@ -162,6 +165,8 @@ def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[s
     parts = split_tangent(model, at, dataclasses.replace(lab.loads, gravity=gravity), forces)
     held = split_tangent(model, at, lab.loads, inside).device
     K = sp.csr_array(parts.material + parts.geometric + suspension * held)
+    if model.links is not None:  # their forces are inside too
+        K = sp.csr_array(K + bent_links(model, at, rest_multipliers(lab if stiffness else orbit))[1])
     return K, mass_matrix(model, at, lab.loads if suspension else None)
 
 

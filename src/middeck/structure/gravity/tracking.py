@@ -52,21 +52,16 @@ def spectrum_of(modes: Modes) -> Spectrum:
 
 
 def solve_spectrum(
-    model: Model,
-    K: sp.csr_array,
-    M: sp.csr_array,
-    count: int,
-    gradient: Float[np.ndarray, " coordinate"] | None = None,
+    model: Model, config: Configuration, K: sp.csr_array, M: sp.csr_array, count: int
 ) -> Spectrum:
-    """The ``count`` lowest modes of a tangent and a mass in all coordinates, ascending, unstable ones too.
+    """The ``count`` lowest modes of a tangent and a mass in W at ``config``, ascending, unstable ones too.
 
-    All modes of a small model. An omega^2 that is rounding alone, or no more than what the forces left in
-    ``gradient`` [N or N m] make, is exactly zero. Raises `NumericalError` where a massless motion
-    is held by nothing.
+    All modes of a small model. An omega^2 that is rounding alone is exactly zero. Raises `NumericalError`
+    where a massless motion is held by nothing.
     """
-    pairs = _pairs(dynamic_freedom(model), model, K, M, count, None)
-    noise = pairs.noise if gradient is None else rounding(model, model.rest, pairs, gradient)
-    return _spectrum(dynamic_freedom(model), pairs, noise, M, None)
+    free = dynamic_freedom(model, config, in_world=True)
+    pairs = _pairs(free, model, K, M, count, None)
+    return _spectrum(free, pairs, pairs.noise, M, None)
 
 
 def spectrum_at(

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import mass_matrix
+from middeck.structure.assembly.linked import ties_to_ground
 from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -53,6 +54,8 @@ def _feet(lab: Equilibrium, config: Configuration) -> Float[np.ndarray, "device 
 
 
 def _turn(orbit: Equilibrium, lab: Equilibrium) -> Float[np.ndarray, "3 3"]:
+    if ties_to_ground(lab.model):  # its equations hold motions along and about W
+        return np.eye(3)
     fit = _fit_rotation(orbit, lab.config)
     size = float(np.linalg.norm(lab.loads.gravity))
     if size == 0.0:

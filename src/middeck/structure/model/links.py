@@ -179,7 +179,7 @@ def fitted_body(
         x, y, z = arm
         d[:3, 3:] = np.array([[0.0 * x, z, -y], [-z, 0.0 * x, x], [y, -x, 0.0 * x]])
     for share in link.shares:
-        W = np.zeros((6, 6), np.result_type(arms, share.axes))
+        W = np.zeros((6, 6), np.result_type(arms, share.axes, np.asarray(share.weight)))
         for start, letters, size in ((0, share.along, 1.0), (3, share.about, mean**2)):
             n = share.axes[:, [LETTERS.index(letter) for letter in letters]]
             W[start : start + 3, start : start + 3] = share.weight * size * n @ n.T

@@ -25,7 +25,9 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.assembly.factorisation import Factor, order, positive_factor
-from middeck.structure.assembly.linked import dynamic_coordinates, refused
+from middeck.structure.assembly.linked import close_links, dynamic_coordinates
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
@@ -36,6 +38,8 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
 # rounding.
 DEPENDENT = 1e-10
+# Part of a row of links that a motion of the boundary may leave open.
+TIED = 1e-7
 # Modes asked for at first where a frequency limits them.
 FIRST = 16
 
@@ -93,8 +97,6 @@ def reduce_structure(
     _check_nodes(structure, nodes, boundary, residual, recover)
     at = solve_equilibrium(structure, Environment.orbit())
     model = at.model
-    if model.links is not None:
-        raise refused(model, "a reduction to a component")
     K = assemble(model, at.config, at.loads).tangent
     M = mass_matrix(model, at.config, at.loads)
     rows = (6 * np.array([nodes.index(b) for b in boundary])[:, None] + np.arange(6)).ravel()
@@ -102,12 +104,14 @@ def reduce_structure(
     rows = np.concatenate([rows, 6 * model.tree.roots + np.array(free, dtype=int)])
     inside = dynamic_coordinates(model)
     inside[rows] = False
-    interior = np.flatnonzero(inside)
-    psi, vectors, fixed, added, above = _basis(K, M, rows, interior, nodes, count, upto_hz, residual)
-    T = np.zeros((model.tree.size, len(rows) + vectors.shape[1]))
-    T[rows, np.arange(len(rows))] = 1.0
-    T[interior, : len(rows)], T[interior, len(rows) :] = psi, vectors
-    stiffness, mass = T.T @ (K @ T), T.T @ (M @ T)
+    motions = _independent(model, at.config, rows, inside)
+    K, M = (sp.csr_array(motions.T @ A @ motions) for A in (K, M))
+    loaded = (6 * np.array([nodes.index(r) for r in residual], dtype=int)[:, None] + np.arange(6)).ravel()
+    psi, vectors, fixed, added, above = _basis(K, M, len(rows), motions[loaded], count, upto_hz)
+    inner = np.eye(len(psi) + len(rows), len(rows) + vectors.shape[1])
+    inner[len(rows) :, : len(rows)], inner[len(rows) :, len(rows) :] = psi, vectors
+    T = motions @ inner
+    stiffness, mass = inner.T @ (K @ inner), inner.T @ (M @ inner)
     # Static motions of the boundary do no work on motions of the interior alone: what is left is rounding.
     stiffness[: len(rows), len(rows) :] = stiffness[len(rows) :, : len(rows)] = 0.0
     seen = (6 * np.array([nodes.index(r) for r in recover], dtype=int)[:, None] + np.arange(6)).ravel()
@@ -139,20 +143,41 @@ def _check_nodes(
             raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
 
 
+def _independent(model: Model, config: Configuration, rows: np.ndarray, inside: np.ndarray) -> sp.csr_array:
+    """How all coordinates follow ``rows``, those of the boundary, and those ``inside`` that links leave."""
+    unit = sp.csr_array(sp.eye_array(model.tree.size))
+    if model.links is None:
+        return sp.csr_array(unit[:, np.concatenate([rows, np.flatnonzero(inside)])])
+    state, close = close_links(model, config, inside)
+    C = state.jacobian
+    boundary = sp.csr_array(unit[:, rows] + sp.csr_array(close.follow(C[:, rows].toarray())))
+    left, scale = (abs(C @ boundary)).sum(axis=1), (abs(C) @ abs(boundary)).sum(axis=1)
+    worst = int(np.argmax(left - TIED * scale))
+    if left[worst] > TIED * scale[worst]:
+        raise ConfigError(
+            f"{state.rows.label[worst]} ties nodes of the boundary, or free joints, to each other: "
+            "in a component each moves by itself",
+            where="boundary",
+            hint="leave out what follows others, and give the link to the article that takes the component",
+        )
+    return sp.csr_array(sp.hstack([boundary, close.basis]))
+
+
 def _basis(
     K: sp.csr_array,
     M: sp.csr_array,
-    rows: np.ndarray,
-    interior: np.ndarray,
-    nodes: Sequence[str],
+    boundary: int,
+    loaded: sp.csr_array,
     count: int | None,
     upto_hz: float | None,
-    residual: Sequence[str],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, float]:
-    """Static motions, interior vectors, fixed frequencies [Hz], how many residuals, the next [Hz]."""
-    if not len(interior):
-        return np.zeros((0, len(rows))), np.zeros((0, 0)), np.zeros(0), 0, np.inf
-    Kii, Mii = (sp.csr_array(A[interior][:, interior]) for A in (K, M))
+    """Static motions, interior vectors, fixed frequencies [Hz], how many residuals, the next [Hz].
+
+    The first coordinates are those of the ``boundary``; ``loaded`` has the motions that residuals load.
+    """
+    if order(K) == boundary:
+        return np.zeros((0, boundary)), np.zeros((0, 0)), np.zeros(0), 0, np.inf
+    Kii, Mii = (sp.csr_array(A[boundary:][:, boundary:]) for A in (K, M))
     factor = positive_factor(Kii)
     if factor is None:
         raise NumericalError(
@@ -160,9 +185,9 @@ def _basis(
             where="boundary",
             hint="more boundary nodes, or springs at its joints",
         )
-    psi = -factor.solve(K[interior][:, rows].toarray())
+    psi = -factor.solve(K[boundary:][:, :boundary].toarray())
     lam, shapes, above = _fixed_modes(Kii, Mii, count, upto_hz)
-    chi = _residuals(factor, lam, shapes, interior, [nodes.index(r) for r in residual])
+    chi = _residuals(factor, lam, shapes, loaded[:, boundary:].toarray().T)
     vectors, added = _modal_form(Kii, Mii, shapes, chi)
     return psi, vectors, np.sqrt(lam) / (2.0 * np.pi), added, above
 
@@ -185,16 +210,9 @@ def _fixed_modes(
         wanted *= 2
 
 
-def _residuals(
-    factor: Factor, lam: np.ndarray, shapes: np.ndarray, interior: np.ndarray, nodes: Sequence[int]
-) -> np.ndarray:
+def _residuals(factor: Factor, lam: np.ndarray, shapes: np.ndarray, loads: np.ndarray) -> np.ndarray:
     """Static answers to unit loads less those of the modes kept, over the root of the energy of the whole."""
-    place = np.full(int(interior.max()) + 1, -1)
-    place[interior] = np.arange(len(interior))
-    loaded = [place[6 * node + k] for node in nodes for k in range(6) if 6 * node + k < len(place)]
-    loaded = [i for i in loaded if i >= 0]
-    loads = np.zeros((len(interior), len(loaded)))
-    loads[loaded, np.arange(len(loaded))] = 1.0
+    loads = loads[:, np.any(loads, axis=0)]
     whole = factor.solve(loads)
     size = np.sqrt(np.einsum("im,im->m", whole, loads))
     return (whole - shapes @ ((shapes.T @ loads) / lam[:, None])) / size

@@ -36,10 +36,14 @@ def link_loads(equilibrium: Equilibrium) -> tuple[LinkLoad, ...]:
     model = equilibrium.model
     if model.links is None:
         return ()
-    config = equilibrium.config
-    bare = assemble_carried(dataclasses.replace(model, links=None), config, equilibrium.loads).gradient
-    state = links_at(model, config)
-    load = -state.load(multipliers(model, config, state, bare))
+    load = -links_at(model, equilibrium.config).load(rest_multipliers(equilibrium))
     tied = [(link.name, frame) for link in model.structure.links for frame in link.frames]
     own = load[len(load) - len(tied) :]  # their points are the last ones
     return tuple(LinkLoad(*names, six[:3], six[3:]) for names, six in zip(tied, own, strict=True))
+
+
+def rest_multipliers(equilibrium: Equilibrium) -> Float[np.ndarray, " row"]:
+    """Multiplier at rest of each number that links hold; only for a model that has some."""
+    model, config = equilibrium.model, equilibrium.config
+    bare = assemble_carried(dataclasses.replace(model, links=None), config, equilibrium.loads).gradient
+    return multipliers(model, config, links_at(model, config), bare)

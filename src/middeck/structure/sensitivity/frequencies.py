@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import mass_matrix
+from middeck.structure.assembly.energy import assemble, mass_matrix
+from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -24,6 +25,7 @@ from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.rest import Moved, move_rest
+from middeck.structure.sensitivity.ties import Tied
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
 from middeck.values import record
 
@@ -77,9 +79,9 @@ def differentiate_frequencies(
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = group_modes(modes, count)
     pairs = _pairs(modes, groups)
-    values = _pair_derivatives(
-        modes.equilibrium, move_rest(modes.equilibrium, parameters), modes.shapes, pairs
-    )
+    moved = move_rest(modes.equilibrium, parameters)
+    values = _pair_derivatives(modes.equilibrium, moved, modes.shapes, pairs)
+    values += _of_ties(modes, moved, pairs)
     d_lambda = np.zeros((len(parameters), count))
     for group in groups:
         inside = [k for k, i in enumerate(pairs.left) if i in group]
@@ -121,6 +123,31 @@ def _pair_derivatives(
     return out + moved.motion.T @ (
         element_gradients(rest, shapes, *pairs) + tree_gradients(rest, shapes, *pairs)
     )
+
+
+def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:
+    """What links do to the lowest modes, in balance with (K - lambda M) phi."""
+    rest = modes.equilibrium
+    shapes, lam = modes.shapes[:, :count], modes.omega[:count] ** 2
+    load = assemble(rest.model, rest.config, rest.loads).tangent @ shapes - (modes.mass @ shapes) * lam
+    links = Tied.at(rest.model, rest.config, dynamic_coordinates(rest.model))
+    return links.multipliers(load)
+
+
+def _of_ties(modes: Modes, moved: Moved, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
+    """What links and components add, explicitly and by the way that the rest state moves."""
+    model = modes.equilibrium.model
+    if model.links is None and not model.components:
+        return np.zeros((len(moved.ties), len(pairs.lam)))
+    count = int(pairs.right.max(initial=-1)) + 1
+    shapes, held = modes.shapes[:, :count], mode_multipliers(modes, count)
+    out = []
+    for tie in moved.ties:
+        across = held.T @ (tie.slope @ shapes)
+        stiffness = shapes.T @ (tie.stiffness @ shapes) + across + across.T
+        inertia = shapes.T @ (tie.mass @ shapes)
+        out.append(stiffness[pairs.left, pairs.right] - pairs.lam * inertia[pairs.left, pairs.right])
+    return np.array(out).reshape(len(moved.ties), len(pairs.lam))
 
 
 def _explicit(moved: Moved, shapes: np.ndarray, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:

@@ -28,6 +28,7 @@ from middeck.structure.model.article import (
     Structure,
 )
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.links import Interpolation, Link
 from middeck.structure.model.section import CENTRES, INERTIA, STIFFNESS, Section
 from middeck.values import record
 
@@ -172,6 +173,7 @@ def _walk(structure: Structure, environment: Environment) -> Iterator[Parameter]
             yield from _fields(f"{kind}.{part.name}", part, ("structure", group, i), fields)
     for i, mass in enumerate(structure.masses):
         yield from _fields(f"mass.{mass.name}", mass.body, ("structure", "masses", i, "body"), BODY)
+    yield from _links(structure)
     yield from _ports("actuator", "actuators", structure.actuators)
     yield from _ports("sensor", "sensors", structure.sensors)
     yield from _damping(structure.damping)
@@ -228,6 +230,21 @@ def _joints(structure: Structure) -> Iterator[Parameter]:
             fields["stiffness"] = torque
         yield from _fields(f"joint.{joint.name}", joint, path, fields)
         yield from _fields(f"joint.{joint.name}", joint.body, (*path, "body"), BODY)
+
+
+def _links(structure: Structure) -> Iterator[Parameter]:
+    """Offset of a link, weights of an interpolation, coefficients of an equation; as drawn all links fit."""
+    for i, link in enumerate(structure.links):
+        path, name = ("structure", "links", i), f"link.{link.name}"
+        if isinstance(link, Link):
+            yield from _fields(name, link, path, {"offset": "m"})
+        elif isinstance(link, Interpolation):
+            for k, share in enumerate(link.shares):
+                yield from _fields(f"{name}.{share.frame}", share, (*path, "shares", k), {"weight": ""})
+        else:
+            for k, term in enumerate(link.terms):
+                at = f"{name}.{term.frame}.{term.direction}"
+                yield from _fields(at, term, (*path, "terms", k), {"coefficient": ""})
 
 
 def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterator[Parameter]:

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import Loads
 from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
@@ -62,17 +61,7 @@ class _Whole(NamedTuple):
 def make_patches(
     model: Model, environment: Environment, parameters: Sequence[Parameter]
 ) -> tuple[Patch, ...]:
-    """The patch of every parameter of ``model`` in ``environment``.
-
-    Raises `ConfigError` for an article with components: their matrices are no parameters, and what moves or
-    loads them is not differentiated.
-    """
-    if model.components:
-        raise ConfigError(
-            "no derivatives of an article with reduced components",
-            where=f"component {model.structure.components[0].name!r}",
-            hint="vary the parameter and solve again, or take the part as members",
-        )
+    """The patch of every parameter of ``model`` in ``environment``; links and components are in `ties`."""
     whole = _survey(model, environment)
     return tuple(
         _patch(whole, *set_parameter(model.structure, environment, p, p.value + STEP * 1j))
@@ -127,6 +116,8 @@ def _patch(whole: _Whole, structure: Structure, environment: Environment) -> Pat
             actuators=(),
             sensors=(),
             masses=tuple(m for m in structure.masses if whole.carrier[m.frame] in trees),
+            links=(),
+            components=(),
         )
     )
     roots = np.array([whole.frame[name] for name in part.frames[: part.tree.roots]], dtype=int)
@@ -169,9 +160,9 @@ def restrict(patch: Patch, config: Configuration) -> Configuration:
 
 
 def perturb_whole(model: Model, patch: Patch) -> Patch:
-    """The same perturbed structure with all that it has."""
+    """The same perturbed structure with all that it has but links, which are in `ties`."""
     return patch._replace(
-        model=lay_out(patch.structure),
+        model=lay_out(dataclasses.replace(patch.structure, links=())),
         roots=np.arange(model.tree.roots),
         joints=np.arange(len(model.tree.parent)),
         coordinates=np.arange(model.tree.size),

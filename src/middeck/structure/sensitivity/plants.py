@@ -63,7 +63,7 @@ def differentiate_plant(
     rest, count = modes.equilibrium, min(count, len(modes.omega))
     moved = move_rest(rest, parameters)
     perturbed = [perturbed_rest(rest, moved, p) for p in range(len(parameters))]
-    changes = differentiate_shapes(modes, parameters, perturbed, count)
+    changes = differentiate_shapes(modes, parameters, perturbed, moved.ties, count)
     return tuple(
         _of_parameter(modes, at, change, inputs, outputs, count)
         for at, change in zip(perturbed, changes, strict=True)

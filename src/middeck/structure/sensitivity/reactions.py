@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import assemble, energy_gradient, mass_matrix
 from middeck.structure.assembly.factorisation import factorise
-from middeck.structure.assembly.linked import static_freedom
+from middeck.structure.assembly.linked import static_coordinates, static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.pinned import (
@@ -38,6 +38,7 @@ from middeck.structure.sensitivity.patches import (
     restrict,
     spread_gradients,
 )
+from middeck.structure.sensitivity.ties import Tied, TieModel
 
 # Give of a support in one step, over that of the stiffest part; the next steps take it back.
 SUPPORT_GIVES = 1e-4
@@ -47,11 +48,12 @@ MAX_ITERATIONS = 30
 
 
 def differentiate_support(
-    rest: Equilibrium, patches: Sequence[Patch], drawn: np.ndarray
+    rest: Equilibrium, patches: Sequence[Patch], tied: Sequence[TieModel], drawn: np.ndarray
 ) -> list[np.ndarray | None]:
     """Support forces (pinned, 3) of every patch with their derivatives; None where nothing is tuned.
 
-    ``drawn`` are the derivatives of the undeformed configuration, a column a patch.
+    ``tied`` are the links and components of the patches, ``drawn`` the derivatives of the undeformed
+    configuration, a column a patch.
     """
     state = rest.suspension.pinned
     if state is None or not patches:
@@ -73,15 +75,24 @@ def differentiate_support(
         support_coordinates(p.model, config, s.pose, s.axis) - s.start
         for p, config, s in zip(patches, here, own, strict=True)
     ]
-    free = static_freedom(rest.model)
+    free = static_freedom(rest.model, state.config, in_world=True)
+    links = Tied.at(rest.model, state.config, static_coordinates(rest.model))
+    load = _hold(rest.model, state.supports, state.force)
+    multiplier = links.multipliers(energy_gradient(rest.model, state.config, loads, load))
+    ties = [
+        t.change(state.config, 0.0 * d, p.environment.gravity, multiplier + 0j)
+        for t, p, d in zip(tied, patches, drawn.T, strict=True)
+    ]
+    force = force + columns([t.gradient for t in ties], len(force))
+    base = drawn + links.follow(links.slope @ drawn + columns([t.value for t in ties], len(multiplier)))
     mass = mass_matrix(rest.model, state.config)
     hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
     change = _solve(
         free.matrix(at.tangent),
         sp.csr_array(hold),
         free.columns(G),
-        -free.part(force + at.tangent @ drawn),
-        -columns([derivative(s) for s in slip], len(rows)) - G @ drawn,
+        -free.part(force + at.tangent @ base),
+        -columns([derivative(s) for s in slip], len(rows)) - G @ base,
     )
     forces = (state.force + STEP * 1j * change[:, p] for p in range(len(patches)))
     points = int(state.supports.row.max()) + 1

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import Assembly, Loads, assemble, device_tension
-from middeck.structure.assembly.linked import refused
+from middeck.structure.assembly.energy import Assembly, Loads, assemble, device_tension, energy_gradient
+from middeck.structure.assembly.linked import static_coordinates
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -36,7 +36,10 @@ from middeck.structure.sensitivity.patches import (
 )
 from middeck.structure.sensitivity.reactions import differentiate_support
 from middeck.structure.sensitivity.static_solver import StaticSolver
+from middeck.structure.sensitivity.ties import TieChange, Tied, TieModel
 from middeck.values import record
+
+NO_LOAD = np.zeros(6)
 
 
 @record(kw_only=True)
@@ -68,6 +71,7 @@ class Moved(NamedTuple):
     motion: np.ndarray
     gradient: np.ndarray  # of the energy, in all coordinates: what joints hold
     still: tuple[tuple[Afloat, Assembly], ...]
+    ties: tuple[TieChange, ...]  # of links and components as the rest state moves
 
 
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
@@ -107,8 +111,6 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 
 def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     """The derivative of the rest state, with the patches that it came from."""
-    if rest.model.links is not None:
-        raise refused(rest.model, "a derivative")
     check_beside_devices(rest, "derivatives of the rest state")
     if np.any(rest.loads.push[:, 3:]):
         raise NumericalError(
@@ -118,13 +120,31 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
         )
     patches = make_patches(rest.model, rest.environment, parameters)
     drawn = columns([drawn_motion(rest.model, p) for p in patches], rest.model.tree.size)
-    forces = differentiate_support(rest, patches, drawn)
+    tied = [TieModel.of(rest.model, p) for p in patches]
+    for parameter, tie in zip(parameters, tied, strict=True):
+        tie.check_placed(parameter)
+    forces = differentiate_support(rest, patches, tied, drawn)
     tuned = [tune_suspension(p.model, p.environment, f) for p, f in zip(patches, forces, strict=True)]
     loads = [environment_loads(p.model, p.environment, t) for p, t in zip(patches, tuned, strict=True)]
     at = assemble(rest.model, rest.config, rest.loads)
     rafts = float_patches(patches, [restrict(p, rest.config) for p in patches], loads)
     still = tuple((at, assemble(at.raft.model, at.config, at.loads)) for at in rafts)
     explicit = spread_gradients(rest.model, patches, [(at, total.gradient) for at, total in still])
-    motion = drawn - StaticSolver.at(rest, at).solve(explicit + at.tangent @ drawn)
+    links = Tied.at(rest.model, rest.config, static_coordinates(rest.model))
+    held = links.multipliers(energy_gradient(rest.model, rest.config, rest.loads, NO_LOAD))
+    here = np.zeros(rest.model.tree.size)
+    before = [
+        tie.change(rest.config, here, load.gravity, held + 0j) for tie, load in zip(tied, loads, strict=True)
+    ]
+    explicit = explicit + columns([t.gradient for t in before], rest.model.tree.size)
+    motion = drawn + links.follow(links.slope @ drawn + columns([t.value for t in before], len(held)))
+    motion = motion - StaticSolver.at(rest, at).solve(explicit + at.tangent @ motion)
     gradient = explicit + at.tangent @ motion
-    return Moved(patches, tuple(tuned), tuple(loads), motion, gradient, still)
+    change = links.multipliers(gradient)
+    ties = tuple(
+        tie.change(rest.config, motion[:, p], load.gravity, held + STEP * 1j * change[:, p])
+        for p, (tie, load) in enumerate(zip(tied, loads, strict=True))
+    )
+    for parameter, tie in zip(parameters, ties, strict=True):
+        links.check_repeated(parameter, tie)
+    return Moved(patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties)

@@ -26,14 +26,15 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble, mass_matrix
 from middeck.structure.assembly.freedom import Freedom
-from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.assembly.linked import dynamic_coordinates, dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads
-from middeck.structure.sensitivity.frequencies import group_modes
+from middeck.structure.sensitivity.frequencies import group_modes, mode_multipliers
 from middeck.structure.sensitivity.parameters import Parameter
-from middeck.structure.sensitivity.patches import derivative, follow, perturb_whole
+from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
 from middeck.structure.sensitivity.rest import Moved, move_rest
+from middeck.structure.sensitivity.ties import TieChange, Tied
 from middeck.values import record
 
 
@@ -61,8 +62,8 @@ def differentiate_modes(
     rest state has no derivative.
     """
     moved = move_rest(modes.equilibrium, parameters)
-    perturbed = (perturbed_rest(modes.equilibrium, moved, p) for p in range(len(parameters)))
-    return tuple(differentiate_shapes(modes, parameters, list(perturbed), count))
+    perturbed = [perturbed_rest(modes.equilibrium, moved, p) for p in range(len(parameters))]
+    return tuple(differentiate_shapes(modes, parameters, perturbed, moved.ties, count))
 
 
 def perturbed_rest(rest: Equilibrium, moved: Moved, number: int) -> Equilibrium:
@@ -82,59 +83,75 @@ def perturbed_rest(rest: Equilibrium, moved: Moved, number: int) -> Equilibrium:
 
 
 def differentiate_shapes(
-    modes: Modes, parameters: Sequence[Parameter], perturbed: Sequence[Equilibrium], count: int | None
+    modes: Modes,
+    parameters: Sequence[Parameter],
+    perturbed: Sequence[Equilibrium],
+    ties: Sequence[TieChange],
+    count: int | None,
 ) -> Iterator[ModeSensitivity]:
-    """Mode derivatives at each of the ``perturbed`` rest states."""
+    """Mode derivatives at each of the ``perturbed`` rest states, with the change of their ``ties``."""
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
-    free = dynamic_freedom(modes.equilibrium.model)
-    pencil = _Pencil.of(modes, free)
+    rest = modes.equilibrium
+    pencil = _Pencil.of(modes)
+    links = Tied.at(rest.model, rest.config, dynamic_coordinates(rest.model))
+    held = mode_multipliers(modes, count)
     groups = group_modes(modes, count)
-    lam, shapes = modes.omega**2, free.coordinates(modes.shapes)
-    changes = [_changes(rest, free) for rest in perturbed]
+    lam, shapes = modes.omega**2, modes.shapes
+    changes = [_changes(at, tie) for at, tie in zip(perturbed, ties, strict=True)]
+    size = len(shapes)
     d_lambda = np.zeros((len(parameters), count, count))
-    d_shapes = np.zeros((len(parameters), modes.shapes.shape[0], count))
+    d_shapes = np.zeros((len(parameters), size, count))
     for group in groups:
         own = list(group)
         for i in own:
-            load = np.column_stack([dK @ shapes[:, i] - lam[i] * (dM @ shapes[:, i]) for dK, dM in changes])
-            turn = np.column_stack([shapes[:, own].T @ (dM @ shapes[:, i]) for _, dM in changes])
-            x = pencil.solve(lam[i], shapes[:, own], -load) - 0.5 * shapes[:, own] @ turn
-            d_shapes[:, :, i] = free.spread(x).T
-            d_lambda[:, own, i] = (shapes[:, own].T @ load).T
+            load = columns([dK @ shapes[:, i] - lam[i] * (dM @ shapes[:, i]) for dK, dM in changes], size)
+            load = load + columns([tie.slope.T @ held[:, i] for tie in ties], size)
+            slip = columns([tie.slope @ shapes[:, i] for tie in ties], len(held))
+            turn = columns([shapes[:, own].T @ (dM @ shapes[:, i]) for _, dM in changes], len(own))
+            x = pencil.solve(lam[i], shapes[:, own], -load, links.follow(slip))
+            d_shapes[:, :, i] = (x - 0.5 * shapes[:, own] @ turn).T
+            d_lambda[:, own, i] = (shapes[:, own].T @ load + held[:, own].T @ slip).T
     for parameter, small, change in zip(parameters, d_lambda, d_shapes, strict=True):
         yield ModeSensitivity(parameter, 0.5 * (small + small.T), change)
 
 
-def _changes(rest: Equilibrium, free: Freedom) -> tuple[sp.csr_array, sp.csr_array]:
-    """dK and dM of the coordinates that move."""
+def _changes(rest: Equilibrium, tie: TieChange) -> tuple[sp.csr_array, sp.csr_array]:
+    """dK and dM."""
     K = assemble(rest.model, rest.config, rest.loads).tangent
     M = mass_matrix(rest.model, rest.config, rest.loads)
     for matrix in (K, M):
         matrix.data = derivative(matrix.data)
-    return free.matrix(K), free.matrix(M)
+    return sp.csr_array(K + tie.bent), M
 
 
 class _Pencil(NamedTuple):
     K: sp.csr_array
     M: sp.csr_array
+    free: Freedom
 
     @staticmethod
-    def of(modes: Modes, free: Freedom) -> _Pencil:
+    def of(modes: Modes) -> _Pencil:
         rest = modes.equilibrium
-        K = assemble(rest.model, rest.config, rest.loads).tangent
-        return _Pencil(free.matrix(K), free.matrix(modes.mass))
+        free = dynamic_freedom(rest.model, rest.config, in_world=True)
+        return _Pencil(assemble(rest.model, rest.config, rest.loads).tangent, modes.mass, free)
 
-    def solve(self, lam: float, group: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """x of (K - lam M) x = load but for forces of the group, orthogonal to it in the mass."""
-        A = sp.csr_array(self.K - lam * self.M)
+    def solve(self, lam: float, group: np.ndarray, load: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """x of (K - lam M) x = load but for forces of the group and of links, orthogonal to it in the mass.
+
+        It differs from ``start`` by what links allow.
+        """
+        whole = sp.csr_array(self.K - lam * self.M)
+        A, own = self.free.matrix(whole), self.free.coordinates(group)
+        inside = self.free.part(load - whole @ start)
         diagonal = np.abs(A.diagonal())
         S = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        border = S[:, None] * (self.M @ group)
+        border = S[:, None] * (self.free.matrix(self.M) @ own)
         border = border / np.sqrt(np.einsum("im,im->m", border, border))
         scaled = sp.csr_array(sp.diags_array(S) @ A @ sp.diags_array(S))
         bordered = sp.csc_array(sp.block_array([[scaled, border], [border.T, None]]))
         factor: Any = spla.splu(bordered)
-        force = np.vstack([S[:, None] * load, np.zeros((group.shape[1], load.shape[1]))])
+        force = np.vstack([S[:, None] * inside, np.zeros((own.shape[1], load.shape[1]))])
         z = factor.solve(force)
         z += factor.solve(force - bordered @ z)
-        return S[:, None] * z[: len(load)]
+        x = start + self.free.spread(S[:, None] * z[: len(inside)])
+        return x - group @ (group.T @ (self.M @ start))

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, mass_matrix
 from middeck.structure.assembly.factorisation import Factor, factorise
-from middeck.structure.assembly.freedom import Freedom, allowed_motions
+from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.modes.eigen import ROUNDING
@@ -37,7 +37,7 @@ class StaticSolver(NamedTuple):
     @staticmethod
     def at(rest: Equilibrium, at: Assembly) -> StaticSolver:
         """At a rest state whose potential is ``at``."""
-        moves = static_freedom(rest.model)
+        moves = static_freedom(rest.model, rest.config, in_world=True)
         K = moves.matrix(at.tangent)
         M = moves.matrix(mass_matrix(rest.model, rest.config, rest.loads))
         free = _free_motions(rest, K, M, float(np.abs(moves.part(at.gradient)).max(initial=0.0)), moves)
@@ -76,7 +76,7 @@ def _free_motions(
 ) -> np.ndarray:
     """Rigid motions, joints held, that cost no energy but for rounding."""
     whole = rigid_columns(rest.model.tree, rest.config, rest.config.x.mean(axis=0))
-    T = moves.part(allowed_motions(rest.model.held, whole))
+    T = moves.coordinates(moves.allowed(whole))
     stiffness, size = T.T @ (K @ T), np.abs(T).T @ (abs(K) @ np.abs(T))
     lam, turn = sla.eigh(0.5 * (stiffness + stiffness.T), T.T @ (M @ T))
     motions = T @ turn

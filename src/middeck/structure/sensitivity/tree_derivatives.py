@@ -26,7 +26,9 @@ def tree_gradients(
 ) -> Float[np.ndarray, "coordinate pair"]:
     """Gradient of phi_i'(K - lambda M) phi_j of all trees and springs, as `element_gradients`."""
     structure, whole = rest.model.structure, rest.model.tree
-    trees = lay_out(dataclasses.replace(structure, members=(), actuators=(), sensors=()))
+    trees = lay_out(
+        dataclasses.replace(structure, members=(), actuators=(), sensors=(), links=(), components=())
+    )
     roots = trees.tree.roots
     here = np.concatenate([np.arange(6 * roots), 6 * whole.roots + np.arange(len(whole.parent))])
     carrier = [joint_chain(trees.tree, roots + j)[0] for j in range(len(whole.parent))]
