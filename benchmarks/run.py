@@ -30,7 +30,8 @@ where it is smaller: a ratio below one says that middeck is better, **above one*
 
 Times are CPU seconds on one thread. Errors are those against held-out data, the simulated system or, for the
 bus, the mesh limit to which two peers extrapolate. All cases, levels and versions:
-[benchmarks in full](benchmarks-in-full.md).
+[benchmarks in full](benchmarks-in-full.md). Measured hardware has a page of its own:
+[beside measured hardware](explanation/measured-hardware.md).
 Both pages are made by `make bench` from `benchmarks/results/*.json`; do not edit them.
 """
 HEAD = """# Benchmarks in full

@@ -115,7 +115,7 @@ def shapes() -> Figure:
     """Shapes of three modes of the development model in the laboratory, coloured by their motion."""
     coarse = md.load_structure(ROOT / "articles" / "mace-dm.toml", ["mesh.elements_per_strut=2"])
     rest = md.solve_equilibrium(coarse, case("mace-dm")[1])
-    drawing = md.draw_modes(md.solve_modes(rest), [8, 10, 12])
+    drawing = md.build_mode_drawing(md.solve_modes(rest), [8, 10, 12])
     return shapes_figure([drawing], [[Shown(0, i)] for i in range(3)])
 
 

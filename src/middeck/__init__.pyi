@@ -198,10 +198,10 @@ from .structure.model.clamps import Clamp as Clamp
 from .structure.model.component import Component as Component
 from .structure.model.environment import Environment as Environment
 from .structure.modes.craig_bampton import reduce_structure as reduce_structure
-from .structure.modes.drawn import (
+from .structure.modes.drawing import (
     Drawing as Drawing,
-    draw_modes as draw_modes,
-    draw_rest as draw_rest,
+    build_mode_drawing as build_mode_drawing,
+    build_rest_drawing as build_rest_drawing,
 )
 from .structure.modes.recovery import recover_outputs as recover_outputs
 from .structure.modes.solve import (

@@ -19,7 +19,7 @@ from middeck.files.vtu import vtu_text
 from middeck.plot.response import response_lines
 from middeck.plot.shapes import Shown, factor_of, label_of
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
-from middeck.structure.modes.drawn import draw_modes
+from middeck.structure.modes.drawing import build_mode_drawing
 from structure_builders import TUBE, straight_beam
 from trusses import truss
 
@@ -86,7 +86,7 @@ def page() -> ShapePage:
     """A beam in orbit beside the same one clamped; its bending has pairs of equal frequency."""
     beam = straight_beam(TUBE, 2.0, 3)
     free, held = (
-        draw_modes(md.solve_modes(md.solve_equilibrium(beam, where), 12), range(first, 12))
+        build_mode_drawing(md.solve_modes(md.solve_equilibrium(beam, where), 12), range(first, 12))
         for where, first in ((md.Environment.orbit(), 5), (md.Environment.clamped("a"), 0))
     )
     return ShapePage(
@@ -204,7 +204,7 @@ def test_forty_modes_of_three_hundred_members_stay_small() -> None:
     article = truss(24, 0.5, 0.5, 0.5, np.random.default_rng(1))
     assert len(article.members) >= 290
     modes = md.solve_modes(md.solve_equilibrium(article, md.Environment.orbit()), 16)
-    drawing = draw_modes(modes, range(6, 16))
+    drawing = build_mode_drawing(modes, range(6, 16))
     page = ShapePage(
         title="truss", drawings=(drawing,), sides=("",), rows=tuple((Shown(0, i),) for i in range(10))
     )

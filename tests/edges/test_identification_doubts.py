@@ -6,7 +6,7 @@ import pytest
 from middeck.errors import FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.search.doubts import doubts_of_deviations, doubts_of_model
+from middeck.identification.search.fit_warnings import doubts_of_deviations, doubts_of_model
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.covariance import as_exact
 from middeck.signals.excitation import random_multisine

@@ -14,7 +14,7 @@ from middeck.files.vtu import PARTS, write_vtu
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.model.article import Body, PointLoad, Section
-from middeck.structure.modes.drawn import Drawing, draw_modes, draw_rest
+from middeck.structure.modes.drawing import Drawing, build_mode_drawing, build_rest_drawing
 from middeck.structure.rest.equilibrium import Equilibrium
 from repeats import repeats
 from structure_builders import (
@@ -52,7 +52,7 @@ def of_member(drawing: Drawing) -> slice:
 def test_a_cantilever_is_drawn_with_its_own_deflection(axis: int, GA: float, elements: int) -> None:
     """P x^2 (3L - x)/(6 EI) + P x/GA: one element has it whole, between its ends too."""
     load = (0.0, P, 0.0) if axis == 1 else (0.0, 0.0, P)
-    drawing = draw_rest(clamped(dataclasses.replace(TUBE, GA_y=GA, GA_z=GA), elements, load))
+    drawing = build_rest_drawing(clamped(dataclasses.replace(TUBE, GA_y=GA, GA_z=GA), elements, load))
     x, at_rest = drawing.drawn[of_member(drawing)], drawing.rest[of_member(drawing)]
     s = x[:, 0]
     expected = P * s**2 * (3.0 * L - s) / (6.0 * 100.0) + P * s / GA
@@ -63,7 +63,7 @@ def test_a_cantilever_is_drawn_with_its_own_deflection(axis: int, GA: float, ele
 def test_a_bending_mode_is_the_closed_form_between_the_nodes() -> None:
     """Clamped and free: cosh - cos - 0.7341 (sinh - sin) with beta L = 1.8751; the mesh is good to 1e-4."""
     modes = md.solve_modes(clamped(TUBE, 4), 2)
-    drawing = draw_modes(modes, [0])
+    drawing = build_mode_drawing(modes, [0])
     s = drawing.drawn[of_member(drawing), 0] * 1.8751040687 / L
     exact = np.cosh(s) - np.cos(s) - 0.7340955 * (np.sinh(s) - np.sin(s))
     motion = drawing.motion[0, of_member(drawing)]
@@ -84,10 +84,10 @@ def test_points_move_as_the_article_does(seed: int) -> None:
     shape = rng.standard_normal((hung.model.tree.size, 1))
     modes = md.solve_modes(hung, 1)
     at = dataclasses.replace(hung, config=bare)
-    drawing = draw_modes(dataclasses.replace(modes, equilibrium=at, shapes=shape), [0])
+    drawing = build_mode_drawing(dataclasses.replace(modes, equilibrium=at, shapes=shape), [0])
     h = 1e-6
-    ends = [draw_rest(dataclasses.replace(at, config=move(hung.model.tree, bare, sign * h * shape[:, 0])))
-            for sign in (1.0, -1.0)]  # fmt: skip
+    moves = [move(hung.model.tree, bare, sign * h * shape[:, 0]) for sign in (1.0, -1.0)]
+    ends = [build_rest_drawing(dataclasses.replace(at, config=config)) for config in moves]
     moved = (ends[0].rest - ends[1].rest) / (2.0 * h)
     cables = {i for line in drawing.lines if line.what == "cable" for i in range(line.first, line.last)}
     rows = [i for i in range(len(moved)) if i not in cables]  # cut off at a length, not at a point
@@ -97,14 +97,14 @@ def test_points_move_as_the_article_does(seed: int) -> None:
 def test_all_that_stands_there_is_drawn() -> None:
     modes = md.solve_modes(md.solve_equilibrium(*md.load_setup(
         ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml")))  # fmt: skip
-    drawing = draw_modes(modes, range(10))
+    drawing = build_mode_drawing(modes, range(10))
     names = {what: [n.name for n in drawing.lines if n.what == what] for what in PARTS}
     assert names["member"] == ["n1-n2", "n2-n3", "n3-n4", "n4-n5"]
     assert names["cable"] == ["n1", "n3", "n5"]
     assert names["body"] == ["n1", "n2", "n3", "n4", "n5", "pri_x", "pri_z"]
     for line in (n for n in drawing.lines if n.what == "cable"):
         assert drawing.motion[:, line.last - 1].max() < drawing.motion[:, line.first].max()
-    torsion = draw_modes(modes, [modes.name.index("first torsion")])
+    torsion = build_mode_drawing(modes, [modes.name.index("first torsion")])
     section = max(
         np.abs(torsion.motion[0, n.first : n.last]).max() for n in torsion.lines if n.what == "section"
     )
@@ -113,7 +113,7 @@ def test_all_that_stands_there_is_drawn() -> None:
 
 def test_a_file_for_paraview_has_the_same_arrays(tmp_path: Path) -> None:
     modes = md.solve_modes(clamped(TUBE, 2), 3)
-    drawing = draw_modes(modes)
+    drawing = build_mode_drawing(modes)
     write_vtu(tmp_path / "a.vtu", drawing)
     piece = ElementTree.parse(tmp_path / "a.vtu").getroot().find(".//Piece")
     assert piece is not None
@@ -134,7 +134,7 @@ def test_a_file_for_paraview_has_the_same_arrays(tmp_path: Path) -> None:
 
 def test_an_article_without_members_is_drawn() -> None:
     rest = md.solve_equilibrium(rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3)), md.Environment.orbit())
-    drawing = draw_modes(md.solve_modes(rest))
+    drawing = build_mode_drawing(md.solve_modes(rest))
     assert [n.what for n in drawing.lines] == ["body"]
     assert np.isfinite(drawing.motion).all()
     assert mesh_structure(rest.model.structure).frames == rest.model.frames
@@ -149,7 +149,7 @@ def test_a_body_with_products_of_inertia_is_a_box_in_its_principal_axes():
     turned = Body(mass, np.array([0.05, 0.0, 0.0]), 0.5 * (inertia + inertia.T))
     far = node("far", (3.0, 0.0, 0.0), body(1.0))
     article = structure([node("b", (0.0, 0.0, 0.0), turned), far], [member("b", "far", TUBE, 1)])
-    drawing = draw_rest(md.solve_equilibrium(article, md.Environment.orbit()))
+    drawing = build_rest_drawing(md.solve_equilibrium(article, md.Environment.orbit()))
     (line,) = [line for line in drawing.lines if line.what == "body" and line.name == "b"]
     found = (drawing.drawn[line.first : line.last] - [0.05, 0.0, 0.0]) @ axes
     np.testing.assert_allclose(np.abs(found), np.tile(0.5 * sides, (len(found), 1)), rtol=1e-12)

@@ -9,7 +9,7 @@ from middeck.identification.model.measurement_model import (
     model_response,
     natural_hz,
 )
-from middeck.identification.search.doubts import doubts_of_deviations
+from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.parameters import stated, uncertainty_of
 from middeck.identification.uncertainty.unknowns import ModelStructure

@@ -15,7 +15,7 @@ from middeck.errors import ConfigError
 from middeck.files.documents import load_setup, load_structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.environment import AnchoredSpring, Device
-from middeck.structure.summary.environment_doubts import doubt_environment
+from middeck.structure.summary.environment_plausibility import doubt_environment
 from middeck.structure.summary.summary import summarise
 from structure_builders import body, node, structure
 

@@ -15,7 +15,7 @@ from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.mesh_error import mesh_warnings
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.summary.environment_doubts import doubt_environment
+from middeck.structure.summary.environment_plausibility import doubt_environment
 from middeck.structure.summary.summary import summarise
 
 # From this many coordinates on, all modes take longer than anybody waits for the few that are shown.

@@ -56,10 +56,10 @@ def draw_modes_to(modes: Modes, count: int, file: str, table: Sequence[Sequence[
     from middeck.files.vtu import write_vtu
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawn import draw_modes
+    from middeck.structure.modes.drawing import build_mode_drawing
 
     lowest = range(min(count, len(modes.omega)))
-    drawing = draw_modes(modes, [i for i in lowest if modes.kind[i] != "rigid"] or lowest)
+    drawing = build_mode_drawing(modes, [i for i in lowest if modes.kind[i] != "rigid"] or lowest)
     if file.lower().endswith(".vtu"):
         write_vtu(file, drawing)
         return
@@ -80,10 +80,10 @@ def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[s
     from middeck.files.vtu import write_vtu
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawn import draw_modes
+    from middeck.structure.modes.drawing import build_mode_drawing
 
     moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
-    drawing = draw_modes(found.parts, [*moving, *(len(found.kind) + i for i in moving)])
+    drawing = build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)])
     drawing = dataclasses.replace(drawing, alike=(1,) * len(drawing.number))
     if file.lower().endswith(".vtu"):
         write_vtu(file, drawing)
@@ -104,14 +104,17 @@ def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[s
 def draw_comparison_to(comparison: ModeComparison, file: str, warnings: Sequence[str]) -> None:
     """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawn import draw_modes
+    from middeck.structure.modes.drawing import build_mode_drawing
 
     orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
     alone = [j for j in range(comparison.count) if j not in pairs[:, 1] and lab.kind[j] != "rigid"]
     place = lab.equilibrium.environment.title
     page = ShapePage(
         title=f"Modes of {orbit.equilibrium.model.structure.title} in 0-g and in {place}",
-        drawings=(draw_modes(orbit, pairs[:, 0].tolist()), draw_modes(lab, [*pairs[:, 1].tolist(), *alone])),
+        drawings=(
+            build_mode_drawing(orbit, pairs[:, 0].tolist()),
+            build_mode_drawing(lab, [*pairs[:, 1].tolist(), *alone]),
+        ),
         sides=("0-g", place),
         rows=_pair_rows(comparison, len(alone)),
         warnings=tuple(warnings),

@@ -94,7 +94,7 @@ def _in_environment(
     from middeck.structure.modes.mesh_error import mesh_warnings
     from middeck.structure.modes.solve import solve_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium
-    from middeck.structure.summary.environment_doubts import doubt_environment
+    from middeck.structure.summary.environment_plausibility import doubt_environment
     from middeck.structure.suspension.attitude import estimate_attitude
     from middeck.structure.suspension.hanging import doubt_attitude, doubt_devices
 

@@ -86,14 +86,14 @@ def verb(
 def _draw(structure: Structure, found: Levelling, file: str) -> None:
     """How it hung and how it hangs, in one scale."""
     from middeck.plot.shapes import rest_figure
-    from middeck.structure.modes.drawn import draw_rest
+    from middeck.structure.modes.drawing import build_rest_drawing
     from middeck.structure.rest.equilibrium import solve_equilibrium
 
     before = solve_equilibrium(structure, found.equilibrium.environment)
     moved = ", ".join(
         f"{n}.{a} {1e3 * by:+.1f} mm" for (n, a), by in zip(found.moved, found.change, strict=True)
     )
-    drawn = [draw_rest(rest) for rest in (before, found.equilibrium)]
+    drawn = [build_rest_drawing(rest) for rest in (before, found.equilibrium)]
     figures.write_figure(
         rest_figure(drawn, ["before", f"after {moved}"]),
         file,

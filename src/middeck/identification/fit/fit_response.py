@@ -28,7 +28,7 @@ from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow
 from middeck.identification.problem.data import data_of
-from middeck.identification.search.doubts import (
+from middeck.identification.search.fit_warnings import (
     causal_delay,
     doubts_of_deviations,
     doubts_of_model,

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, double_pole
-from middeck.identification.search.doubts import LEFT
+from middeck.identification.search.fit_warnings import LEFT
 from middeck.identification.spectra.weights import by_output
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.systems.response import FrequencyResponse

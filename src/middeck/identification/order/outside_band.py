@@ -22,7 +22,7 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import WORSE, OrderChoice, Tried
 from middeck.identification.order.race import race, recommend_states
 from middeck.identification.problem.data import Data
-from middeck.identification.search.doubts import LEFT
+from middeck.identification.search.fit_warnings import LEFT
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread
 from middeck.systems.response import FrequencyResponse

@@ -39,7 +39,7 @@ from middeck.identification.record_fit.order import choose_record
 from middeck.identification.record_fit.search import WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
 from middeck.identification.record_fit.tidy import Tidied, tidied
-from middeck.identification.search.doubts import causal_delay, doubts_of_deviations
+from middeck.identification.search.fit_warnings import causal_delay, doubts_of_deviations
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.signals.excitation.driven import driven_band

@@ -1,1 +1,1 @@
-"""Mass, size and doubts of an article, before anything is solved."""
+"""Mass, size and plausibility of an article, before anything is solved."""

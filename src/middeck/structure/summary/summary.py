@@ -15,7 +15,7 @@ from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.component import body_of
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.model.section import mean_section
-from middeck.structure.summary.doubts import Measures, doubt_measures
+from middeck.structure.summary.plausibility import Measures, doubt_measures
 from middeck.values import record
 
 EPS = float(np.finfo(float).eps)

@@ -105,13 +105,13 @@ class Drawing:
         )
 
 
-def draw_rest(equilibrium: Equilibrium) -> Drawing:
-    """The article as drawn and at rest, without shapes."""
+def build_rest_drawing(equilibrium: Equilibrium) -> Drawing:
+    """Points and lines of the article as drawn and at rest, without shapes."""
     return _draw(equilibrium, np.zeros((equilibrium.model.tree.size, 0)), None, ())
 
 
-def draw_modes(modes: Modes, chosen: Sequence[int] | None = None) -> Drawing:
-    """The article with the ``chosen`` of its modes, by number; all of them by default."""
+def build_mode_drawing(modes: Modes, chosen: Sequence[int] | None = None) -> Drawing:
+    """Points and lines of the article with the ``chosen`` of its modes, by number; all by default."""
     numbers = tuple(range(len(modes.omega)) if chosen is None else chosen)
     return _draw(modes.equilibrium, modes.shapes[:, numbers], modes, numbers)
 
