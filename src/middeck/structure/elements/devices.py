@@ -40,6 +40,16 @@ class SpringState:
     geometric: Inexact[np.ndarray, "spring 3 3"]
 
 
+NO_SPRINGS = SpringState(
+    tension=np.zeros(0),
+    energy=np.zeros(0),
+    gradient=np.zeros((0, 3)),
+    excess=np.zeros((0, 3)),
+    material=np.zeros((0, 3, 3)),
+    geometric=np.zeros((0, 3, 3)),
+)
+
+
 def spring_state(
     law: SpringLaw,
     span: Inexact[np.ndarray, "spring 3"],
