@@ -75,7 +75,7 @@ class _ArrayField(NamedTuple):
 
     name: str
     optional: bool
-    kinds: frozenset[type]
+    kinds: frozenset[np.dtype[Any]]
     dims: tuple[str | int, ...] | None
 
 
@@ -103,17 +103,17 @@ def _lock_arrays(self: Any) -> None:
             object.__setattr__(self, field.name, array)
 
 
-def _as_locked(value: Any, kinds: frozenset[type]) -> np.ndarray:
+def _as_locked(value: Any, kinds: frozenset[np.dtype[Any]]) -> np.ndarray:
     """Float, complex, either of them as it comes (an ``Inexact`` annotation), or anything."""
-    if len(kinds) == 2:
-        dtype = np.result_type(np.asarray(value), float)
+    if type(value) is np.ndarray and (not kinds or value.dtype in kinds):
+        # One that is locked and no view of what is not, as those of other records are, needs no copy.
+        if value.base is None and not value.flags.writeable:
+            return value
+        array = np.array(value)
+    elif len(kinds) == 2:
+        array = np.array(value, dtype=np.result_type(np.asarray(value), float))
     else:
-        (dtype,) = kinds or (None,)
-    # One that is locked and no view of what is not, as those of other records are, needs no copy.
-    locked = type(value) is np.ndarray and not value.flags.writeable and value.base is None
-    if locked and (dtype is None or value.dtype == dtype):
-        return value
-    array = np.array(value, dtype=dtype)
+        array = np.array(value, dtype=next(iter(kinds), None))
     array.setflags(write=False)
     return array
 
@@ -139,7 +139,7 @@ def _array_fields(cls: type) -> tuple[_ArrayField, ...]:
         for option in options:
             if isinstance(option, type) and issubclass(option, jaxtyping.AbstractArray):
                 spec: Any = option
-                kinds = {"float64": float, "complex128": complex}
+                kinds = {"float64": np.dtype(float), "complex128": np.dtype(complex)}
                 given = frozenset(kinds[k] for k in spec.dtypes if k in kinds)
                 dims = tuple(int(d) if d.isdigit() else d for d in spec.dim_str.split())
                 found[name] = _ArrayField(name, type(None) in options, given, dims)

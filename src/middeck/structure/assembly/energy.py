@@ -44,6 +44,7 @@ from middeck.structure.elements.component import (
     component_state,
 )
 from middeck.structure.elements.devices import (
+    NO_SPRINGS,
     SpringLaw,
     SpringState,
     predicted_tension,
@@ -585,6 +586,8 @@ def _own_springs(
     model: Model, at: At, gradients: tuple[np.ndarray, np.ndarray], tension: np.ndarray | None
 ) -> SpringState:
     """The structure's own springs; adds to the gradient and to its excess."""
+    if not model.structure.springs:
+        return NO_SPRINGS
     start, end = model.spring_ends.T
     drawn, change = _own_span(model, at)
     state = spring_state(own_law(model), drawn + change, tension, (drawn, change))
@@ -597,7 +600,10 @@ def _own_springs(
 def _between(hessian: np.ndarray) -> np.ndarray:
     """Matrices of the difference of two translations, on both poses."""
     h = _translations(hessian)
-    return np.block([[h, -h], [-h, h]])
+    out = np.empty((len(h), 12, 12), h.dtype)
+    out[:, :6, :6] = out[:, 6:, 6:] = h
+    out[:, :6, 6:] = out[:, 6:, :6] = -h
+    return out
 
 
 def _at_attach_points(model: Model, loads: Loads, hessian: np.ndarray) -> np.ndarray:

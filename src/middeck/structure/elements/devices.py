@@ -42,9 +42,12 @@ class SpringState:
 
 # What most articles have: their state need not be computed in every assembly.
 NO_SPRINGS = SpringState(
-    **{name: np.zeros(0) for name in ("tension", "energy")},
-    **{name: np.zeros((0, 3)) for name in ("gradient", "excess")},
-    **{name: np.zeros((0, 3, 3)) for name in ("material", "geometric")},
+    tension=np.zeros(0),
+    energy=np.zeros(0),
+    gradient=np.zeros((0, 3)),
+    excess=np.zeros((0, 3)),
+    material=np.zeros((0, 3, 3)),
+    geometric=np.zeros((0, 3, 3)),
 )
 
 
