@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.linalg as sla
@@ -34,7 +34,7 @@ class ModeComparison:
         mac: Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
         pairs: (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
             cross-orthogonality over all modes: as in `build_budget`. One whose partner is not among the
-            lowest ``count`` has no pair.
+            lowest ``count``, or has less than a quarter of its shape, has no pair.
         ratio: Frequency lab over orbit of each pair.
         subspace_angle: Principal angles [rad], ascending, between the rigid-body modes and the suspension
             modes.
@@ -78,6 +78,9 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     paired = pair_modes(orbit, lab, count)
     found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
     pairs = np.array(found, dtype=int).reshape(-1, 2)
+    shares = shares_of(paired.start, lab)
+    told = tuple(_disputed(orbit, lab, pairs, shares))
+    pairs = pairs[[_in_common(lab, pair, shares)[0] >= COMMON for pair in pairs]]
     return ModeComparison(
         orbit=orbit,
         lab=lab,
@@ -87,7 +90,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
         pairs=pairs,
         ratio=lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
         subspace_angle=_subspace_angles(orbit, lab),
-        warnings=tuple(_disputed(orbit, lab, pairs, shares_of(paired.start, lab))),
+        warnings=told,
     )
 
 
@@ -120,20 +123,15 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
     f_0, f_1 = orbit.frequency_hz, lab.frequency_hz
     cure = f", or {CURE}" if lab.equilibrium.environment.hung else ""
     for i, j in pairs.tolist():
-        near = np.abs(f_1 - f_1[j]) <= ALIKE * f_1[j]
-        own = float(shares[i, near].sum())
-        others = np.where(near, 0.0, shares[i])
-        rival = int(np.argmax(others))
+        _, own, rival = _in_common(lab, (i, j), shares)
+        beside = shares[i, rival]
         a, b = f_1[j] / f_0[i], f_1[rival] / f_0[i]
         called = f"orbit mode {i} {orbit.name[i]!r} at {f_0[i]:.4g} Hz"
-        if max(own, others[rival]) < COMMON:
+        if max(own, beside) < COMMON:
+            yield f"{called} has no partner: the nearest, at {f_1[j]:.4g} Hz, has {own:.0%} of it in common"
+        elif beside >= RIVAL * own:
             yield (
-                f"{called} has no partner: the nearest, at {f_1[j]:.4g} Hz, has {own:.0%} of it in common, "
-                f"and their ratio {a:.4g} says nothing"
-            )
-        elif others[rival] >= RIVAL * own:
-            yield (
-                f"{called} has no one partner: {own:.0%} of it is at {f_1[j]:.4g} Hz and {others[rival]:.0%} "
+                f"{called} has no one partner: {own:.0%} of it is at {f_1[j]:.4g} Hz and {beside:.0%} "
                 f"at {f_1[rival]:.4g} Hz, so that its ratio is {a:.4g} or {b:.4g}; read the two as a pair of "
                 f"modes{cure}"
             )
@@ -143,6 +141,15 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
                 f"rigid body, where the article has changed its shape: its ratio {a:.4g} is of unlike modes; "
                 f"{CURE}, or follow it with middeck path"
             )
+
+
+def _in_common(lab: Modes, pair: Sequence[int], shares: np.ndarray) -> tuple[float, float, int]:
+    """The most that one mode has of the orbit mode's shape, what its partner has, and the next best mode."""
+    i, j = pair
+    near = np.abs(lab.frequency_hz - lab.frequency_hz[j]) <= ALIKE * lab.frequency_hz[j]
+    own, others = float(shares[i, near].sum()), np.where(near, 0.0, shares[i])
+    rival = int(np.argmax(others))
+    return max(own, float(others[rival])), own, rival
 
 
 def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
