@@ -10,7 +10,6 @@ from middeck.errors import ConfigError
 from middeck.files.nastran.convert import convert_deck
 from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.units import parse_units
-from repeats import LONG
 
 DECK = """\
 SOL 103
@@ -140,7 +139,7 @@ SI = parse_units("m-kg-s-N")
 def test_mutated_decks(tmp_path, campaign):
     path = tmp_path / "a.dat"
     assert check(path, DECK)
-    seeds = campaign(100_000 if LONG else 30_000)
+    seeds = campaign(100_000)
     converted = sum(check(path, mutated(seed, DECK)) for seed in seeds)
     # Comments, blanks and digits leave a deck whole; most slips do not.
     assert 0.1 < converted / len(seeds) < 0.7
