@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import middeck
-from cli_runner import ROOT, as_process
+from cli_runner import ROOT
 from cli_runner import middeck as run
 from middeck.cli.advice import on_command_line
 from middeck.cli.app import VERBS, verb_options
@@ -149,22 +149,29 @@ def test_article_and_environment_swapped_is_one_message(capfd: Capture) -> None:
     assert "are swapped" in run(capfd, "check", LAB, ARTICLE).err
 
 
-def test_the_laboratory_needs_no_file(tmp_path: Path) -> None:
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of the user's own, where the command runs."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_laboratory_needs_no_file(elsewhere: Path, capfd: Capture) -> None:
     """The one that is built in hangs the article as the repository's does."""
-    (tmp_path / "own.toml").write_bytes(ARTICLE.read_bytes())
-    ended = as_process("modes", "own.toml", "--environment", "lab", "--json", cwd=tmp_path)
-    named = as_process("modes", str(ARTICLE), "--environment", "lab", "--json", cwd=ROOT)
+    (elsewhere / "own.toml").write_bytes(ARTICLE.read_bytes())
+    ended = run(capfd, "modes", "own.toml", "--environment", "lab", "--json")
+    named = run(capfd, "modes", ARTICLE, "--environment", "lab", "--json")
     assert ended.code == 0
     assert ended.out == named.out
-    (tmp_path / "lab.toml").write_text(LAB.read_text().replace("bounce_hz = 0.25", "bounce_hz = 0.5"))
-    own = as_process("modes", "own.toml", "--environment", "lab", "--json", cwd=tmp_path)
+    (elsewhere / "lab.toml").write_text(LAB.read_text().replace("bounce_hz = 0.25", "bounce_hz = 0.5"))
+    own = run(capfd, "modes", "own.toml", "--environment", "lab", "--json")
     assert own.out != named.out
 
 
-def test_an_article_without_attach_points_hangs_in_no_laboratory(tmp_path: Path) -> None:
+def test_an_article_without_attach_points_hangs_in_no_laboratory(elsewhere: Path, capfd: Capture) -> None:
     text = ARTICLE.read_text()
-    (tmp_path / "own.toml").write_text(text[: text.index("\n[suspension]")])
-    ended = as_process("modes", "own.toml", "--environment", "lab", cwd=tmp_path)
+    (elsewhere / "own.toml").write_text(text[: text.index("\n[suspension]")])
+    ended = run(capfd, "modes", "own.toml", "--environment", "lab")
     assert ended.code == 2
     assert "no attach point to hang from" in ended.err
 
@@ -187,10 +194,10 @@ free_length_m = 1.0
 """
 
 
-def test_an_article_does_not_hang_from_ends_of_its_springs(tmp_path: Path) -> None:
+def test_an_article_does_not_hang_from_ends_of_its_springs(elsewhere: Path, capfd: Capture) -> None:
     text = ARTICLE.read_text()
-    (tmp_path / "own.toml").write_text(text[: text.index("\n[suspension]")] + TIED)
-    ended = as_process("modes", "own.toml", "--environment", "lab", cwd=tmp_path)
+    (elsewhere / "own.toml").write_text(text[: text.index("\n[suspension]")] + TIED)
+    ended = run(capfd, "modes", "own.toml", "--environment", "lab")
     assert ended.code == 2
     assert "no attach point to hang from" in ended.err
     assert "clamps" in ended.err

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +48,26 @@ def lab_article(name: str, elements: int = 2) -> tuple[Structure, Environment]:
     return dataclasses.replace(article, members=members), md.load_environment(ROOT / "environments/lab.toml")
 
 
+def all_moved(
+    article: Structure, place: Environment, parameters: Sequence[Parameter], way: np.ndarray
+) -> tuple[Structure, Environment]:
+    """All parameters moved by as many of their sizes as ``way`` says; those that scale come last."""
+    for p, far in sorted(zip(parameters, way, strict=True), key=lambda pair: pair[0].scales):
+        article, place = set_parameter(article, place, p, p.value + far * size(p))
+    return article, place
+
+
+def directions(count: int) -> np.ndarray:
+    """Each parameter by itself in `make test-all`; else all of them together, in two ways of random signs."""
+    return np.eye(count) if LONG else np.random.default_rng(1993).choice([-1.0, 1.0], (2, count))
+
+
+def along(values: Callable[[np.ndarray], np.ndarray], way: np.ndarray, step: float) -> np.ndarray:
+    """Derivative along ``way`` of two central differences: an error of order step^4."""
+    near, far = ((values(h * way) - values(-h * way)) / (2.0 * h) for h in (0.5 * step, step))
+    return (4.0 * near - far) / 3.0
+
+
 def central(values: Callable[[float], np.ndarray], parameter: Parameter, step: float) -> np.ndarray:
     h = step * size(parameter)
     return (values(parameter.value + h) - values(parameter.value - h)) / (2.0 * h)
@@ -76,8 +96,6 @@ SIMPLE = [
     *("node.n1.mass", "node.n5.cg.x", "node.n3.inertia.xx", "node.n3.position.z", "member.n2-n3.EI_z"),
     *("member.n3-n4.GJ", "member.n4-n5.rho_A", "attach.n3.offset.y"),
 ]
-# A pendulum and the bounce lie 1 % apart: their own parameters bend the curve of frequency.
-BENT = ("environment.gravity.y", "environment.bounce_hz", "joint.pri_z.mass")
 
 
 @pytest.mark.parametrize(("name", "names"), [("mace-dm", BOTH + GIMBAL), ("mace-simple", BOTH + SIMPLE)])
@@ -88,19 +106,14 @@ def test_frequencies_of_the_articles(name, names):
     assert len(parameters) == 25
     found = differentiate_frequencies(solve(article, lab, 20), parameters)
 
-    def difference(p: Parameter) -> np.ndarray:
-        # Steps at which the rounding of the slowest pendulum is a third of the tolerance.
-        scheme, step = (richardson, 5e-4) if p.name in BENT else (central, 2.5e-4)
-        return scheme(lambda v: solve(*set_parameter(article, lab, p, v), 20).omega ** 2, p, step)
+    def squares(moved: np.ndarray) -> np.ndarray:
+        return solve(*all_moved(article, lab, parameters, moved), 20).omega ** 2
 
     by_size = found.d_lambda * np.array([size(p) for p in parameters])[:, None]
-    # What both articles have is moved in the first; in both by `make test-all`.
-    moved = [i for i, p in enumerate(parameters) if LONG or name == "mace-dm" or p.name not in BOTH]
-    expected = np.array([difference(parameters[i]) * size(parameters[i]) for i in moved])
-    error = np.abs(by_size[moved] - expected) / np.abs(by_size).max(axis=0)
-    worst = moved[int(np.argmax(error.max(axis=1)))]
-    # The issue's: a millionth of the largest derivative of that frequency.
-    assert error.max() < 1e-6, parameters[worst].name
+    for way in directions(len(parameters)):
+        error = np.abs(way @ by_size - along(squares, way, 5e-4)) / np.abs(by_size).max(axis=0)
+        # The issue's: a millionth of the largest derivative of that frequency.
+        assert error.max() < 1e-6, [p.name for p, w in zip(parameters, way, strict=True) if w]
 
 
 def all_kinds_of_springs() -> tuple[Structure, Environment]:
@@ -196,17 +209,18 @@ def test_all_kinds_of_springs():
         [motion, angle, rest.reaction, rest.stiffness, rest.holding_torque, rest.tension, squares]
     )
 
-    def values(v: float, p: Parameter) -> np.ndarray:
-        modes = solve(*set_parameter(article, place, p, v), 17)
+    def values(moved: np.ndarray) -> np.ndarray:
+        modes = solve(*all_moved(article, place, parameters, moved), 17)
         at = modes.equilibrium
         held = (at.suspension.reaction, at.suspension.stiffness, at.holding_torque, at.tension)
         return np.concatenate([at.config.x.ravel(), at.config.angle, *held, modes.omega**2])
 
     sizes = np.array([size(p) for p in parameters])
-    expected = np.array([richardson(lambda v, p=p: values(v, p), p, 2e-3) for p in parameters]).T
-    largest = np.abs(expected * sizes).max(axis=1) + 1e-9  # what no parameter moves: rounding
-    error = (np.abs(found - expected) * sizes).max(axis=1) / largest
-    assert error.max() < 1e-6  # the issue's
+    by_size = found * sizes
+    largest = np.abs(by_size).max(axis=1) + 1e-9  # what no parameter moves: rounding
+    for way in directions(len(parameters)):
+        error = np.abs(by_size @ way - along(values, way, 2e-3)) / largest
+        assert error.max() < 1e-6  # the issue's
 
 
 def test_pendulum():
@@ -357,21 +371,28 @@ def test_shapes_and_plant_of_an_article():
     parameters = find_parameters(article, lab, [*PLANT, "sensor.bus_z.axis.x", "actuator.bus_y.axis.z"])
     shapes = differentiate_modes(modes, parameters, 17)
     plants = differentiate_plant(modes, parameters, count=17, **ports)
-    for p, shape, plant in zip(parameters, shapes, plants, strict=True):
+    sizes = np.array([size(p) for p in parameters])
 
-        def values(v: float, p: Parameter = p) -> list[np.ndarray]:
-            at = solve(*set_parameter(article, lab, p, v))
-            modal = build_plant(at, count=17, **ports).dynamics
-            system = modal_to_statespace(modal)
-            return [at.shapes[:, apart], modal.zeta[apart], *_apart(system.A, system.B, system.C, apart)]
+    def values(moved: np.ndarray) -> np.ndarray:
+        at = solve(*all_moved(article, lab, parameters, moved))
+        modal = build_plant(at, count=17, **ports).dynamics
+        system = modal_to_statespace(modal)
+        parts = [at.shapes[:, apart], modal.zeta[apart], *_apart(system.A, system.B, system.C, apart)]
+        return np.concatenate([x.ravel() for x in parts])
 
-        found = [shape.d_shapes[:, apart], plant.zeta[apart], *_apart(plant.A, plant.B, plant.C, apart)]
-        flat = richardson(lambda v, f=values: np.concatenate([x.ravel() for x in f(v)]), p, 4e-3)
-        stops = np.cumsum([x.size for x in found])[:-1]
-        for mine, theirs in zip(found, np.split(flat, stops), strict=True):
+    pairs = zip(shapes, plants, strict=True)
+    found = [
+        [shape.d_shapes[:, apart], plant.zeta[apart], *_apart(plant.A, plant.B, plant.C, apart)]
+        for shape, plant in pairs
+    ]
+    stops = np.cumsum([x.size for x in found[0]])[:-1]
+    for way in directions(len(parameters)):
+        flat = along(values, way, 4e-3)
+        for mine, theirs in zip(zip(*found, strict=True), np.split(flat, stops), strict=True):
+            each = [w * s * x.ravel() for w, s, x in zip(way, sizes, mine, strict=True)]
             # The issue's, of the largest derivative in the matrix; beside it rounding over the step.
-            scale = np.abs(theirs).max() + 1e-2 / size(p)
-            np.testing.assert_allclose(mine.ravel(), theirs, atol=1e-6 * scale, err_msg=p.name)
+            scale = max(np.abs(x).max() for x in each) + 1e-2
+            np.testing.assert_allclose(sum(each), theirs, atol=1e-6 * scale)
 
 
 def _apart(A: np.ndarray, B: np.ndarray, C: np.ndarray, modes: np.ndarray) -> list[np.ndarray]:
@@ -450,13 +471,14 @@ def test_ratios_that_follow_the_shapes():
     parameters = find_parameters(article, place, [*own, "node.b.mass", "spring.stay.stiffness"])
     plants = differentiate_plant(solve(article, place), parameters, inputs=[], outputs=[], count=12)
     apart = np.arange(3, 12)  # the slowest two swings are near to each other
-    for p, plant in zip(parameters, plants, strict=True):
+    sizes = np.array([size(p) for p in parameters])
 
-        def ratios(v: float, p: Parameter = p) -> np.ndarray:
-            at = solve(*set_parameter(article, place, p, v))
-            return build_plant(at, inputs=[], outputs=[], count=12).dynamics.zeta[apart]
+    def ratios(moved: np.ndarray) -> np.ndarray:
+        at = solve(*all_moved(article, place, parameters, moved))
+        return build_plant(at, inputs=[], outputs=[], count=12).dynamics.zeta[apart]
 
-        expected = richardson(ratios, p, 2e-3)
+    by_size = np.array([plant.zeta[apart] for plant in plants]) * sizes[:, None]
+    for way in directions(len(parameters)):
         # The issue's; beside it the rounding of the shapes over the step.
-        scale = np.abs(expected).max() + 1e-2 / size(p)
-        np.testing.assert_allclose(plant.zeta[apart], expected, atol=1e-6 * scale, err_msg=p.name)
+        scale = np.abs(way[:, None] * by_size).max() + 1e-2
+        np.testing.assert_allclose(way @ by_size, along(ratios, way, 2e-3), atol=1e-6 * scale)
