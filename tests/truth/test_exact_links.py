@@ -10,7 +10,7 @@ import scipy.linalg as sla
 import scipy.optimize as so
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.assembly.energy import assemble, assemble_carried
+from middeck.structure.assembly.energy import assemble, assemble_carried, mass_matrix
 from middeck.structure.assembly.linked import closed, links_at, static_freedom
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import move_carried
@@ -483,3 +483,23 @@ def test_a_tuned_suspension_bears_what_links_carry() -> None:
     modes = [solve_modes(solve_equilibrium(p, Environment.lab(p)), 8) for p in pair]
     np.testing.assert_allclose(modes[0].omega, modes[1].omega, rtol=1e-7)
     assert modes[0].kind == modes[1].kind
+
+
+def test_an_equation_in_world_directions_holds_a_free_article_with_tension() -> None:
+    """Five rigid motions are left, and the modes are those of the matrices in the equation's null space."""
+    nodes = [node(n, x, body(1.0, inertia=(0.1,) * 3)) for n, x in zip("abc", np.eye(3), strict=True)]
+    sides = [member(a, b, TUBE, 2, up=(0.3, 0.4, 1.0)) for a, b in ("ab", "bc", "ca")]
+    bare = structure(nodes, [dataclasses.replace(sides[0], tension=50.0), *sides[1:]])
+    terms = (Term("a", "x", 1.0), Term("b", "y", 0.5), Term("c", "z", -0.7))
+    rest = solve_equilibrium(linked(bare, Equation(name="e", terms=terms)), Environment.orbit())
+    lowest = solve_modes(rest).omega[:12]
+    model = mesh_structure(bare)
+    K = assemble(model, rest.config, rest.loads).tangent.toarray()
+    M = mass_matrix(model, rest.config, rest.loads).toarray()
+    row = np.zeros((1, len(K)))
+    row[0, [0, 7, 14]] = [term.coefficient for term in terms]
+    Z = sla.null_space(row)
+    # The mass is singular: nothing turns about a tube's axis. Shifted, the stiffness is not.
+    expected = 1.0 / sla.eigh(Z.T @ M @ Z, Z.T @ (K + 100.0 * M) @ Z, eigvals_only=True)[:-13:-1] - 100.0
+    assert np.all(lowest[:5] < 1e-4 * lowest[5])
+    np.testing.assert_allclose(lowest[5:] ** 2, expected[5:], rtol=1e-6)

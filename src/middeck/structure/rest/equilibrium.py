@@ -6,12 +6,13 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_states
 from middeck.structure.assembly.gyroscopic import check_speeds
-from middeck.structure.assembly.linked import check_links, link_warnings, static_freedom
+from middeck.structure.assembly.linked import check_links, link_warnings, links_at, static_freedom
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
@@ -201,7 +202,12 @@ def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
     if environment.hung or environment.springs or environment.bushings:
         return
     T = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
-    pull = -T.T @ assemble_carried(model, dataclasses.replace(model.rest, since_drawn=None), loads).gradient
+    drawn = dataclasses.replace(model.rest, since_drawn=None)
+    pull = -T.T @ assemble_carried(model, drawn, loads).gradient
+    if model.links is not None:  # an equation between directions of W may hold the whole as a support does
+        size = np.repeat([1.0, article_size(model)], 3)
+        free = sla.null_space((links_at(model, drawn).jacobian @ T) / size, rcond=LEVEL)
+        pull = size * (free @ (free.T @ (pull / size)))
     falls = free_translations(environment.clamps)
     along = falls @ (falls.T @ pull[:3])
     scale = LEVEL * imbalance_weight(model, loads)
