@@ -133,13 +133,7 @@ class LimitedMotors:
             counts = wanted * per_step
             if -whole < counts < whole:
                 wanted = round(counts) * step
-            wanted = within(wanted, last - slew, last + slew)
-            wanted = within(wanted, lower, upper)
-            wanted = within(wanted, stored - room, stored + room)
+            for low, high in ((last - slew, last + slew), (lower, upper), (stored - room, stored + room)):
+                wanted = low if wanted < low else high if wanted > high else wanted  # no number stays none
             self.momentum[i] = stored - wanted
             self.previous[i] = torque[i] = wanted
-
-
-def within(value: float, low: float, high: float) -> float:
-    """``value`` between two ends; what is no number stays so."""
-    return low if value < low else high if value > high else value

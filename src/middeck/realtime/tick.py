@@ -11,7 +11,7 @@ import numpy as np
 
 from middeck.joints.balance import Balance
 from middeck.realtime.hybrid_plant import HybridPlant
-from middeck.realtime.motors import EXACT, WHOLE, LimitedMotors, within
+from middeck.realtime.motors import EXACT, WHOLE, LimitedMotors
 from middeck.realtime.readout import Readout
 from middeck.realtime.rig import Rig
 from middeck.realtime.rig_state import RigState
@@ -45,13 +45,15 @@ class Tick:
         self.elements = [j.elements for j in rig.joints]
         values = iter(start.joints.tolist())
         self.inner = [[next(values) for _ in parts] for parts in self.elements]
-        self.push = [np.ascontiguousarray(p).dot for p in plant.push]
-        self.held, self.pushed = np.zeros(len(self.elements)), np.empty(len(self.x))
+        # Of torques held over a step, and of those at its ends that samples feel, where they do.
+        self.feels = any(np.any(a) for a in plant.answer)
+        push = [np.hstack([p, a]) if self.feels else p for p, a in zip(plant.push, plant.answer, strict=True)]
+        self.push = [np.ascontiguousarray(p).dot for p in push]
+        self.held, self.pushed = np.zeros(push[0].shape[1]), np.empty(len(self.x))
         self.compliance: list[list[list[float]]] = [(plant.angle @ p).tolist() for p in plant.push]
         self.balance = [Balance(self.elements, rows) for rows in self.compliance]
         self.angles: list[float] = (plant.angle @ self.x).tolist()
         self.torque = [0.0] * len(self.elements)
-        self.answer = [np.ascontiguousarray(a).dot if np.any(a) else None for a in plant.answer]
         self.stands = [
             sum(part.resist(angle, state)[0] for part, state in zip(parts, states, strict=True))
             for parts, angle, states in zip(self.elements, self.angles, self.inner, strict=True)
@@ -66,8 +68,10 @@ class Tick:
         self.look(self.x, self.ahead)
         read = self.sampled.tolist()
         for i, (lower, upper, whole) in enumerate(self.sensors):
-            counts = within(read[i] + offset[i], lower, upper)
-            reading[i] = round(counts) if -whole < counts < whole else counts
+            counts = read[i] + offset[i]
+            counts = lower if counts < lower else upper if counts > upper else counts
+            read[i] = round(counts) if -whole < counts < whole else counts
+        reading[:] = read
 
     def move(self, window: Array, noise: Array) -> None:
         """The continuous part to the next tick."""
@@ -85,22 +89,21 @@ class Tick:
 
     def _rub(self, j: int, free: list[float]) -> None:
         """Torques of the joints, held over this step, where their angles end, and what samples feel."""
-        before, self.stands = self.stands, [0.0] * len(self.elements)
+        before, self.stands = self.stands, []
         self.torque = torques = self.balance[j].solve(self.inner, self.angles, free, self.torque)
-        for joint, row in enumerate(self.compliance[j]):
-            self.held[joint] = torques[joint]
+        for joint, (row, parts) in enumerate(zip(self.compliance[j], self.elements, strict=True)):
             end = free[joint]
             for coefficient, torque in zip(row, torques, strict=True):
                 end -= coefficient * torque
             self.angles[joint] = end
-            states = self.inner[joint]
-            for i, part in enumerate(self.elements[joint]):
+            states, standing = self.inner[joint], 0.0
+            for i, part in enumerate(parts):
                 stands, states[i] = part.resist(end, states[i])
-                self.stands[joint] += stands
+                standing += stands
+            self.stands.append(standing)
+        self.held[:] = torques + before + self.stands if self.feels else torques
         self.push[j](self.held, self.pushed)
         np.subtract(self.x, self.pushed, self.x)
-        if (answer := self.answer[j]) is not None:
-            np.subtract(self.x, answer(np.array(before + self.stands)), self.x)
 
 
 def _outputs(readout: Readout) -> list[_Output]:
