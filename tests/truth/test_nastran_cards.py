@@ -64,6 +64,23 @@ def test_integers_have_no_point():
     assert [text for text in NO_INTEGERS if integer(text) is not None] == []
 
 
+@pytest.mark.parametrize("blank", [False, True])
+def test_a_column_of_many_cards_is_read_as_its_texts_are_one_by_one(blank):
+    """Columns are read at once: plain numbers, others among them, blanks, and what is no number."""
+    good = [f"{k}.{k}" for k in range(80)]
+    for text in [*REALS, *NO_REALS, "1 2.", ""]:
+        column = [*good, text, *([""] if blank else [])]
+        if "," in text:
+            continue
+        deck = "\n".join(f"GRID,{i},,{x}" for i, x in enumerate(column, 1))
+        value = 0.0 if text == "" else real(text.upper())
+        if value is None:
+            assert "a.dat:81: GRID 81 field 4 (X1)" in refused(deck)
+        else:
+            found = [entry["x1"] for entry in entries(deck).of("GRID")]
+            assert found == [*map(float, good), value, *([0.0] if blank else [])]
+
+
 GRID = ("12", "", "1.5", "-2.5+1", "", "3")
 FORMATS = {
     "small": "GRID          12             1.5  -2.5+1               3",

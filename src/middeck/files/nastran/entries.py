@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from itertools import zip_longest
+from itertools import repeat, zip_longest
 from typing import Any, NamedTuple
 
 from middeck.files.faults import Fault, nearest, raise_faults
@@ -25,8 +26,9 @@ from middeck.files.nastran.numbers import integer, real
 
 # Names of which two may stand on one card.
 DOUBLE = frozenset(("PELAS", "CORD1R", "CORD1C", "CORD1S"))
-PLAIN = "0123456789.+-E"
-DIGITS = 16  # more than an integer may have
+LARGEST = 10**15  # no integer of Nastran is
+SAMPLE = 64  # texts of a column that say whether most of them repeat
+EXPONENT = re.compile(r"(?<=[0-9.])[+-]")  # one without its letter
 SHOWN = 20  # faults in one report
 # Names that share one space of numbers.
 SPACES = {
@@ -144,7 +146,7 @@ def read_entries(cards: Iterable[Card]) -> Entries:
 
 def _distinct(entries: list[Entry], space: str, seen: dict[Any, Entry], faults: list[Fault]) -> list[Entry]:
     """The ``entries`` without equal duplicates; unequal ones are faults."""
-    own = {entry.id: entry for entry in entries}
+    own = {entry.values[0]: entry for entry in entries}
     if len(own) == len(entries) and own.keys().isdisjoint(seen):
         seen |= own
         return entries
@@ -173,19 +175,26 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
     """The cards of one name, field by field over all of them: a text that many have is looked at once."""
     count, rest = len(layout.fields), layout.rest
     rows = [card.fields for card in cards]
-    columns = list(zip_longest(*(fields[:count] for fields in rows), fillvalue=""))
+    alike = len(set(map(len, rows))) == 1 and len(rows[0]) <= count
+    columns = list(
+        zip(*rows, strict=True) if alike else zip_longest(*(f[:count] for f in rows), fillvalue="")
+    )
     columns += [("",) * len(cards)] * (count - len(columns))
     wrong: list[tuple[int, int, str]] = []
     read: list[list[Any]] = []
     for place, (field, texts) in enumerate(zip(layout.fields, columns, strict=True)):
-        numbers = _plain(texts, field.kind)
-        if numbers is not None:
-            read.append(numbers)
-            continue
-        values = {text: _value(text, field.kind) for text in set(texts) - {""}}
-        bad = {text for text, value in values.items() if value is None and text and field.kind != "*"}
-        values[""] = None if field.default is REQUIRED else field.default
-        if bad or (field.default is REQUIRED and "" in texts):
+        blank = None if field.default is REQUIRED else field.default
+        repeated = len(set(texts[:SAMPLE])) < SAMPLE // 4 < len(texts)  # read once each then
+        if not repeated and not (field.default is REQUIRED and "" in texts):
+            numbers = _plain(texts, field.kind, blank)
+            if numbers is not None:
+                read.append(numbers)
+                continue
+        distinct = set(texts)
+        values = {text: _value(text, field.kind) for text in distinct - {""}}
+        bad = {text for text, value in values.items() if value is None and field.kind != "*"}
+        values[""] = blank
+        if bad or (field.default is REQUIRED and "" in distinct):
             missing = f"missing; {WANTED[field.kind]}"
             wrong += [(i, place, WANTED[field.kind]) for i, text in enumerate(texts) if text in bad]
             if field.default is REQUIRED:
@@ -200,7 +209,7 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
             found = [None] * len(more) if rest is None else read[-1][i]
             what = WANTED["-" if rest is None else rest.kind]
             wrong += [(i, count + k, what) for k, text in enumerate(more) if text and found[k] is None]
-    entries = [Entry(name, row, card) for card, row in zip(cards, zip(*read, strict=True), strict=True)]
+    entries = list(map(Entry, repeat(name), zip(*read, strict=True), cards))
     faults += [entries[i].fault_at(place, what) for i, place, what in sorted(wrong)]
     return entries
 
@@ -210,18 +219,31 @@ def _number(place: int) -> int:
     return place + 2 + 2 * (place // 8)
 
 
-def _plain(texts: tuple[str, ...], kind: str) -> list[Any] | None:
-    """The values of a column without blanks that Python would write alike; None for any other."""
-    whole = "" if "" in texts else "".join(texts)
-    # As many points as texts: one each, for Python takes no number with two.
-    if kind == "r" and whole and not whole.strip(PLAIN) and whole.count(".") == len(texts):
+def _plain(texts: Sequence[str], kind: str, blank: Any) -> list[Any] | None:
+    """The numbers of a column, ``blank`` for those that are not there; None where one is no plain number."""
+    whole = ",".join(texts)
+    numbers: list[Any] | None = None
+    # As many points as texts: one each, for Python takes no number with two; it takes 1_0., INF and NAN.
+    points = len(texts) - texts.count("")
+    if (
+        kind == "r"
+        and whole.count(".") == points
+        and whole.isascii()
+        and "_" not in whole
+        and "N" not in whole
+    ):
         with contextlib.suppress(ValueError):
-            numbers = list(map(float, texts))
-            return numbers if all(map(math.isfinite, numbers)) else None
-    if kind in "ni" and whole.isdecimal() and whole.isascii() and max(map(len, texts)) < DIGITS:
-        numbers = list(map(int, texts))
-        return numbers if kind == "i" or min(numbers) > 0 else None
-    return None
+            try:
+                numbers = [float(text) if text else blank for text in texts]
+            except ValueError:
+                written = EXPONENT.sub(r"E\g<0>", whole).split(",")
+                numbers = [float(text) if text else blank for text in written]
+            numbers = None if math.inf in numbers or -math.inf in numbers else numbers
+    if kind in "ni" and whole.isascii() and whole.replace(",", "").isdecimal():
+        numbers = [int(text) if text else blank for text in texts]
+        given = numbers if "" not in texts else [number for number in numbers if number is not blank]
+        numbers = None if max(given) >= LARGEST or (kind == "n" and min(given) <= 0) else numbers
+    return numbers
 
 
 def _value(text: str, kind: str) -> Any:
