@@ -22,6 +22,8 @@ REPEATED, NEARLY = 1e-9, 1e-7
 PART = 1e-6
 # Entries of a row below this part of it are differences that cancelled.
 CANCELLED = 1e-13
+# Of the length of the whole: turns that follow shifts on a shorter arm would follow with large factors.
+SHORT = 1e-2
 # Dependent coordinates are not those of stiff parts as their carriers see them, unless no other will do.
 CARRIED = 1e-5
 NONE = np.zeros(0, dtype=int)
@@ -72,10 +74,14 @@ def close_rows(
     moving: Bool[np.ndarray, " coordinate"],
     turns: Bool[np.ndarray, " coordinate"],
     carried: Bool[np.ndarray, " coordinate"],
+    length: float = 0.0,
 ) -> Closing:
-    """Solve ``rows`` q = 0 for some of the ``moving`` coordinates, of which ``turns`` are angles."""
+    """Solve ``rows`` q = 0 for some of the ``moving`` coordinates, of which ``turns`` are angles.
+
+    ``length`` [m] is that of the whole.
+    """
     C = _of_moving(rows, moving)
-    solved = [_solve_block(C, *part, turns, carried) for part in _apart(C, len(moving))]
+    solved = [_solve_block(C, *part, turns, carried, SHORT * length) for part in _apart(C, len(moving))]
     size = np.ones(len(C.indptr) - 1)
     for part in solved:
         size[part.rows] = part.size
@@ -116,14 +122,19 @@ class _Solved(NamedTuple):
 
 
 def _solve_block(
-    C: sp.csr_array, some: np.ndarray, columns: np.ndarray, turns: np.ndarray, carried: np.ndarray
+    C: sp.csr_array,
+    some: np.ndarray,
+    columns: np.ndarray,
+    turns: np.ndarray,
+    carried: np.ndarray,
+    least: float,
 ) -> _Solved:
-    """The rows ``some`` of C, which enter the coordinates ``columns`` alone."""
+    """The rows ``some`` of C, which enter the coordinates ``columns`` alone; no arm is below ``least``."""
     dense: np.ndarray = C[some][:, columns].toarray()
     if not len(columns):
         block = _Block(NONE, NONE, dense)
         return _Solved(some, np.ones(len(some)), block, (NONE, NONE, NONE), [(int(r), ()) for r in some], [])
-    unit = np.where(turns[columns], 1.0, _arm(dense, turns[columns]))
+    unit = np.where(turns[columns], 1.0, _arm(dense, turns[columns], least))
     size = np.linalg.norm(dense * unit, axis=1)
     scaled = dense * unit / size[:, None]
     triangle, order = _pivoted(scaled.T)
@@ -164,9 +175,9 @@ def _apart(C: sp.csr_array, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(g[g < m], g[g >= m] - m) for g in groups if np.any(g < m)]
 
 
-def _arm(dense: np.ndarray, turns: np.ndarray) -> float:
-    """The longest arm of rows that both shifts and turns enter; one where none is."""
+def _arm(dense: np.ndarray, turns: np.ndarray, least: float) -> float:
+    """The longest arm of rows that both shifts and turns enter, or ``least``; one where none is."""
     shift = np.abs(dense[:, ~turns]).max(axis=1, initial=0.0)
     turn = np.abs(dense[:, turns]).max(axis=1, initial=0.0)
     both = (shift > 0.0) & (turn > 0.0)
-    return float((turn[both] / shift[both]).max(initial=0.0)) or 1.0
+    return max(least, float((turn[both] / shift[both]).max())) if np.any(both) else 1.0

@@ -164,10 +164,13 @@ def corner_matrices(orbit: Equilibrium, lab: Equilibrium, on: Corner) -> tuple[s
         gravity = orbit.loads.gravity
     parts = split_tangent(model, at, dataclasses.replace(lab.loads, gravity=gravity), forces)
     held = split_tangent(model, at, lab.loads, inside).device
-    K = sp.csr_array(parts.material + parts.geometric + suspension * held)
-    if model.links is not None:  # their forces are inside too
-        K = sp.csr_array(K + bent_links(model, at, rest_multipliers(lab if stiffness else orbit))[1])
-    return K, mass_matrix(model, at, lab.loads if suspension else None)
+    K = parts.material + parts.geometric + suspension * held
+    # Forces of links are inside too.
+    bent = (
+        None if model.links is None else bent_links(model, at, rest_multipliers(lab if stiffness else orbit))
+    )
+    whole = sp.csr_array(K if bent is None else K + bent[1])
+    return whole, mass_matrix(model, at, lab.loads if suspension else None)
 
 
 def _check(orbit: Modes, lab: Modes) -> None:

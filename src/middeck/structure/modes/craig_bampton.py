@@ -97,15 +97,14 @@ def reduce_structure(
     _check_nodes(structure, nodes, boundary, residual, recover)
     at = solve_equilibrium(structure, Environment.orbit())
     model = at.model
-    K = assemble(model, at.config, at.loads).tangent
-    M = mass_matrix(model, at.config, at.loads)
     rows = (6 * np.array([nodes.index(b) for b in boundary])[:, None] + np.arange(6)).ravel()
     free = [i for i, joint in enumerate(model.structure.joints) if joint.state is JointState.FREE]
     rows = np.concatenate([rows, 6 * model.tree.roots + np.array(free, dtype=int)])
     inside = dynamic_coordinates(model)
     inside[rows] = False
     motions = _independent(model, at.config, rows, inside)
-    K, M = (sp.csr_array(motions.T @ A @ motions) for A in (K, M))
+    whole = assemble(model, at.config, at.loads).tangent, mass_matrix(model, at.config, at.loads)
+    K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
     loaded = (6 * np.array([nodes.index(r) for r in residual], dtype=int)[:, None] + np.arange(6)).ravel()
     psi, vectors, fixed, added, above = _basis(K, M, len(rows), motions[loaded], count, upto_hz)
     inner = np.eye(len(psi) + len(rows), len(rows) + vectors.shape[1])

@@ -121,9 +121,10 @@ class TieModel(NamedTuple):
     @staticmethod
     def of(model: Model, patch: Patch) -> TieModel:
         """Of the perturbed structure of ``patch``; ``model`` is the whole."""
+        if not patch.structure.links and not patch.structure.components:
+            return TieModel(None, None, np.zeros(0, dtype=int), model.tree.size)
         bare = _bare(patch.structure)
-        joints = len(model.tree.parent)
-        roots = len(bare.nodes)
+        joints, roots = len(model.tree.parent), len(bare.nodes)
         here = np.concatenate([np.arange(6 * roots), 6 * model.tree.roots + np.arange(joints)])
         return TieModel(
             lay_out(dataclasses.replace(bare, components=())) if bare.links else None,
