@@ -8,12 +8,18 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from reduced import bent_beam, with_component
 
 import middeck as md
 from middeck.files.vtu import PARTS, write_vtu
+from middeck.plot.shapes import AZIMUTH, ELEVATION, factor_of, turned, upright
+from middeck.structure.assembly.energy import mass_matrix, no_loads
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import Configuration, move
-from middeck.structure.model.article import Body, PointLoad, Section
+from middeck.structure.model.article import AttachPoint, Body, PointLoad, Section, Spring
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.component import Component
+from middeck.structure.model.environment import AnchoredSpring
 from middeck.structure.modes.drawing import Drawing, build_mode_drawing, build_rest_drawing
 from middeck.structure.rest.equilibrium import Equilibrium
 from repeats import repeats
@@ -153,3 +159,77 @@ def test_a_body_with_products_of_inertia_is_a_box_in_its_principal_axes():
     (line,) = [line for line in drawing.lines if line.what == "body" and line.name == "b"]
     found = (drawing.drawn[line.first : line.last] - [0.05, 0.0, 0.0]) @ axes
     np.testing.assert_allclose(np.abs(found), np.tile(0.5 * sides, (len(found), 1)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", repeats(range(6)))
+def test_a_component_is_drawn_as_what_it_was_reduced_from(seed: int) -> None:
+    """With all of its modes kept: its grids, a recovered node and its centre of mass are the members' own."""
+    whole, part = bent_beam(np.random.default_rng(seed))
+    turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    reduced = with_component(whole, part, count=1000, recover=["m"])
+    own = reduced.components[0]
+    moved = dataclasses.replace(own, positions=own.positions @ turn, axes=turn, **_turned(own, turn))
+    orbit = md.Environment.orbit()
+    full = md.solve_modes(md.solve_equilibrium(whole, orbit), 10)
+    drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(dataclasses.replace(
+        reduced, components=(moved,)), orbit), 10), range(6, 10))  # fmt: skip
+    lines = [n for n in drawing.lines if n.what == "component"]
+    assert not [n for n in drawing.lines if "/q" in n.name]
+    model, bare = full.equilibrium.model, mesh_structure(part)
+    at = np.array([model.frames.index(f) for f in bare.frames])
+    u = full.shapes[:, 6:].reshape(len(model.frames), 6, -1)
+    M = mass_matrix(bare, bare.rest, no_loads())
+    weight = sum((M @ np.eye(bare.tree.size)).reshape(-1, 6, bare.tree.size)[:, :3])
+    centre = (weight @ u[at].reshape(bare.tree.size, -1)).T / own.weight
+    ends = {"a": u[model.frames.index("a"), :3].T, "b": u[model.frames.index("b"), :3].T}
+    ends["m"] = u[model.frames.index("m"), :3].T
+    assert len(lines) == 3
+    for line, name in zip(lines, "mab", strict=True):
+        place = next(n.position for n in whole.nodes if n.name == name)
+        np.testing.assert_allclose(drawing.drawn[line.last - 1], place, atol=1e-9)
+        for found, exact in ((line.first, centre), (line.last - 1, ends[name])):
+            sign = np.sign(np.sum(drawing.motion[:, found] * exact, axis=1, keepdims=True))
+            np.testing.assert_allclose(
+                sign * drawing.motion[:, found], exact, atol=1e-5 * np.abs(ends["b"]).max()
+            )
+    np.testing.assert_allclose(drawing.strain[:, -1] + drawing.strain[:, 0], 1.0, atol=1e-6)
+
+
+def _turned(part: Component, turn: np.ndarray) -> dict[str, np.ndarray]:
+    """Matrices of a component in axes turned by ``turn``, outputs too."""
+    assert part.recovery is not None
+    T = np.eye(len(part.mass))
+    T[:12, :12] = np.kron(np.eye(4), turn)
+    return {
+        "stiffness": T.T @ part.stiffness @ T,
+        "mass": T.T @ part.mass @ T,
+        "recovery": np.kron(np.eye(2), turn.T) @ part.recovery @ T,
+    }
+
+
+@pytest.mark.parametrize("places", [
+    [(0.6, 0.0, 0.0)], [(0.6, 0.0, 0.0), (0.6, 0.0, 2.0)], [(0.0, 1.0, 0.0), (0.0, -2.0, 0.0)],
+    [(3.0, y, z) for y in (0.0, 1.0) for z in (0.0, 1.0)],
+    [(x, 2.0, z) for x in (0.0, 1.0) for z in (0.0, 1.0)],
+    [(0.1 + 0.2, 1.0, 0.0), (0.3, 1.0, 1e-17)],
+])  # fmt: skip
+def test_a_picture_is_drawn_whatever_has_no_extent(places: list[tuple[float, float, float]]) -> None:
+    """One point, a line along each axis or along the view, a plane across each, points apart by rounding."""
+    eye = (turned(AZIMUTH, ELEVATION) @ upright([]))[2]
+    for where in (places, [tuple(i * eye) for i in range(len(places))]):
+        nodes = [node(f"n{i}", p, body(1.0)) for i, p in enumerate(where)]
+        springs = tuple(AnchoredSpring(name=f"s{i}{k}", attach=f"p{i}", anchor=np.array(p) + e, stiffness=9.0,
+                                       free_length=1.0)
+                        for i, p in enumerate(where) for k, e in enumerate(np.eye(3)))  # fmt: skip
+        points = tuple(AttachPoint(f"p{i}", f"n{i}", np.zeros(3)) for i in range(len(where)))
+        chain = tuple(Spring(name=f"c{i}", start=f"p{i}", end=f"p{i + 1}", stiffness=9.0, free_length=0.0)
+                      for i in range(len(where) - 1))  # fmt: skip
+        article = dataclasses.replace(structure(nodes, []), attach_points=points, springs=chain)
+        tied = md.Environment(title="tied", gravity=np.zeros(3), springs=springs,
+                              clamps=tuple(Clamp(node=n.name, along="") for n in nodes))  # fmt: skip
+        drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(article, tied)))
+        figure = md.draw_shapes(drawing)
+        assert np.all(np.isfinite([*figure.get_size_inches(), *figure.axes[0].get_xlim()]))
+        assert drawing.size > 0.5
+        assert factor_of(drawing, 0) * np.linalg.norm(drawing.motion[0], axis=1).max() > 0.05

@@ -6,6 +6,8 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from middeck.cli.options import FIGURES, written
 
 if TYPE_CHECKING:
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
     from middeck.structure.gravity.comparison import ModeComparison
+    from middeck.structure.modes.drawing import Drawing
     from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.gyroscopic import GyroscopicModes
 
@@ -25,6 +28,10 @@ MOVES = "Also draw the shapes; a page (.html) turns them and moves them"
 figure = written("--figure", "figure_file", endings=FIGURES, help="Also draw it.")
 shapes = written("--figure", "figure_file", endings=SHAPES, help=f"{MOVES}.")
 mode_shapes = written("--figure", "figure_file", endings=MODES, help=f"{MOVES}, .vtu is for ParaView.")
+up = click.option(
+    "--up", type=click.Choice(["x", "y", "z"]),
+    help="World axis that figures draw upwards.  [default: against gravity or its direction, else y]",
+)  # fmt: skip
 PNG_DPI = 150
 
 
@@ -51,7 +58,9 @@ def write_figure(drawn: Figure, file: str, *, key: str, title: str, description:
                 temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def draw_modes_to(modes: Modes, count: int, file: str, table: Sequence[Sequence[str]]) -> None:
+def draw_modes_to(
+    modes: Modes, count: int, file: str, table: Sequence[Sequence[str]], up: str | None
+) -> None:
     """The lowest ``count`` shapes, those of rigid-body modes only where there are no others."""
     from middeck.files.vtu import write_vtu
     from middeck.plot.shapes import Shown
@@ -59,7 +68,9 @@ def draw_modes_to(modes: Modes, count: int, file: str, table: Sequence[Sequence[
     from middeck.structure.modes.drawing import build_mode_drawing
 
     lowest = range(min(count, len(modes.omega)))
-    drawing = build_mode_drawing(modes, [i for i in lowest if modes.kind[i] != "rigid"] or lowest)
+    drawing = _upright(
+        build_mode_drawing(modes, [i for i in lowest if modes.kind[i] != "rigid"] or lowest), up
+    )
     if file.lower().endswith(".vtu"):
         write_vtu(file, drawing)
         return
@@ -75,7 +86,7 @@ def draw_modes_to(modes: Modes, count: int, file: str, table: Sequence[Sequence[
     _write_shapes(page, file)
 
 
-def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]]) -> None:
+def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]], up: str | None) -> None:
     """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real one."""
     from middeck.files.vtu import write_vtu
     from middeck.plot.shapes import Shown
@@ -83,7 +94,7 @@ def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[s
     from middeck.structure.modes.drawing import build_mode_drawing
 
     moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
-    drawing = build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)])
+    drawing = _upright(build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)]), up)
     drawing = dataclasses.replace(drawing, alike=(1,) * len(drawing.number))
     if file.lower().endswith(".vtu"):
         write_vtu(file, drawing)
@@ -101,7 +112,9 @@ def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[s
     _write_shapes(page, file)
 
 
-def draw_comparison_to(comparison: ModeComparison, file: str, warnings: Sequence[str]) -> None:
+def draw_comparison_to(
+    comparison: ModeComparison, file: str, warnings: Sequence[str], up: str | None
+) -> None:
     """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
     from middeck.report.shape_page import ShapePage
     from middeck.structure.modes.drawing import build_mode_drawing
@@ -109,17 +122,25 @@ def draw_comparison_to(comparison: ModeComparison, file: str, warnings: Sequence
     orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
     alone = [j for j in range(comparison.count) if j not in pairs[:, 1] and lab.kind[j] != "rigid"]
     place = lab.equilibrium.environment.title
+    sides = (
+        build_mode_drawing(orbit, pairs[:, 0].tolist()),
+        build_mode_drawing(lab, [*pairs[:, 1].tolist(), *alone]),
+    )
     page = ShapePage(
         title=f"Modes of {orbit.equilibrium.model.structure.title} in 0-g and in {place}",
-        drawings=(
-            build_mode_drawing(orbit, pairs[:, 0].tolist()),
-            build_mode_drawing(lab, [*pairs[:, 1].tolist(), *alone]),
-        ),
+        drawings=tuple(_upright(side, up) for side in sides),
         sides=("0-g", place),
         rows=_pair_rows(comparison, len(alone)),
         warnings=tuple(warnings),
     )
     _write_shapes(page, file)
+
+
+def _upright(drawing: Drawing, up: str | None) -> Drawing:
+    """The drawing with a world axis upwards, by its letter, if one is given."""
+    import numpy as np
+
+    return drawing if up is None else dataclasses.replace(drawing, up=np.eye(3)["xyz".index(up)])
 
 
 def _pair_rows(comparison: ModeComparison, alone: int) -> tuple[tuple[Shown | None, Shown], ...]:
@@ -133,13 +154,15 @@ def _pair_rows(comparison: ModeComparison, alone: int) -> tuple[tuple[Shown | No
 
 
 def _write_shapes(page: ShapePage, file: str) -> None:
-    from middeck.plot.shapes import shapes_figure
+    from middeck.plot.shapes import first_panels, shapes_figure
     from middeck.report.build import write_text
     from middeck.report.shape_page import describe_rows, render_shapes
 
     if file.lower().endswith(".html"):
         write_text(Path(file), render_shapes(page))
         return
+    rows, left_out = first_panels(page.rows)
+    page = dataclasses.replace(page, rows=tuple(tuple(row) for row in rows))
     titles = page.sides if len(page.drawings) > 1 else ()
-    drawn = shapes_figure(page.drawings, page.rows, titles)
+    drawn = shapes_figure(page.drawings, page.rows, titles, left_out)
     write_figure(drawn, file, key="shapes", title=page.title, description=describe_rows(page))

@@ -142,9 +142,10 @@ def joint_findings(
 
 def build_environment(form: EnvironmentForm, attach: Sequence[str] = ()) -> Environment:
     """The value that a valid form describes, around an article with these attach points."""
-    gravity = np.zeros(3)
+    gravity, up = np.zeros(3), None
     if form.constants is not None:
         direction = np.array(form.constants.gravity_direction)
+        up = -direction / np.linalg.norm(direction) + 0.0
         gravity = form.constants.gravity_m_s2 * direction / np.linalg.norm(direction)
     springs = tuple(
         AnchoredSpring(
@@ -167,6 +168,7 @@ def build_environment(form: EnvironmentForm, attach: Sequence[str] = ()) -> Envi
         clamps=tuple(build_clamp(c) for c in form.clamp),
         bushings=tuple(build_ground(b) for b in form.bushing),
         wheel_speeds=tuple((name, rpm * np.pi / 30.0) for name, rpm in form.wheel_speed_rpm.items()),
+        up=up,
     )
 
 

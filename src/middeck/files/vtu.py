@@ -12,7 +12,7 @@ from middeck.structure.modes.drawing import Drawing
 
 LINE = 3  # VTK's number of this cell: two points, which every reader knows
 # Numbers of the parts of a drawing in the array "part".
-PARTS = ("member", "section", "rigid", "body", "spring", "bushing", "cable")
+PARTS = ("member", "section", "rigid", "body", "spring", "bushing", "cable", "component")
 
 
 def write_vtu(path: str | Path, drawing: Drawing) -> None:
@@ -24,8 +24,8 @@ def write_vtu(path: str | Path, drawing: Drawing) -> None:
 def vtu_text(drawing: Drawing) -> str:
     """Points at rest; the displacement since drawn and every shape as vectors, for a filter that warps.
 
-    Cells are segments; they have the number of their part in `PARTS`, and the share of the whole member in
-    the strain energy of each shape.
+    Cells are segments; they have the number of their part in `PARTS`, and the share of the whole member or
+    component in the strain energy of each shape.
     """
     lines = drawing.lines
     count = [line.last - line.first - 1 for line in lines]

@@ -29,9 +29,10 @@ LEVELS = 8
 # Less the brightest yellow, which white paper swallows.
 SHADES = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, LEVELS)))
 COLUMNS, PANEL_IN = 4, 1.75
-# Heights of the title, of a line of words over a panel, and of the scale below [in].
-TOP_IN, LINE_IN, FOOT_IN = 0.5, 0.12, 0.5
-NAME_WIDE = 30  # letters of a name in a line over its panel
+# Heights of a line of the title, of one over a panel, of the scale, and of a line of the legend below [in].
+TITLE_IN, LINE_IN, SCALE_IN, ENTRY_IN = 0.15, 0.12, 0.5, 0.17
+LETTER_IN = 0.062  # room for a letter at 7 points
+MOST_PANELS = 40  # of a picture in a file: what is longer fits no page
 TINY = float(np.finfo(float).tiny)
 MARKS: dict[str, dict[str, Any]] = {
     "mass": {"marker": "o", "markersize": 3.5, "color": COLOUR["ink"]},
@@ -42,6 +43,7 @@ MARKS: dict[str, dict[str, Any]] = {
 }
 WORDS = {"ground": "bushing to the ground"}
 BOX = "body, as the uniform box of its size or inertia"
+PART = "component, from its centre of mass to its grids"
 BOXED: dict[str, Any] = {
     "linestyle": "", "marker": "s", "markersize": 6.0, "color": COLOUR["ink"], "markerfacecolor": "none",
 }  # fmt: skip
@@ -52,7 +54,9 @@ ARROW: dict[str, Any] = {
     "shrinkB": 0.0,
     "mutation_scale": 6,
 }
-THICK = {"member": 1.5, "body": 0.7, "section": 0.5, "rigid": 0.8, "spring": 0.8, "bushing": 0.8}
+THICK = {"member": 1.5, "body": 0.7, "section": 0.5, "rigid": 0.8, "spring": 0.8, "bushing": 0.8,
+         "component": 0.9}  # fmt: skip
+DASHED = {"component": (0.0, (3.0, 1.6))}
 
 
 class Shown(NamedTuple):
@@ -63,13 +67,13 @@ class Shown(NamedTuple):
     sign: float = 1.0
 
 
-def upright(gravities: Iterable[np.ndarray]) -> Float[np.ndarray, "3 3"]:
-    """Rows: right, up and towards the eye in W; up is against the first gravity there is, else y.
+def upright(ups: Iterable[np.ndarray | None]) -> Float[np.ndarray, "3 3"]:
+    """Rows: right, up and towards the eye in W; up is the first direction there is, else y.
 
-    >>> upright([np.zeros(3), np.array([0.0, 0.0, -9.8])]).tolist()
+    >>> upright([None, np.array([0.0, 0.0, 1.0])]).tolist()
     [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
     """
-    up = next((-g / np.linalg.norm(g) for g in gravities if np.any(g)), np.array([0.0, 1.0, 0.0]))
+    up = next((up for up in ups if up is not None), np.array([0.0, 1.0, 0.0]))
     along = np.eye(3)[0 if abs(up[0]) < 0.8 else 2]
     right = along - (along @ up) * up
     right = right / np.linalg.norm(right)
@@ -97,8 +101,14 @@ def label_of(drawing: Drawing, shape: int) -> str:
     """
     many = drawing.alike[shape]
     alike = f"\n(one of {many} of equal frequency)" if many > 1 else ""
-    name = fill(drawing.name[shape], NAME_WIDE)
-    return f"{drawing.number[shape]}: {drawing.frequency_hz[shape]:.4g} Hz\n{name}{alike}"
+    return f"{drawing.number[shape]}: {drawing.frequency_hz[shape]:.4g} Hz\n{drawing.name[shape]}{alike}"
+
+
+def first_panels(rows: Sequence[Sequence[Shown | None]]) -> tuple[Sequence[Sequence[Shown | None]], int]:
+    """The first rows of `shapes_figure` that `MOST_PANELS` hold, and how many shapes are left out."""
+    ends = np.cumsum([sum(cell is not None for cell in row) for row in rows], dtype=int)
+    kept = int(np.searchsorted(ends, MOST_PANELS, side="right"))
+    return rows[:kept], int(ends[-1] - ends[kept - 1]) if kept < len(rows) else 0
 
 
 def draw_shapes(drawing: Drawing) -> Figure:
@@ -108,22 +118,34 @@ def draw_shapes(drawing: Drawing) -> Figure:
 
 @styled
 def shapes_figure(
-    drawings: Sequence[Drawing], rows: Sequence[Sequence[Shown | None]], titles: Sequence[str] = ()
+    drawings: Sequence[Drawing],
+    rows: Sequence[Sequence[Shown | None]],
+    titles: Sequence[str] = (),
+    left_out: int = 0,
 ) -> Figure:
     """A panel for every entry of ``rows``; with several drawings a row has one entry for each, or None.
 
-    All panels have one view and one scale of length; each shape has its own scale of motion.
+    Full rows come first, then the entries of the others one after the other. All panels have one view and one
+    scale of length; each shape has its own scale of motion. The heading says how many shapes were
+    ``left_out``.
     """
-    cells = [cell for row in rows for cell in row]
+    cells = [cell for row in rows if None not in row for cell in row]
     wide = len(rows[0]) if rows and len(rows[0]) > 1 else 1
-    columns = max(wide, min(COLUMNS - COLUMNS % wide, len(cells)))
-    grid_rows = -(-len(cells) // columns)
-    view = turned(AZIMUTH, ELEVATION) @ upright(d.gravity for d in drawings)
+    single = [cell for row in rows if None in row for cell in row if cell is not None]
+    columns = max(wide, min(COLUMNS - COLUMNS % wide, len(cells) + len(single)))
+    cells += [None] * (-len(cells) % columns if single else 0) + single
+    view = turned(AZIMUTH, ELEVATION) @ upright(d.up for d in drawings)
     low, high = _limits([(drawings[c.drawing], c) for c in cells if c], view)
-    aspect = (high - low)[1] / (high - low)[0]
-    panel_in = min(max(PANEL_IN * aspect, 0.9), 2.6)
-    lines = max((label_of(drawings[c.drawing], c.shape).count("\n") + 1 for c in cells if c), default=0)
-    figure, panels = _panels(grid_rows, columns, panel_in, LINE_IN * (lines + 1))
+    inches = _size_of_panel(columns, high - low)
+    words = [None if c is None else _over(drawings[c.drawing], c, titles, inches[0]) for c in cells]
+    lines = max((w.count("\n") + 1 for w in words if w), default=0)
+    heading, legend = _heading(drawings, columns, left_out), _entries(drawings)
+    beside = _beside(legend, _wide(columns))
+    foot = SCALE_IN + ENTRY_IN * -(-len(legend) // beside)
+    figure, panels = _panels(
+        max(-(-len(cells) // columns), 1), columns, inches[1],
+        top=TITLE_IN * (heading.count("\n") + 2), words=LINE_IN * (lines + 1), foot=foot,
+    )  # fmt: skip
     first: dict[int, Axes] = {}
     for k, axes in enumerate(panels):
         axes.set_axis_off()
@@ -141,63 +163,94 @@ def shapes_figure(
         size = np.linalg.norm(motion, axis=1)
         draw_state(axes, drawing, drawing.rest, view, None)
         draw_state(axes, drawing, drawing.rest + motion, view, size / max(float(size.max(initial=0.0)), TINY))
-        side = f"{titles[cell.drawing]}  " if titles else ""
-        axes.set_title(f"{side}{label_of(drawing, cell.shape)}", fontsize=7.0, loc="left")
-    _legend(figure, drawings)
+        axes.set_title(words[k] or "", fontsize=7.0, loc="left")
+    _scale(figure, heading, foot)
+    if legend:
+        figure.legend(handles=legend, loc="lower left", ncols=beside, fontsize=7.0, borderaxespad=0.2)
     return figure
 
 
-def _panels(rows: int, columns: int, panel_in: float, words_in: float) -> tuple[Figure, list[Axes]]:
+def _over(drawing: Drawing, shown: Shown, titles: Sequence[str], wide_in: float) -> str:
+    """The lines over a panel, no longer than it is wide."""
+    side = f"{titles[shown.drawing]}  " if titles else ""
+    lines = f"{side}{label_of(drawing, shown.shape)}".split("\n")
+    return "\n".join(fill(line, int(wide_in / LETTER_IN)) for line in lines)
+
+
+def _size_of_panel(columns: int, shown: np.ndarray) -> tuple[float, float]:
+    """Width and height [in]."""
+    return max(columns, 3) * PANEL_IN / columns, min(max(PANEL_IN * shown[1] / shown[0], 0.9), 2.6)
+
+
+def _panels(
+    rows: int, columns: int, panel_in: float, *, top: float, words: float, foot: float
+) -> tuple[Figure, list[Axes]]:
     """Panels in places of their own: matplotlib's layout would look at every point for each of them."""
-    high, wide = TOP_IN + rows * (panel_in + words_in) + FOOT_IN, max(columns, 3) * PANEL_IN + 0.3
+    high, wide = top + rows * (panel_in + words) + foot, _wide(columns)
     figure = Figure(figsize=(wide, high))
     grid = figure.add_gridspec(
-        rows, columns, left=0.1 / wide, right=1.0 - 0.1 / wide, top=1.0 - (TOP_IN + words_in) / high,
-        bottom=FOOT_IN / high, hspace=words_in / panel_in, wspace=0.06,
+        rows, columns, left=0.1 / wide, right=1.0 - 0.1 / wide, top=1.0 - (top + words) / high,
+        bottom=foot / high, hspace=words / panel_in, wspace=0.06,
     )  # fmt: skip
     return figure, list(grid.subplots(squeeze=False).ravel())
 
 
-def _legend(figure: Figure, drawings: Sequence[Drawing]) -> None:
-    drawing = drawings[0]
+def _wide(columns: int) -> float:
+    return max(columns, 3) * PANEL_IN + 0.3
+
+
+def _heading(drawings: Sequence[Drawing], columns: int, left_out: int) -> str:
     places = " and ".join(dict.fromkeys(d.environment for d in drawings))
-    high, (wide, _) = figure.get_figheight(), figure.get_size_inches()
-    title = fill(f"{drawing.title}: mode shapes in {places}", int(14 * wide))
-    figure.text(
-        0.1 / wide,
-        1.0 - 0.08 / high,
-        f"{title}\ngrey: at rest; colour: motion, the largest drawn as {REACH * drawing.size:.2g} m, "
+    reach = REACH * drawings[0].size
+    lines = [
+        f"{drawings[0].title}: mode shapes in {places}",
+        f"grey: at rest; colour: motion, the largest drawn as {reach:.2g} m, "
         f"{REACH:.0%} of the article's size",
-        fontsize=8.0,
-        va="top",
-    )
-    place = figure.add_axes((0.1 / wide, 0.36 / high, 2.2 / wide, 0.08 / high))
+        *([f"{left_out} more shapes are not drawn here; a page (.html) has all"] if left_out else []),
+    ]
+    return "\n".join(fill(line, int(14 * _wide(columns))) for line in lines)
+
+
+def _scale(figure: Figure, heading: str, foot: float) -> None:
+    """The heading, and the scale of colours above the legend, ``foot`` the height of both [in]."""
+    wide, high = figure.get_size_inches()
+    figure.text(0.1 / wide, 1.0 - 0.08 / high, heading, fontsize=8.0, va="top")
+    place = figure.add_axes((0.1 / wide, (foot - 0.14) / high, 2.2 / wide, 0.08 / high))
     norm = BoundaryNorm(np.linspace(0.0, 1.0, LEVELS + 1), LEVELS)
     bar = figure.colorbar(ScalarMappable(norm, SHADES), cax=place, orientation="horizontal")
     bar.set_ticks([0.0, 0.5, 1.0])
     bar.ax.tick_params(labelsize=6.0, length=2.0)
     bar.set_label("motion, of the largest of each shape", fontsize=6.5)
-    _name_marks(figure, drawings)
 
 
-def _name_marks(figure: Figure, drawings: Sequence[Drawing]) -> None:
+def _entries(drawings: Sequence[Drawing]) -> list[Line2D]:
+    """Of the legend: what marks, boxes and dashed lines are."""
     seen = dict.fromkeys(mark.what for drawing in drawings for mark in drawing.marks)
-    handles = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
-    if any(line.what == "body" for drawing in drawings for line in drawing.lines):
-        handles.append(Line2D([], [], label=BOX, **BOXED))
-    if handles:
-        figure.legend(handles=handles, loc="lower right", ncols=len(handles), fontsize=7.0)
+    entries = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
+    lines = {line.what for drawing in drawings for line in drawing.lines}
+    if "body" in lines:
+        entries.append(Line2D([], [], label=BOX, **BOXED))
+    if "component" in lines:
+        look: Any = {"linestyle": DASHED["component"], "linewidth": THICK["component"]}
+        entries.append(Line2D([], [], label=PART, color=COLOUR["ink"], **look))
+    return entries
+
+
+def _beside(entries: Sequence[Line2D], wide_in: float) -> int:
+    """How many entries a line of the legend holds."""
+    longest = max((len(str(e.get_label())) for e in entries), default=0)
+    return max(1, min(len(entries), int(wide_in / (LETTER_IN * (longest + 6)))))
 
 
 @styled
 def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
     """States of rest side by side, each beside what was drawn; displacements of all in one scale."""
-    view = turned(AZIMUTH, ELEVATION) @ upright(d.gravity for d in drawings)
+    view = turned(AZIMUTH, ELEVATION) @ upright(d.up for d in drawings)
     moved = max(float(np.linalg.norm(d.rest - d.drawn, axis=1).max(initial=0.0)) for d in drawings)
     factor = _round_down(REACH * drawings[0].size / moved) if moved > 0.0 else 1.0
     states = [(d.drawn + factor * (d.rest - d.drawn), d) for d in drawings]
     flat = np.concatenate([x @ view[:2].T for shown, d in states for x in (d.drawn, shown)])
-    low, high = _roomy(flat.min(axis=0), flat.max(axis=0))
+    low, high = _roomy(flat.min(axis=0), flat.max(axis=0), drawings[0].size)
     width = 7.2 / len(drawings)
     figure = new_figure(1.2 + min(max(width * (high - low)[1] / (high - low)[0], 1.5), 4.0))
     for axes, (x, drawing), title in zip(figure.subplots(1, len(drawings), squeeze=False)[0], states, titles,
@@ -217,7 +270,10 @@ def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
         f"displacements {times}, the largest {1e3 * moved:.3g} mm",
         fontsize=8.5,
     )
-    _name_marks(figure, drawings)
+    legend = _entries(drawings)
+    if legend:
+        beside = _beside(legend, figure.get_figwidth())
+        figure.legend(handles=legend, loc="outside lower left", ncols=beside, fontsize=7.0)
     return figure
 
 
@@ -234,13 +290,17 @@ def _limits(cells: Sequence[tuple[Drawing, Shown]], view: np.ndarray) -> tuple[n
         motion = factor_of(drawing, cell.shape) * drawing.motion[cell.shape]
         for x in (drawing.rest, drawing.rest + motion, drawing.rest - motion):
             flat = x @ view[:2].T
-            low, high = np.minimum(low, flat.min(axis=0)), np.maximum(high, flat.max(axis=0))
-    if not cells:
+            low = np.minimum(low, flat.min(axis=0, initial=np.inf))
+            high = np.maximum(high, flat.max(axis=0, initial=-np.inf))
+    if not np.all(np.isfinite([low, high])):  # nothing is drawn
         low, high = np.zeros(2), np.ones(2)
-    return _roomy(low, high)
+    return _roomy(low, high, max((drawing.size for drawing, _ in cells), default=1.0))
 
 
-def _roomy(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _roomy(low: np.ndarray, high: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """A margin around what may be a point, as a line along the view is."""
+    less = 0.5 * max(REACH * size - float((high - low).max()), 0.0)
+    low, high = low - less, high + less
     margin = 0.03 * float((high - low).max())
     return low - [margin, 0.16 * float((high - low).max())], high + margin
 
@@ -256,10 +316,10 @@ def draw_state(
             if value is not None:
                 _stroke(axes, flat, lines, COLOUR["ink"], 0.6, 2.0)
         elif value is None:
-            _stroke(axes, flat, lines, COLOUR["ghost"], 0.6 * THICK[what], 1.0)
+            _stroke(axes, flat, lines, COLOUR["ghost"], 0.6 * THICK[what], 1.0, DASHED.get(what, "solid"))
         else:
             for level, parts in _by_level(lines, value).items():
-                _stroke(axes, flat, parts, SHADES(level), THICK[what], 3.0)
+                _stroke(axes, flat, parts, SHADES(level), THICK[what], 3.0, DASHED.get(what, "solid"))
     if value is not None:
         for what, look in MARKS.items():
             at = [mark.point for mark in drawing.marks if mark.what == what]
@@ -283,8 +343,9 @@ def _by_level(lines: Sequence[Any], value: np.ndarray) -> dict[int, list[tuple[i
 
 
 def _stroke(
-    axes: Axes, flat: np.ndarray, lines: Sequence[Any], colour: Any, width: float, zorder: float
-) -> None:
+    axes: Axes, flat: np.ndarray, lines: Sequence[Any], colour: Any, width: float, zorder: float,
+    style: Any = "solid",
+) -> None:  # fmt: skip
     """All lines as one path."""
     ends = [(line[-2], line[-1]) for line in lines]
     if ends:
@@ -292,7 +353,7 @@ def _stroke(
         path = Path(np.concatenate([flat[a:b] for a, b in ends]), codes)
         path.should_simplify = True  # short ones too: straight members need no points between their ends
         axes.add_artist(PathPatch(path, facecolor="none", edgecolor=colour, linewidth=width, zorder=zorder,
-                                 capstyle="round"))  # fmt: skip
+                                 linestyle=style, capstyle="round"))  # fmt: skip
 
 
 def draw_axes(axes: Axes, drawing: Drawing, view: np.ndarray) -> None:

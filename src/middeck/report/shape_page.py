@@ -97,9 +97,9 @@ def describe_rows(page: ShapePage) -> str:
 
 
 def _data(page: ShapePage) -> dict[str, Any]:
-    base = upright(d.gravity for d in page.drawings)
-    size = max(d.size for d in page.drawings)
-    middle = 0.5 * (page.drawings[0].rest.max(axis=0) + page.drawings[0].rest.min(axis=0))
+    base = upright(d.up for d in page.drawings)
+    size, rest = max(d.size for d in page.drawings), page.drawings[0].rest
+    middle = 0.5 * (rest.max(axis=0) + rest.min(axis=0)) if len(rest) else np.zeros(3)
     return {
         "size": float(f"{size:.4g}"),
         "reach": REACH,

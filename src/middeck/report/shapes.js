@@ -7,7 +7,8 @@
   const [mode, play, scale, speed, colour, legend] = ["mode", "play", "scale", "speed", "colour", "legend"].map(byId);
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const thick = {member: 2.2, body: 1.1, section: 0.8, rigid: 1.2, spring: 1.2, bushing: 1.2, cable: 1};
+  const thick = {member: 2.2, body: 1.1, section: 0.8, rigid: 1.2, spring: 1.2, bushing: 1.2, component: 1.3, cable: 1};
+  const dashes = what => what === "component" ? [6, 4] : [];
   let [turn, tilt] = data.eye, zoom = 1, phase = Math.PI / 2, playing = false, last = 0;
   document.documentElement.classList.add("js");
 
@@ -64,6 +65,7 @@
     for (const what in thick) {
       if (what === "cable") continue;
       pen.lineWidth = 0.6 * thick[what];
+      pen.setLineDash(dashes(what));
       pen.beginPath();
       for (const [w, first, end] of side.lines) if (w === what) stroke(rest, first, end);
       pen.stroke();
@@ -72,7 +74,8 @@
     const strained = colour.value === "strain", top = cell ? Math.max(1, ...cell.strain) : 1;
     side.lines.forEach(([what, first, end], n) => {
       pen.lineWidth = thick[what];
-      const plain = what === "cable" || !cell || (strained && what !== "member");
+      pen.setLineDash(dashes(what));
+      const plain = what === "cable" || !cell || (strained && what !== "member" && what !== "component");
       const level = v => shades[Math.min(shades.length - 1, Math.floor(v * shades.length))];
       if (plain || strained) {
         pen.strokeStyle = plain ? ink("--soft") : level(cell.strain[n] / top);
@@ -84,6 +87,7 @@
         pen.beginPath(); stroke(moved, i, i + 2); pen.stroke();
       }
     });
+    pen.setLineDash([]);
     pen.font = "11px sans-serif";
     for (const [what, i, ...direction] of side.marks) mark(pen, what, moved[2 * i], moved[2 * i + 1], direction.map(x => x * unit * 0.1), project);
     corner(pen, project, unit, high);

@@ -26,6 +26,7 @@ Examples:
 @options.load_case
 @options.count
 @figures.shapes
+@figures.up
 @options.common
 def verb(
     article: str,
@@ -33,6 +34,7 @@ def verb(
     load_case: str | None,
     count: int,
     figure_file: str | None,
+    up: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -53,9 +55,9 @@ def verb(
     lab = solve_in(*apply_case(structure, surroundings, load_case, *files), *files, count=count)
     found = compare_modes(orbit, lab, count)
     document = describe(found)
-    if figure_file is not None:
-        figures.draw_comparison_to(found, figure_file, document["warnings"])
     show(as_json, document, *_tables(document))
+    if figure_file is not None:
+        figures.draw_comparison_to(found, figure_file, document["warnings"], up)
 
 
 def describe(comparison: ModeComparison) -> dict[str, Any]:

@@ -35,6 +35,7 @@ HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "ser
 @options.load_case
 @options.count
 @figures.mode_shapes
+@figures.up
 @options.written(
     "-o",
     "--output",
@@ -50,6 +51,7 @@ def verb(
     load_case: str | None,
     count: int,
     figure_file: str | None,
+    up: str | None,
     shapes_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
@@ -77,13 +79,13 @@ def verb(
     document = describe(modes, count, summary)
     later = [w for w in document["warnings"] if w not in summary.warnings]
     shown = document if as_json else {**document, "warnings": later}
-    if figure_file is not None and surroundings.spins:
-        figures.draw_whirls_to(_whirls(modes, count)[0], figure_file, _whirl_rows(document))
-    elif figure_file is not None:
-        figures.draw_modes_to(modes, count, figure_file, _page_rows(document))
+    show(as_json, shown, *_tables(document))
     if shapes_file is not None:
         _write_shapes(modes, count, shapes_file)
-    show(as_json, shown, *_tables(document))
+    if figure_file is not None and surroundings.spins:
+        figures.draw_whirls_to(_whirls(modes, count)[0], figure_file, _whirl_rows(document), up)
+    elif figure_file is not None:
+        figures.draw_modes_to(modes, count, figure_file, _page_rows(document), up)
 
 
 def _write_shapes(modes: Modes, count: int, file: str) -> None:

@@ -170,8 +170,10 @@ class Environment:
 
     ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
     ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes
-    outright. ``wheel_speeds`` are (wheel, speed [rad/s]) of the article's wheels that spin. Raises
-    `ConfigError` where two devices have one name, or two supports, and for two speeds of one wheel.
+    outright. ``wheel_speeds`` are (wheel, speed [rad/s]) of the article's wheels that spin. ``up`` is what
+    pictures without gravity draw upwards.
+
+    Raises `ConfigError` where two devices have one name, or two supports, and for two speeds of one wheel.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
@@ -185,6 +187,7 @@ class Environment:
     clamps: tuple[Clamp, ...] = ()
     bushings: tuple[GroundBushing, ...] = ()
     wheel_speeds: tuple[tuple[str, float], ...] = ()
+    up: Inexact[np.ndarray, "3"] | None = None
 
     def __post_init__(self) -> None:
         names = [device.name for device in self.hung]
@@ -216,6 +219,12 @@ class Environment:
     def spins(self) -> bool:
         """Whether any wheel turns."""
         return any(speed != 0.0 for _, speed in self.wheel_speeds)
+
+    @property
+    def upwards(self) -> Inexact[np.ndarray, "3"] | None:
+        """Unit vector against gravity, ``up`` where there is none."""
+        size = float(np.linalg.norm(np.real(self.gravity)))
+        return np.real(-self.gravity) / size + 0.0 if size > 0.0 else self.up
 
     @property
     def hung(self) -> tuple[Device, ...]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import element_poses
+from middeck.structure.assembly.energy import component_states, element_poses
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam_curve import beam_curve
 from middeck.structure.elements.frames import (
@@ -21,15 +21,17 @@ from middeck.structure.elements.frames import (
     pose_jacobian,
 )
 from middeck.structure.elements.rotations import skew
-from middeck.structure.model.article import Body
+from middeck.structure.model.article import Body, JointState
+from middeck.structure.modes.recovery import inner_points
 from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.strain import member_energy, strain_energy
+from middeck.structure.modes.strain import part_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
 # Segments of a member: for the S that a cubic can make, and smooth where there are few.
 SEGMENTS, FINE = 6, 16
+SPOKE = 5  # points of a line of a component, so that its colour changes along it
 # Of the article's size: a section drawn around a member, a cable that is cut off, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
 # Sections show torsion; in an article of more members than this they would hide it.
@@ -38,13 +40,16 @@ MOST_SECTIONED = 60
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
 STEP = 1e-30  # of the complex step
+# Of the largest coordinate: what reaches less far is a point up to rounding, and is drawn this large [m].
+POINT, POINT_M = 1e-9, 1.0
 
 
 class Line(NamedTuple):
     """Consecutive points ``first`` to ``last``, the latter not among them, that are joined.
 
     ``what`` is "member", "section" (around a member), "rigid" (an offset or an arm), "body", "spring",
-    "bushing" or "cable"; ``name`` that of the part.
+    "bushing", "component" (from its centre of mass to a grid or to a point of its outputs) or "cable";
+    ``name`` that of the part.
     """
 
     what: str
@@ -72,10 +77,12 @@ class Drawing:
     Attributes:
         title, environment: Of the article, and of what it stands in.
         gravity: In W [m/s^2].
+        up: Unit vector in W that is upwards; None where the environment has none.
         drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
         lines, marks: What is drawn of them.
         motion: Of every point in each shape, about rest, in the scale of `Modes.shapes`.
-        strain: Share of every line in the elastic energy of each shape; zero for all but members.
+        strain: Share of every line's member or component in the elastic energy of each shape; zero for the
+            other lines.
         number: Of each shape in the modes it is of.
         frequency_hz, kind, name: Of each shape.
         alike: How many modes have the frequency of each shape: of several any basis will do. 1 at zero.
@@ -84,6 +91,7 @@ class Drawing:
     title: str
     environment: str
     gravity: Float[np.ndarray, "3"]
+    up: Float[np.ndarray, "3"] | None
     drawn: Float[np.ndarray, "point 3"]
     rest: Float[np.ndarray, "point 3"]
     lines: tuple[Line, ...]
@@ -98,11 +106,11 @@ class Drawing:
 
     @property
     def size(self) -> float:
-        """Diagonal [m] of the box around what is drawn, cables left out."""
+        """Diagonal [m] of the box around what is drawn, cables left out; 1 m around a single point."""
         shown = [np.arange(line.first, line.last) for line in self.lines if line.what != "cable"]
-        return _diagonal(
-            self.drawn[np.concatenate([*shown, [mark.point for mark in self.marks]]).astype(int)]
-        )
+        at = self.drawn[np.concatenate([*shown, [mark.point for mark in self.marks]]).astype(int)]
+        across = _diagonal(at)
+        return across if across > POINT * np.abs(at).max(initial=0.0) else POINT_M
 
 
 def build_rest_drawing(equilibrium: Equilibrium) -> Drawing:
@@ -146,6 +154,7 @@ def _draw(
         _Piece((), *_moved(equilibrium, marked, shapes)),
         _members(equilibrium, shapes),
         _stroked(equilibrium, strokes, shapes),
+        _components(equilibrium, shapes),
         _cables(equilibrium, shapes, CABLE * size),
     )
     begin = np.cumsum([0, *(len(piece.rest) for piece in pieces)])
@@ -159,6 +168,7 @@ def _draw(
         title=model.structure.title,
         environment=equilibrium.environment.title,
         gravity=equilibrium.loads.gravity,
+        up=equilibrium.environment.upwards,
         drawn=np.concatenate([piece.drawn for piece in pieces]),
         rest=np.concatenate([piece.rest for piece in pieces]),
         lines=lines,
@@ -250,7 +260,7 @@ def _rigid(model: Model) -> Iterator[_Stroke]:
         frame, offset = int(model.points.frame[pose]), model.points.offset[pose]
         if np.any(offset):
             yield _Stroke("rigid", model.frames[frame], [frame, frame], np.array([np.zeros(3), offset]))
-    for joint in model.structure.joints:
+    for joint in (j for j in model.structure.joints if j.state is not JointState.INTERNAL):
         frame, carrier = model.frames.index(joint.name), model.frames.index(joint.parent)
         arm = np.array([np.zeros(3), np.zeros(3), joint.body.cg])
         yield _Stroke("rigid", joint.name, [carrier, frame, frame], arm)
@@ -285,6 +295,46 @@ def _ties(model: Model) -> Iterator[_Stroke]:
     ):
         for tie, pair in zip(ties, ends, strict=True):
             yield _Stroke(what, tie.name, model.points.frame[pair].tolist(), model.points.offset[pair])
+
+
+def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
+    """From the centre of mass of each component to its grids, and to the points that its outputs move.
+
+    What else it is inside is not known. Its centre of mass moves by the momentum of all of its coordinates,
+    the modal ones too.
+    """
+    model = equilibrium.model
+    lines: list[Line] = []
+    places = [np.zeros((2, 0, 3))]
+    moved = [np.zeros((shapes.shape[1], 0, 3))]
+    states = component_states(model, equilibrium.config, equilibrium.loads)
+    for part, element, (state, rows) in zip(
+        model.structure.components, model.components, states, strict=True
+    ):
+        grids = PosePoints(model.points.frame[element.point], model.points.offset[element.point])
+        *at, at_grids = _moved(equilibrium, grids, shapes)
+        points, weight = inner_points(part), element.weights[:, 0] / element.weights[:, 0].sum()
+        about = [element.moment, *(part.axes @ (p.place - weight @ part.positions) for p in points)]
+        shift = np.array([element.drag, *(part.axes @ p.shift @ element.basis for p in points)])
+        scale = np.array([part.weight, *(1.0 for _ in points)])[:, None]
+        strain = np.stack([np.zeros((len(shift), 3)), shift @ state.deformation])
+        axes = (np.eye(3), state.axes)
+        inner = [weight @ x + (about + e) / scale @ Q.T for x, e, Q in zip(at, strain, axes, strict=True)]
+        turned = state.axes @ (shift @ state.seen(rows @ shapes)) / scale[:, :, None]
+        x = np.concatenate([np.array(inner), np.array(at)], axis=1)
+        motion = np.concatenate([turned.transpose(2, 0, 1), at_grids], axis=1)
+        first, spokes = sum(p.shape[1] for p in places), range(x.shape[1] - 1)
+        lines += [Line("component", part.name, first + SPOKE * i, first + SPOKE * (i + 1)) for i in spokes]
+        places.append(_spokes(x))
+        moved.append(_spokes(motion))
+    drawn, rest = np.concatenate(places, axis=1)
+    return _Piece(lines, drawn, rest, np.concatenate(moved, axis=1))
+
+
+def _spokes(x: Float[np.ndarray, "state point 3"]) -> Float[np.ndarray, "state spoke 3"]:
+    """Points of straight lines from the first of the points to each of the others, one after the other."""
+    part = np.linspace(0.0, 1.0, SPOKE)[:, None]
+    return ((1.0 - part) * x[:, :1, None] + part * x[:, 1:, None]).reshape(len(x), -1, 3)
 
 
 def _cables(equilibrium: Equilibrium, shapes: np.ndarray, longest: float) -> _Piece:
@@ -325,11 +375,13 @@ def _seats(equilibrium: Equilibrium) -> Iterator[tuple[Mark, int, np.ndarray]]:
 
 
 def _strain(equilibrium: Equilibrium, shapes: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
-    share = np.zeros((shapes.shape[1], len(lines)))
-    rows = [i for i, line in enumerate(lines) if line.what == "member"]
-    whole = strain_energy(equilibrium, shapes).sum(axis=1)
-    share[:, rows] = member_energy(equilibrium, shapes) / np.where(whole > 0.0, whole, 1.0)[:, None]
-    return share
+    energy, structure = part_energy(equilibrium, shapes), equilibrium.model.structure
+    whole = energy.sum(axis=1)
+    share = np.column_stack([energy / np.where(whole > 0.0, whole, 1.0)[:, None], np.zeros(len(energy))])
+    place = {("member", m.name): i for i, m in enumerate(structure.members)}
+    behind = energy.shape[1] - len(structure.components)
+    place |= {("component", c.name): behind + i for i, c in enumerate(structure.components)}
+    return share[:, np.array([place.get((line.what, line.name), -1) for line in lines], dtype=int)]
 
 
 def _rows(vectors: Sequence[np.ndarray]) -> np.ndarray:
