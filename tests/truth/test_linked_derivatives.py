@@ -59,9 +59,9 @@ def drawn_case(rng: np.random.Generator) -> Both:
             break
     nodes = tuple(n for n in whole.nodes if n.name in names)
     free = rng.random() < 0.5 and not any(isinstance(link, Equation) for link in links)
-    joint = dataclasses.replace(
-        whole.joints[0], stiffness=30.0, state=JointState.FREE if free else JointState.SPRUNG
-    )
+    hangs = body(0.5, (0.0, -0.16, 0.12), (0.1, 0.1, 0.1))
+    state = JointState.FREE if free else JointState.SPRUNG
+    joint = dataclasses.replace(whole.joints[0], body=hangs, stiffness=30.0, state=state)
     points = tuple(AttachPoint(n.name, n.name, rng.uniform(-0.1, 0.1, 3)) for n in nodes)
     tie = Spring(name="tie", start="a", end="c", stiffness=50.0, free_length=0.3)
     round_bar = dataclasses.replace(TUBE, rho_I_y=1e-3, rho_I_z=1e-3)
