@@ -478,7 +478,7 @@ def test_ratios_that_follow_the_shapes():
         return build_plant(at, inputs=[], outputs=[], count=12).dynamics.zeta[apart]
 
     by_size = np.array([plant.zeta[apart] for plant in plants]) * sizes[:, None]
-    for way in directions(len(parameters)):
+    for way in np.eye(len(parameters)):  # one by one: their effects are too unlike to be added
         # The issue's; beside it the rounding of the shapes over the step.
         scale = np.abs(way[:, None] * by_size).max() + 1e-2
         np.testing.assert_allclose(way @ by_size, along(ratios, way, 2e-3), atol=1e-6 * scale)
