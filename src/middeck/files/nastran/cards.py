@@ -57,7 +57,7 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     group: list[_Row] = []
     lines = list(lines)
     texts = "\n".join([line[0] for line in lines]).upper().split("\n")  # all at once: a fifth of one by one
-    for text, line in zip(texts, lines, strict=True):
+    for text, line in zip(texts, lines, strict=False):  # no lines are one text
         row = _cut_free(text, line) if "," in text else _cut_fixed(text, line)
         if isinstance(row, Fault):
             faults.append(row)
