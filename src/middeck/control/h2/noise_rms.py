@@ -17,7 +17,6 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.rms import response_rms
-from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import poles
 from middeck.values import record
 
@@ -55,7 +54,7 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
     generalize(remove_delays(plant), weights, 1.0)  # refuses a plant of infinite cost
     loop = form_loop(plant, compensator)
     found = decide_loop(loop)
-    if not found.stable or found.margin <= GROWTH_LIMIT:
+    if not found.decays:
         return NoiseOutcome(found.stable, np.inf, np.inf)
     peaks = np.append(poles(close_channels(approximate_halves(loop))), found.pole)
     fastest = np.abs(np.concatenate([find_open_poles(loop), [found.pole]]))
