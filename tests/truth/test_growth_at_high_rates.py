@@ -33,3 +33,20 @@ def test_a_mode_on_the_axis_is_not_stable_at_any_rate(campaign, rate_hz, damping
         rows = md.qualify_compensator(idle, {"plant": plant}, weights, rates_hz=[rate_hz])
         assert [row.stable for row in rows] == [decays, decays]
         assert [bool(np.isfinite(row.rms)) for row in rows] == [decays, decays]
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 1e-3])
+def test_an_undamped_mode_at_one_radian_a_second_has_its_rms_without_a_warning(delay_s):
+    """x'' + x = w + u with u = -k x' (delayed): E[x'^2] = (S + k^2 N) / (2 k), N of the sensor."""
+    plant = md.make_plant(
+        [[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [[0.0, 1.0]],
+        w=["u1"], u=["u1"], z=["y1"], y=["y1"], delay_s=delay_s,
+    )  # fmt: skip
+    k, process, sensor = 1e-3, 1e-4, 1e-6
+    law = md.Compensator(gain_system(np.array([[-k]])), plant.outputs, plant.inputs)
+    weights = md.LQGWeights(
+        output=[1.0], input=[1.0], disturbed=("u1",), process=[[process]], sensor=[sensor]
+    )
+    (row,) = md.qualify_compensator(law, {"plant": plant}, weights)
+    # The delay's lead in stiffness k * delay changes it by 1e-6 at most.
+    assert row.rms == pytest.approx(np.sqrt((process + k**2 * sensor) / (2.0 * k)), rel=1e-5)

@@ -61,9 +61,9 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
     low = REST * float(np.abs(peaks).min(initial=top))
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
-    unit = np.eye(respond(np.ones(1)).shape[2])
-    band = response_rms(respond, peaks, unit, (low / (2.0 * np.pi), top / (2.0 * np.pi)))
     first, *last = respond(np.array([low, top, 10.0 * top]))
+    unit = np.eye(first.shape[1])
+    band = response_rms(respond, peaks, unit, (low / (2.0 * np.pi), top / (2.0 * np.pi)))
     square = band**2 + np.sum(low * np.abs(first) ** 2 + top * np.abs(last[0]) ** 2, axis=1) / np.pi
     # A response that does not fall beyond the last line passes white noise: infinite rms.
     level = np.linalg.norm(last, axis=2)
