@@ -24,7 +24,7 @@ from middeck.errors import ConfigError
 from middeck.systems.pole_crowds import find_crowds
 from middeck.systems.refined_poles import refine_poles
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form, by_solving
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.stability import GROWTH_LIMIT, growth_limits
 from middeck.systems.statespace import StateSpace, poles
 
 AGREEMENT = 1e-11
@@ -79,10 +79,8 @@ def band_rms(
 
 def _diverges(values: np.ndarray, w1: float, w2: float) -> bool:
     """Whether a pole grows, or lies on the axis within the band."""
-    rate, omega = np.real(values), np.abs(np.imag(values))
-    return bool(
-        np.any((rate > GROWTH_LIMIT) | ((np.abs(rate) <= GROWTH_LIMIT) & (omega >= w1) & (omega <= w2)))
-    )
+    rate, omega, limit = np.real(values), np.abs(np.imag(values)), growth_limits(values)
+    return bool(np.any((rate > limit) | ((np.abs(rate) <= limit) & (omega >= w1) & (omega <= w2))))
 
 
 def _rms_of_dependent_poles(system: StateSpace, band: tuple[float, float]) -> Float[np.ndarray, " output"]:

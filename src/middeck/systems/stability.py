@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 from scipy.sparse.csgraph import connected_components
 
 from middeck.systems.balancing import balance
@@ -35,6 +35,17 @@ def growth_limit(period_s: float | None = None) -> float:
     (True, True)
     """
     return max(GROWTH_LIMIT, ROUNDINGS * float(np.finfo(float).eps) / period_s) if period_s else GROWTH_LIMIT
+
+
+def growth_limits(
+    rates: Complex[np.ndarray, " state"], period_s: float | None = None
+) -> Float[np.ndarray, " state"]:
+    """`growth_limit` of each pole [rad/s], or the rounding of its own frequency, if larger.
+
+    >>> growth_limits(np.array([-1.0 + 2.0j, 1e9j])) > 2e-8
+    array([False,  True])
+    """
+    return np.maximum(growth_limit(period_s), ROUNDINGS * np.finfo(float).eps * np.abs(np.imag(rates)))
 
 
 def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
@@ -110,4 +121,13 @@ def none_grows(rates: Complex[np.ndarray, " state"], period_s: float | None = No
     >>> none_grows(np.array([-1.0 + 2.0j, -1.0 - 2.0j]))
     True
     """
-    return not len(rates) or bool(np.real(rates).max() <= growth_limit(period_s))
+    return bool(np.all(np.real(rates) <= growth_limits(rates, period_s)))
+
+
+def all_decay(rates: Complex[np.ndarray, " state"], period_s: float | None = None) -> bool:
+    """True where every pole [rad/s] decays by more than rounding: none grows, and none stays on the axis.
+
+    >>> all_decay(np.array([-1.0 + 2.0j])), all_decay(np.array([2.0j]))
+    (True, False)
+    """
+    return bool(np.all(np.real(rates) < -growth_limits(rates, period_s)))

@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from middeck.control.analysis.loop import form_loop
-from middeck.control.analysis.stability import decide_loop, largest_growth, loop_poles
+from middeck.control.analysis.stability import decide_loop, loop_poles
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.mode_blocks import part_modes
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.stability import none_grows
 from middeck.values import record
 
 
@@ -124,7 +124,7 @@ def _first(
     low = 0.0
     for high in np.append(np.arange(step, most, step), most):
         loop = form_loop(plant_at(sign * float(high)), law)
-        if largest_growth(loop_poles(loop)) > GROWTH_LIMIT and not decide_loop(loop).stable:
+        if not none_grows(loop_poles(loop), loop.period_s) and not decide_loop(loop).stable:
             break
         low = float(high)
     else:

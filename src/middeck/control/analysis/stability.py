@@ -23,7 +23,7 @@ from middeck.systems.inert_modes import observed_modes, reached_modes
 from middeck.systems.integrators import rest_once
 from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant
-from middeck.systems.stability import growth_limit, growth_rates, none_grows
+from middeck.systems.stability import all_decay, growth_limits, growth_rates, none_grows
 from middeck.systems.statespace import poles
 from middeck.values import record
 
@@ -37,12 +37,13 @@ class LoopStability:
     """Whether a loop is stable, and by how much.
 
     Attributes:
-        stable: No root grows by more than 1e-8 rad/s.
+        stable: No root grows by more than 1e-8 rad/s, or more than rounding at high frequencies and rates.
         pole: The root of largest real part [rad/s], imaginary part not negative; of a sampled loop log(z)/T.
         frequency_hz: Its imaginary part.
         margin: Minus its real part [rad/s]: the least decay, negative for growth.
         damping: Its damping ratio.
         growing: How many roots grow, conjugates counted.
+        decays: All roots decay by more than rounding: none stays on the axis.
     """
 
     stable: bool
@@ -51,6 +52,7 @@ class LoopStability:
     margin: float
     damping: float
     growing: int
+    decays: bool
 
 
 def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
@@ -92,6 +94,7 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
             margin=-np.inf,
             damping=0.0,
             growing=-1,
+            decays=False,
         )
     loop, unmoved = _split_unmoved(loop)
     halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
@@ -161,12 +164,18 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
 def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
     if not len(roots):
         return LoopStability(
-            stable=True, pole=complex(-np.inf, 0.0), frequency_hz=0.0, margin=np.inf, damping=1.0, growing=0
+            stable=True,
+            pole=complex(-np.inf, 0.0),
+            frequency_hz=0.0,
+            margin=np.inf,
+            damping=1.0,
+            growing=0,
+            decays=True,
         )
     lead = complex(roots[np.argmax(np.real(roots))])
     pole = complex(lead.real, abs(lead.imag))
     damping = -pole.real / abs(pole) if 0.0 < abs(pole) < np.inf else float(pole.real < 0.0)
-    growing = int(np.sum(np.real(roots) > growth_limit(period_s)))
+    growing = int(np.sum(np.real(roots) > growth_limits(roots, period_s)))
     return LoopStability(
         stable=none_grows(roots, period_s),
         pole=pole,
@@ -174,4 +183,5 @@ def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None)
         margin=-pole.real,
         damping=float(damping),
         growing=growing,
+        decays=all_decay(roots, period_s),
     )

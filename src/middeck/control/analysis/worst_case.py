@@ -19,7 +19,7 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.stability import none_grows
 from middeck.values import record
 
 SEARCHED = 4
@@ -122,9 +122,8 @@ def _closeness(loop: FeedbackLoop) -> float:
     the poles' frequencies is.
     """
     rates = loop_poles(loop)
-    growth = largest_growth(rates)
-    if growth > GROWTH_LIMIT:
-        return UNSTABLE * (1.0 + growth)
+    if not none_grows(rates, loop.period_s):
+        return UNSTABLE * (1.0 + largest_growth(rates))
     omega = np.imag(rates)[np.imag(rates) > 0.0]
     G, K = evaluate_halves(loop)(1j * omega)
     difference = np.eye(K.shape[1]) - K @ G

@@ -17,7 +17,6 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.systems.plant import Plant, remove_delays
 from middeck.systems.rms import response_rms
-from middeck.systems.stability import GROWTH_LIMIT
 from middeck.systems.statespace import poles
 from middeck.values import record
 
@@ -55,16 +54,16 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
     generalize(remove_delays(plant), weights, 1.0)  # refuses a plant of infinite cost
     loop = form_loop(plant, compensator)
     found = decide_loop(loop)
-    if not found.stable or found.margin <= GROWTH_LIMIT:
+    if not found.decays:
         return NoiseOutcome(found.stable, np.inf, np.inf)
     peaks = np.append(poles(close_channels(approximate_halves(loop))), found.pole)
     fastest = np.abs(np.concatenate([find_open_poles(loop), [found.pole]]))
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
     low = REST * float(np.abs(peaks).min(initial=top))
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
-    unit = np.eye(respond(np.ones(1)).shape[2])
-    band = response_rms(respond, peaks, unit, (low / (2.0 * np.pi), top / (2.0 * np.pi)))
     first, *last = respond(np.array([low, top, 10.0 * top]))
+    unit = np.eye(first.shape[1])
+    band = response_rms(respond, peaks, unit, (low / (2.0 * np.pi), top / (2.0 * np.pi)))
     square = band**2 + np.sum(low * np.abs(first) ** 2 + top * np.abs(last[0]) ** 2, axis=1) / np.pi
     # A response that does not fall beyond the last line passes white noise: infinite rms.
     level = np.linalg.norm(last, axis=2)

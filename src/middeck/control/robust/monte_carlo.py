@@ -22,7 +22,7 @@ from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant, remove_delays
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.stability import all_decay
 from middeck.values import record
 
 
@@ -157,7 +157,7 @@ def _approximated(
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models))
     # A root at zero drifts, driven by noise or not; its side of the axis is rounding.
-    drifts = np.array([np.real(v).max(initial=-np.inf) > -GROWTH_LIMIT for v in values], dtype=bool)
+    drifts = np.array([not all_decay(v) for v in values], dtype=bool)
     rms[drifts] = control[drifts] = np.inf
     stable = settled(exact_growth(plants, law, values))
     found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
