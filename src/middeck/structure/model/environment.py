@@ -171,7 +171,8 @@ class Environment:
     ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
     ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes
     outright. ``wheel_speeds`` are (wheel, speed [rad/s]) of the article's wheels that spin. ``up`` is what
-    pictures without gravity draw upwards. Raises `ConfigError` where two devices have one name, or two supports, and for two speeds of one wheel.
+    pictures without gravity draw upwards. Raises `ConfigError` where two devices have one name, or two
+    supports, and for two speeds of one wheel.
 
     >>> Environment.orbit().gravity.tolist()
     [0.0, 0.0, 0.0]
