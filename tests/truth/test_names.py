@@ -192,3 +192,54 @@ def test_a_soft_appendage_is_local():
     assert [name.partition(",")[0] for name in modes.name[:2]] == ["local: boom"] * 2
     parts, share = strained_parts(modes.equilibrium, modes.shapes)
     assert share[0, parts.index("boom")] > 0.9
+
+
+def test_what_nods_on_a_still_truss_is_local(campaign):
+    """Wherever the turning of one body has most of the kinetic energy, the name is of no beam."""
+    seen = 0
+    for seed in campaign(40):
+        rng = np.random.default_rng([21, seed])
+        article = truss(8, 0.5, 0.4, float(rng.uniform(0.3, 0.5)), rng)
+        soft = Section(EA=1e6, GJ=0.3, EI_y=0.3, EI_z=0.3, rho_A=0.02, rho_I_y=0.0, rho_I_z=0.0)
+        at, turn = int(rng.integers(2, 7)), float(10.0 ** rng.uniform(-3.0, -1.5))
+        box = node("box", (0.5 * at + 0.02, 0.0, 0.0), body(0.02, (0, 0, 0), (turn, 1.3 * turn, 1.7 * turn)))
+        arms = [bar(f"arm {c}", f"{at}{c}", "box", soft, (1.0, 0.2, 0.0)) for c in range(4)]
+        members = (*article.members, *arms)
+        bars = tuple(dataclasses.replace(m, name=f"bar{i}") for i, m in enumerate(members))
+        grown = dataclasses.replace(article, nodes=(*article.nodes, box), members=bars)
+        modes = solved(grown, count=20)
+        frame = modes.equilibrium.model.frames.index("box")
+        for m in (m for m, kind in enumerate(modes.kind) if kind == "flexible"):
+            share = modes.shapes[6 * frame + 3 : 6 * frame + 6, m] ** 2 @ box.body.inertia.diagonal()
+            if share > 0.8:
+                assert modes.name[m].startswith("local: "), (seed, m, modes.name[m], share)
+                seen += 1
+    assert seen >= 2
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
+def test_bendings_are_counted_in_their_own_plane(degrees):
+    """The same truss at any angle about its axis: each order twice, in planes across each other."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    R = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    article = truss(11, 0.6, 0.40, 0.43, np.random.default_rng(8))
+    turned = dataclasses.replace(
+        article,
+        nodes=tuple(dataclasses.replace(n, position=R @ n.position) for n in article.nodes),
+        members=tuple(dataclasses.replace(m, up=R @ m.up) for m in article.members),
+    )
+    bent = [name for name in solved(turned, count=16).name if " bending" in name and "local" not in name]
+    assert [name.split()[0] for name in bent] == ["first", "first", "second", "second"]
+
+
+def test_a_part_is_a_section_where_names_say_nothing():
+    article = truss(3, 1.0, 1.0, 1.0, np.random.default_rng(0))
+    pid = {"batten": 1, "longeron": 2, "diagonal": 3}
+    deck = tuple(
+        dataclasses.replace(m, name=f"bar{i}", section_name=f"pbar{pid[m.name.split()[0]]}")
+        for i, m in enumerate(article.members)
+    )
+    assert set(member_parts(dataclasses.replace(article, members=deck))) == {"pbar1", "pbar2", "pbar3"}
+    one = tuple(dataclasses.replace(m, section_name="pbar1") for m in deck)
+    alone = dataclasses.replace(one[0], name="rod7", section_name="prod2")
+    assert "bar" not in member_parts(dataclasses.replace(article, members=(alone, *one[1:])))

@@ -225,6 +225,7 @@ def _member(
         start=strut.from_,
         end=strut.to,
         section=sections[strut.section],
+        section_name=strut.section,
         tension=strut.tension_n,
         stations=tuple((station.at, sections[station.section]) for station in strut.stations),
         elements=strut.elements or elements,

@@ -35,7 +35,7 @@ class StudyWriter:
         """Draw the figures of the chapter of this name and write each to ``figures``."""
         self._outcomes[name] = outcome
         (chapter,) = (c for c in CHAPTERS if c.name == name)
-        drawings = draw_chapter(chapter, outcome)
+        drawings = draw_chapter(chapter, outcome, numbered=self._study.form.account is not None)
         self._drawings |= drawings
         for key, svg in drawings.items():
             write_text(self._out / "figures" / f"{key}.svg", svg)
@@ -53,11 +53,12 @@ class StudyWriter:
             write_text(self._out / "figures" / f"{picture.KEY}.svg", svg)
 
 
-def draw_chapter(chapter: Chapter[Any], outcome: Any) -> dict[str, str]:
-    """Key to SVG text of every drawing of one chapter."""
+def draw_chapter(chapter: Chapter[Any], outcome: Any, *, numbered: bool = True) -> dict[str, str]:
+    """Key to SVG text of every drawing of one chapter; its title is ``numbered`` as in the 1993 paper."""
     figures = cast("Numbers", plain(chapter.tabulate(outcome)))
+    titles = {d.key: d.heading(figures, numbered=numbered) for d in chapter.drawings}
     return {
-        d.key: svg_text(d.draw(outcome), key=d.key, title=d.heading(figures), description=d.sentence(figures))
+        d.key: svg_text(d.draw(outcome), key=d.key, title=titles[d.key], description=d.sentence(figures))
         for d in chapter.drawings
     }
 

@@ -25,6 +25,8 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, ac
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    sections = [drawing for chapter in chapters_of(figures) for drawing in chapter.drawings]
+    headings = {d.key: d.heading(figures, numbered=account is not None) for d in sections}
     claims = claim_rows(figures) if account else []
     inputs = dict(numbers["inputs"])
     overrides, seed = inputs.pop("overrides"), inputs.pop("seed")
@@ -35,7 +37,9 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, ac
         came_out=came_out(figures, claims),
         lacking=does_not_hold(figures, claims),
         figures=figures,
-        sections=[drawing for chapter in chapters_of(figures) for drawing in chapter.drawings],
+        sections=sections,
+        headings=headings,
+        short={key: key.replace("-", " ") if account else heading for key, heading in headings.items()},
         svg={key: Markup(svg) for key, svg in drawings.items()},  # our own, whose texts are escaped already
         warnings=warned(figures),
         versions=numbers["versions"],

@@ -53,9 +53,16 @@ class Drawing(Generic[T]):
     tables: Callable[[Numbers], list[Table]] = nothing
     note: str = ""
 
-    def heading(self, figures: Numbers) -> str:
-        """The title, which for some figures names what was measured."""
-        return self.title if isinstance(self.title, str) else self.title(figures)
+    def heading(self, figures: Numbers, *, numbered: bool = True) -> str:
+        """The title, which for some figures names what was measured; with its number in the 1993 paper, if any.
+
+        Of another article that number means nothing.
+        """
+        title = self.title if isinstance(self.title, str) else self.title(figures)
+        if numbered or not title.startswith("Figure "):
+            return title
+        words = title.partition(": ")[2]
+        return words[:1].upper() + words[1:]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,8 +71,8 @@ class Chapter(Generic[T]):
 
     Attributes:
         tables: Of the study file, without which the chapter is not run.
-        name, share: As progress is told, and the part of the whole time, measured, for the estimate of what
-            remains.
+        name, topic: As progress is told of a study of the 1993 paper, and of any other.
+        share: The part of the whole time, measured, for the estimate of what remains.
         stream: Which stream of the study's seed it draws from; its own, so that it depends on no other
             chapter.
         needs, compute: ``compute(study, rng, *values)`` with a value of the study from each of ``needs``;
@@ -75,6 +82,7 @@ class Chapter(Generic[T]):
     """
 
     name: str
+    topic: str
     tables: tuple[str, ...] = ()
     share: float
     stream: int

@@ -57,13 +57,14 @@ def _run(study: Study, out: Path) -> dict[str, float]:
     from middeck.report.build import StudyWriter
     from middeck.study.mission import chapters_in, run_chapters
 
-    writer, times = StudyWriter(out, study), {}
-    with follow({chapter.name: chapter.share for chapter in chapters_in(study)}) as (begin, end):
+    writer, times, chapters = StudyWriter(out, study), {}, chapters_in(study)
+    called = {c.name: c.name if study.form.account else c.topic for c in chapters}
+    with follow({called[c.name]: c.share for c in chapters}) as (begin, end):
         for name, compute in run_chapters(study):
-            start = time.monotonic()
-            begin(name)
+            start, told = time.monotonic(), called[name]
+            begin(told)
             writer.add(name, compute())
-            times[name] = time.monotonic() - start
-            end(name, times[name])
+            times[told] = time.monotonic() - start
+            end(told, times[told])
     writer.finish()
     return times

@@ -60,7 +60,7 @@ class Member:
     As drawn it pulls its ends together with ``tension`` [N]; a negative one pushes them apart. Its section
     may vary: ``section`` is then that at its start, and ``stations`` are (fraction of its clear length,
     section) of others, ascending up to 1; between them every number is linear. An element has the section at
-    its middle.
+    its middle. ``section_name`` is the name of its section in the article, "" for none.
     """
 
     name: str
@@ -73,6 +73,7 @@ class Member:
     end_offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
     tension: float = 0.0
     stations: tuple[tuple[float, Section], ...] = ()
+    section_name: str = ""
 
     @property
     def sections(self) -> tuple[Section, ...]:

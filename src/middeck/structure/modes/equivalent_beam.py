@@ -7,6 +7,7 @@ basis and no unit; nothing is cut into slices, so that no node falls on either s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from jaxtyping import Float
 from numpy.polynomial import legendre
 
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
+from middeck.structure.elements.trees import Poses
 from middeck.structure.modes.parts import straight_lines
 from middeck.structure.modes.rigid import AXES
 from middeck.structure.modes.strain import member_energy
@@ -36,13 +38,15 @@ class BeamMotion(NamedTuple):
 
     ``names`` are characters of motion, ``share`` theirs in that of the sections, ``fit`` the part of the
     kinetic energy that this has, ``appended`` the part of the strain energy in the `FEW` short lines that
-    have most.
+    have most. ``lateral`` has the squares and the product of the motions along the two directions across: for
+    motion in one plane the projection on its direction, as trace of 1.
     """
 
     names: tuple[str, ...]
     share: Float[np.ndarray, "mode character"]
     fit: Float[np.ndarray, " mode"]
     appended: Float[np.ndarray, " mode"]
+    lateral: Float[np.ndarray, "mode 2 2"]
 
 
 def on_one_line(equilibrium: Equilibrium) -> bool:
@@ -70,14 +74,19 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     across, planes = _across(axis)
     seen = np.concatenate([ends, model.body_point])
     mass = np.concatenate([np.repeat(0.5 * model.beams.length * model.beams.rho_A, 2), model.body_mass])
-    moved = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, shapes.shape[1])[
-        seen, :3
-    ]
-    weight = np.sqrt(mass / mass.sum())[:, None]
+    changes = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, -1)
+    weight = np.sqrt(mass)[:, None]
+    turning = turned_bodies(equilibrium, poses)
     terms = int(np.clip(len(np.unique(model.points.frame[seen])) // FRAMES_EACH, FEWEST, MOST))
     families = _families(r[seen], axis, across, terms)
-    columns = np.hstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1) for f in families])
-    u = (weight[:, :, None] * moved).reshape(3 * len(seen), shapes.shape[1])
+    # Of a body the turn too: one that nods on a still beam is no motion of it.
+    along, turns = r[model.body_point] @ axis, (np.zeros(3), axis, *(np.cross(e, axis) for e in across))
+    columns = np.hstack([
+        np.vstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1), turned])
+        for f, turned in zip(families, _turns(r[seen] @ axis, along, turns, terms, turning), strict=True)
+    ])  # fmt: skip
+    moved = (weight[:, :, None] * changes[seen, :3]).reshape(3 * len(seen), -1)
+    u = np.vstack([moved, (turning @ changes[model.body_point, 3:]).reshape(-1, shapes.shape[1])])
     B = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     c = np.linalg.lstsq(B, u, rcond=RCOND)[0]
     width = np.cumsum([0, *(f.shape[2] for f in families)])
@@ -91,7 +100,35 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
         energy = np.column_stack([energy[:, :2], energy[:, 2:].sum(axis=1)])
     total = energy.sum(axis=1, keepdims=True)
     share = energy / np.where(total > 0.0, total, 1.0)
-    return BeamMotion(names, share, fit, _appended(equilibrium, shapes, r[ends] @ axis))
+    own = [(B[:, a:b] @ c[a:b])[: 3 * len(seen)].reshape(len(seen), 3, -1) for a, b in pairwise(width[2:])]
+    aside = np.stack([np.einsum("i,pim->pm", e, f) for e, f in zip(across, own, strict=True)])
+    lateral = np.einsum("apm,bpm->mab", aside, aside)
+    size = np.trace(lateral, axis1=1, axis2=2)[:, None, None]
+    lateral = lateral / np.where(size > 0.0, size, 1.0)
+    return BeamMotion(names, share, fit, _appended(equilibrium, shapes, r[ends] @ axis), lateral)
+
+
+def turned_bodies(equilibrium: Equilibrium, poses: Poses) -> Float[np.ndarray, "body 3 3"]:
+    """Roots of the inertia of the bodies, in W: their product with a turn is squared its energy, twice."""
+    model = equilibrium.model
+    own, axes = np.linalg.eigh(model.body_inertia)
+    root = (axes * np.sqrt(np.maximum(own, 0.0))[:, None, :]) @ axes.transpose(0, 2, 1)
+    R = poses.R[model.points.frame[model.body_point]]
+    return R @ root @ R.transpose(0, 2, 1)
+
+
+def _turns(
+    s: np.ndarray, at: np.ndarray, turns: Sequence[np.ndarray], terms: int, turning: np.ndarray
+) -> list[np.ndarray]:
+    """What each family turns the bodies ``at`` their places by; bending has the shifts first."""
+    P = _polynomials(s, at, terms)
+    out = [np.einsum("bij,j,bt->bit", turning, turn, P).reshape(3 * len(at), -1) for turn in turns]
+    return [*out[:2], *(np.hstack([0.0 * turned, turned]) for turned in out[2:])]
+
+
+def _polynomials(s: np.ndarray, at: np.ndarray, terms: int) -> np.ndarray:
+    """Legendre's on the range of ``s``, at some places of it."""
+    return legendre.legvander(2.0 * (at - s.min()) / max(np.ptp(s), np.finfo(float).tiny) - 1.0, terms - 1)
 
 
 def _appended(equilibrium: Equilibrium, shapes: np.ndarray, s: np.ndarray) -> Float[np.ndarray, " mode"]:
@@ -134,8 +171,7 @@ def _plane(normal: np.ndarray, direction: np.ndarray) -> str:
 def _families(r: np.ndarray, axis: np.ndarray, across: np.ndarray, terms: int) -> list[np.ndarray]:
     """Motions (point, 3, term): axial, torsion, and bending along each of the two directions across."""
     s = r @ axis
-    s = 2.0 * (s - s.min()) / max(np.ptp(s), np.finfo(float).tiny) - 1.0
-    P = legendre.legvander(s, terms - 1)[:, None, :]
+    P = _polynomials(s, s, terms)[:, None, :]
     bending: list[np.ndarray] = []
     for e in across:
         plane = axis * (r @ e)[:, None]  # a section that turns stays plane

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from middeck.structure.modes.equivalent_beam import beam_motion, on_one_line
+from middeck.structure.elements.frames import frame_poses, pose_jacobian
+from middeck.structure.modes.equivalent_beam import beam_motion, on_one_line, turned_bodies
 from middeck.structure.modes.kinds import HALF, HELD
 from middeck.structure.modes.parts import leading_parts, strained_parts
 from middeck.structure.modes.repeated import repeated_apart
@@ -16,8 +19,17 @@ from middeck.structure.modes.rigid import AXES, rigid_motions
 from middeck.structure.modes.strain import PARTS, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 
+
+class Deformation(NamedTuple):
+    """Words for the deformation in a mode; how it shares in the planes, where it is bending of one beam."""
+
+    words: str
+    bent: Float[np.ndarray, "2 2"] | None = None
+
+
+UNCLEAR = 0.25  # of two bendings: in one plane, or across, to less than this; else half, as at 45 degrees
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-LOCAL = "local: "
+LOCAL, BENDING = "local: ", "bending"
 # Of the kinetic energy: makes a mode one of the article as a beam. Of the strain energy, in what is appended
 # to the beam: makes it none.
 WHOLE = 0.6
@@ -42,14 +54,29 @@ def name_modes(
     held = [m for m, k in enumerate(kind) if k in HELD]
     hung = dict(zip(held, _hung_names(equilibrium, M, shapes[:, held]), strict=True))
     deformed = deformation_names(equilibrium, M, lam, shapes)
+    groups = repeated_apart(equilibrium.model.tree, M, lam, shapes)
+    beside = {int(m): set(group.tolist()) for group in groups for m in group}
     names: list[str] = list(rigid_names)
     count: Counter[str] = Counter()
     for m in range(first, len(kind)):
-        base = hung.get(m, deformed[m])
+        base = hung.get(m, deformed[m].words)
         count[base] += 1
         plain = m in hung or base.startswith(LOCAL)
-        names.append(_numbered(base, count[base]) if plain else f"{_ordinal(count[base])} {base}")
+        before = [j for j in range(first, m) if j not in hung and j not in beside.get(m, ())]
+        bent = deformed[m].bent
+        order = count[base] if m in hung or bent is None else _order(bent, [deformed[j].bent for j in before])
+        names.append(_numbered(base, order) if plain else f"{_ordinal(order)} {base}")
     return tuple(names)
+
+
+def _order(bent: np.ndarray, before: Sequence[np.ndarray | None]) -> int:
+    """Place of a bending among those in its plane: one across is none of them, one half way is half of one.
+
+    Modes of one frequency, of which any basis will do, have half of each plane.
+    """
+    shared = np.array([np.sum(bent * other) for other in before if other is not None])
+    clear = np.where(shared > 1.0 - UNCLEAR, 1.0, np.where(shared < UNCLEAR, 0.0, 0.5))
+    return 1 + int(clear.sum() + 0.5)
 
 
 def deformation_names(
@@ -57,32 +84,49 @@ def deformation_names(
     M: sp.csr_array,
     lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
-) -> list[str]:
+) -> list[Deformation]:
     """What deforms in each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy. Of any other it is the motion
     of the whole as one beam, if `WHOLE` of the kinetic energy is that; else "local: PART" where parts with
-    half of the strain energy can be named, or "overall", with the deformation of the members. Two that are
+    half of the strain energy can be named or "local: turn of BODY" where that has half of the kinetic energy;
+    or "overall", with the deformation of the members. Two that are
     nearly equal are both named, and modes of one frequency that `turn_apart` leaves alike are named alike.
     """
     mean = _mean_of_groups(len(lam), repeated_apart(equilibrium.model.tree, M, lam, shapes))
     strain = mean @ strain_energy(equilibrium, shapes)
     if not len(lam) or on_one_line(equilibrium):
-        return [PARTS[i] for i in np.argmax(strain, axis=1)]
+        return [Deformation(PARTS[i]) for i in np.argmax(strain, axis=1)]
     whole, (parts, share) = beam_motion(equilibrium, shapes), strained_parts(equilibrium, shapes)
-    share = mean @ share
-    names: list[str] = []
+    share, (bodies, turning) = mean @ share, _turning(equilibrium, M, shapes)
+    names: list[Deformation] = []
     for m in range(len(lam)):
         named, of_it = leading_parts(parts, share[m])
         deformation = leading_parts(PARTS, strain[m] / max(strain[m].sum(), TINY))[0]
         tied = strain[m, len(PARTS) - TIES :].sum() > HALF * strain[m].sum()
         if whole is not None and not tied and mean[m] @ whole.fit >= WHOLE > mean[m] @ whole.appended:
-            names.append(leading_parts(whole.names, mean[m] @ whole.share)[0])
+            words = leading_parts(whole.names, mean[m] @ whole.share)[0]
+            bent = np.einsum("n,nij->ij", mean[m], whole.lateral) if BENDING in words else None
+            names.append(Deformation(words, bent))
         elif of_it >= HALF:
-            names.append(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}")
+            names.append(Deformation(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}"))
+        elif (turned := leading_parts(bodies, mean[m] @ turning))[1] >= HALF:
+            names.append(Deformation(f"{LOCAL}turn of {turned[0]}"))
         else:
-            names.append(f"overall {deformation}")
+            names.append(Deformation(f"overall {deformation}"))
     return names
+
+
+def _turning(
+    equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray
+) -> tuple[tuple[str, ...], Float[np.ndarray, "mode body"]]:
+    """Bodies by the names of their frames, and the part of the kinetic energy that their turning has."""
+    model = equilibrium.model
+    poses = frame_poses(model.tree, equilibrium.config)
+    turn = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(model.points.frame), 6, -1)
+    twice = np.sum((turned_bodies(equilibrium, poses) @ turn[model.body_point, 3:]) ** 2, axis=1)
+    names = tuple(model.frames[frame] for frame in model.points.frame[model.body_point])
+    return names, (twice / np.einsum("im,im->m", shapes, M @ shapes)).T
 
 
 def _mean_of_groups(count: int, groups: list[Int[np.ndarray, " member"]]) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections import Counter
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +19,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 ALIKE = 0.8
 # Two members run on in one line where the sine of their angle is less.
 STRAIGHT = 1e-3
+MOST = 0.75  # of all members in one part: that says nothing
 NUMBERED = re.compile(r"(.*?[^\W\d])[ _./-]*\d+")
 
 
@@ -59,14 +61,20 @@ def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> 
 
 
 def member_parts(structure: Structure) -> tuple[str, ...]:
-    """The part of each member: its name without its number where that tells members apart, else its line.
+    """The part of each member: its name without its number, or the name of its section, else its line.
 
-    A line is of members of one section that run on straight.
+    Of names and sections those are taken that make more parts, if they tell members apart: more than one
+    part, fewer than members, and none with `MOST` of them. A line is of members of one section that run on
+    straight.
     """
     names = [member.name for member in structure.members]
     stems = [match[1] if (match := NUMBERED.fullmatch(name)) else name for name in names]
-    if 1 < len(set(stems)) < len(stems):
-        return tuple(stems)
+    groups = [stems, [member.section_name for member in structure.members]]
+    told = [
+        g for g in groups if 1 < len(set(g)) < len(g) and max(Counter(g).values()) < MOST * len(g) and all(g)
+    ]
+    if told:
+        return tuple(max(told, key=lambda g: len(set(g))))
     lines = straight_lines(structure)
     if len(set(lines)) == 1:
         return tuple(names)

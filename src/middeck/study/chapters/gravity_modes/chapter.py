@@ -23,6 +23,7 @@ def compute(study: Any, rng: Any, comparison: ModeComparison) -> ModeComparison:
 
 GRAVITY_MODES = Chapter(
     name="figures 4 and 5",
+    topic="modes in 0-g and 1-g",
     tables=("control",),
     share=0.02,
     stream=0,

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from matplotlib.ticker import MaxNLocator
 from scipy.spatial import ConvexHull
 
 from middeck.plot.style import COLOUR, new_figure, note, styled
@@ -48,7 +49,7 @@ def figure_3(comparison: ModeComparison) -> Figure:
         for axes, view in zip(row, VIEWS, strict=True):
             _draw_view(axes, drawing, view, COLOUR[environment])
         row[0].set_title(title)
-        row[1].set_title("end view")
+        _name_end(row[1])
         row[0].set_ylabel("y [m]")
     _name_parts(grid[0, 0], comparison.orbit.equilibrium.model)
     grid[0, 0].set_ylim(top=LABELS_ABOVE_M)
@@ -58,6 +59,13 @@ def figure_3(comparison: ModeComparison) -> Figure:
         _show_all(column)
     _one_scale(grid)
     return figure
+
+
+def _name_end(axes: Axes) -> None:
+    """Over the view, however narrow it is; its ticks few enough not to meet."""
+    axes.set_title("end\nview", fontsize=8.0)
+    axes.xaxis.set_major_locator(MaxNLocator(2, min_n_ticks=1))
+    axes.tick_params(axis="x", labelsize=7.0)
 
 
 def _show_all(column: np.ndarray) -> None:

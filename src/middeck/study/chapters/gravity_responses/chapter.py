@@ -10,6 +10,7 @@ from middeck.study.chapters.gravity_responses.figure_6 import figure_6
 
 GRAVITY_RESPONSES = Chapter(
     name="figure 6",
+    topic="responses in 0-g and 1-g",
     tables=("figure_6", "rig", "siso"),
     share=0.01,
     stream=1,

@@ -12,6 +12,7 @@ TITLE_B = "Figure 9b: open and closed loops"
 
 MEASURED_CONTROL = Chapter(
     name="figure 9",
+    topic="a measured loop",
     tables=("siso",),
     share=0.39,
     stream=3,

@@ -10,6 +10,7 @@ SOURCE = "study/chapters/mirror/source.html"
 
 MIRROR = Chapter(
     name="mirror",
+    topic="mirror",
     tables=("mirror",),
     share=0.04,
     stream=5,

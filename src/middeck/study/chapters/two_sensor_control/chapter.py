@@ -15,6 +15,7 @@ TITLE_12B = "Figure 12b: bus under both penalties"
 
 TWO_SENSOR_CONTROL = Chapter(
     name="figures 10 to 12",
+    topic="two sensors",
     tables=("sito",),
     share=0.46,
     stream=4,

@@ -12,6 +12,7 @@ TITLE_B = "Figure 7b: the flexible modes alone"
 
 ZERO_G_CONTROL = Chapter(
     name="figure 7",
+    topic="controllers designed in 0-g",
     tables=("control",),
     share=0.08,
     stream=2,
