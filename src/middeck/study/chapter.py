@@ -54,7 +54,7 @@ class Drawing(Generic[T]):
     note: str = ""
 
     def heading(self, figures: Numbers, *, numbered: bool = True) -> str:
-        """The title, which for some figures names what was measured; with its number in the 1993 paper, if any.
+        """The title, which for some figures names what was measured; with its number in the paper, if any.
 
         Of another article that number means nothing.
         """
