@@ -113,9 +113,7 @@ def rbe3_rows() -> list[dict[str, Any]]:
     case = "RBE3 of a deck"
     return [
         row(case, "motion of its grid, off the weighted least squares", "", float(follows), 1e-6),
-        row(
-            case, "motion of grids that share its load, off the closed form", "", float(shared), 1e-6
-        ),
+        row(case, "motion of grids that share its load, off the closed form", "", float(shared), 1e-6),
     ]
 
 
