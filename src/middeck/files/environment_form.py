@@ -145,8 +145,9 @@ def build_environment(form: EnvironmentForm, attach: Sequence[str] = ()) -> Envi
     gravity, up = np.zeros(3), None
     if form.constants is not None:
         direction = np.array(form.constants.gravity_direction)
-        up = -direction / np.linalg.norm(direction) + 0.0
-        gravity = form.constants.gravity_m_s2 * direction / np.linalg.norm(direction)
+        direction = direction / np.linalg.norm(direction)
+        gravity = form.constants.gravity_m_s2 * direction
+        up = None if np.any(gravity) else -direction + 0.0
     springs = tuple(
         AnchoredSpring(
             name=s.name or default_name(s.attach),
