@@ -175,3 +175,23 @@ def test_a_pinned_end_is_a_row_of_its_own(tmp_path, capfd, released):
     structure, around = md.load_setup(tmp_path / "pin.toml", tmp_path / "pin-held.toml")
     found = md.solve_modes(md.solve_equilibrium(structure, around), 3).frequency_hz[:3]
     np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+LOOSE = [("456,456", "456,56"), ("23456,23456", "456,56"), ("26,26", "26,"), ("1,1", "1,"), ("2356,2356", "")]
+
+
+@pytest.mark.parametrize(("released", "alike"), LOOSE)
+def test_a_bar_released_until_it_is_loose_bears_what_its_ends_can(tmp_path, capfd, released, alike):
+    """A brace beside a cantilever: a mechanism by its pins gives no mode. Without bending it is a rod."""
+    both = GRIDS + PROPERTIES + f"SPC1,1,123456,1,9\nGRID,9,,{2 * L},.7,.4\n"
+    both += "".join(bar(k) for k in (1, 2, 3, 4))
+    rod = f"CROD,8,2,9,4\nPROD,2,1,{A:.3E},{J:.3E}\n"
+    found = []
+    for name, pins in (("loose", released), ("held", alike)):
+        brace = f"CBAR,8,1,9,4,0.,0.,1.,,+P\n+P,{pins}\n" if pins else rod
+        around = tmp_path / f"{name}-held.toml"
+        ended = converted(tmp_path, capfd, name, "SPC = 1\n", both + brace, "--environment", around)
+        assert ended.code == 0, ended.err
+        found.append(frequencies(tmp_path, name))
+    np.testing.assert_allclose(*found, rtol=1e-7)
+    assert found[0][0] > 0.0

@@ -326,7 +326,7 @@ class Dense:
     """Matrices of all coordinates that move, with the modal damping of the whole."""
 
     def __init__(self, rest: Equilibrium, modes: Modes) -> None:
-        self.free = dynamic_freedom(rest.model)
+        self.free = dynamic_freedom(rest.model, rest.config)
         self.K = self.free.matrix(assemble(rest.model, rest.config, rest.loads).tangent).toarray()
         self.M = self.free.matrix(modes.mass).toarray()
         spin = spinning_wheels(rest.model, rest.config, rest.environment)

@@ -23,6 +23,16 @@ DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 LEAST_SINE = 1e-6
 
 
+# By end and component what it sees of a rigid motion of a bar of unit length: along, about itself, and in
+# both planes the shift of its first end and its turn.
+WAYS = (
+    ({"1": [1]}, {"1": [1]}),
+    ({"4": [1]}, {"4": [1]}),
+    ({"2": [1, 0], "6": [0, 1]}, {"2": [1, 1], "6": [0, 1]}),
+    ({"3": [1, 0], "5": [0, 1]}, {"3": [1, -1], "5": [0, 1]}),
+)
+
+
 class Bar(NamedTuple):
     """A member: its grids, the places of its ends in basic coordinates, its own y axis and its section."""
 
@@ -33,13 +43,36 @@ class Bar(NamedTuple):
     section: BarSection
 
     def released(self, end: int) -> str:
-        """Components in its own axes that do not pass on at an end (PA, PB)."""
-        return "" if self.entry.name in RODS else f"{self.entry[('pa', 'pb')[end]] or ''}"
+        """Components in its own axes that an end does not pass on (PA, PB), but those that hold the bar."""
+        if self.entry.name in RODS:
+            return ""
+        return _loose(f"{self.entry['pa'] or ''}", f"{self.entry['pb'] or ''}")[end]
 
     @property
     def length(self) -> float:
         """From end to end."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
+
+
+def _loose(first: str, second: str) -> tuple[str, str]:
+    """Released components of both ends, less those without which the bar itself would be a mechanism.
+
+    A bar that turns about itself, slides or swings as a rigid body bears nothing, held at one end or not; the
+    deck's own program has no coordinate for it.
+    """
+    released = [set(first), set(second)]
+    for ways in WAYS:
+        rows = [(end, c, np.array(row)) for end, group in enumerate(ways) for c, row in group.items()]
+        held = [row for end, c, row in rows if c not in released[end]]
+        for end, c, row in rows:
+            if c in released[end] and _rank([*held, row]) > _rank(held):
+                released[end].discard(c)
+                held.append(row)
+    return "".join(sorted(released[0])), "".join(sorted(released[1]))
+
+
+def _rank(rows: list[np.ndarray]) -> int:
+    return int(np.linalg.matrix_rank(np.array(rows))) if rows else 0
 
 
 def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar]:
