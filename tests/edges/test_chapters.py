@@ -47,6 +47,7 @@ def toy(name: str, stream: int, needs=()) -> Chapter:
     """A chapter whose outcome is what it was given and what it drew."""
     return Chapter(
         name=name,
+        topic=name,
         share=0.5,
         stream=stream,
         needs=needs,

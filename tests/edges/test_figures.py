@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import html
 import json
 import re
@@ -12,12 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.files.vtu import vtu_text
 from middeck.plot.response import response_lines
-from middeck.plot.shapes import Shown, factor_of, label_of
+from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes_figure, upright
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
 from middeck.structure.modes.drawing import build_mode_drawing
 from structure_builders import TUBE, straight_beam
@@ -209,3 +211,54 @@ def test_forty_modes_of_three_hundred_members_stay_small() -> None:
         title="truss", drawings=(drawing,), sides=("",), rows=tuple((Shown(0, i),) for i in range(10))
     )
     assert len(render_shapes(page).encode()) < 1_000_000
+
+
+# ---- layout and view --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shapes", [1, 3, 7])
+def test_no_words_of_a_picture_meet_or_leave_it(page: ShapePage, shapes: int) -> None:
+    """Long names, three kinds of marks and long sides: titles, scale and legend each have their own place."""
+    held = page.drawings[1]
+    marks = tuple(held.marks[0]._replace(what=what) for what in ("mass", "clamp", "ground"))
+    names = ("third bending x-z and bending y-z",) * len(held.name)
+    long = dataclasses.replace(held, marks=marks, name=names)
+    rows = [[Shown(0, i)] for i in range(shapes)]
+    figure = shapes_figure([long], rows, ["a long side"])
+    FigureCanvasAgg(figure).draw()
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    drawn = [a._left_title.get_window_extent(renderer) for a in figure.axes if a.get_title(loc="left")]
+    bar = next(a for a in figure.axes if a.get_xlabel()).get_tightbbox(renderer)
+    others = (figure.legends[0], figure.texts[0])
+    boxes = [*drawn, bar, *(other.get_window_extent(renderer) for other in others)]
+    assert len(drawn) == shapes
+    assert all(figure.bbox.x0 <= b.x0 and b.x1 <= figure.bbox.x1 for b in boxes)
+    assert all(figure.bbox.y0 <= b.y0 and b.y1 <= figure.bbox.y1 for b in boxes)
+    assert not [1 for i, a in enumerate(boxes) for b in boxes[i + 1 :] if a.overlaps(b)]
+
+
+def test_a_picture_of_many_shapes_says_how_many_it_leaves_out(page: ShapePage) -> None:
+    rows = [(Shown(0, 0), Shown(1, 1))] * 15 + [(None, Shown(1, 0))] * 15
+    kept, left = first_panels(rows)
+    assert (len(kept), left) == (25, 5)
+    assert first_panels(rows[:20]) == (rows[:20], 0)
+    figure = shapes_figure(page.drawings, kept, page.sides, left)
+    assert "5 more shapes are not drawn here" in figure.texts[0].get_text()
+    titled = [bool(a.get_title(loc="left")) for a in figure.axes if not a.get_xlabel()]
+    assert titled == [True] * 30 + [False] * 2 + [True] * 10 + [False] * 2
+    assert figure.get_figheight() < 25.0
+
+
+@pytest.mark.parametrize(("constants", "up"), [
+    ("", None), ("gravity_m_s2 = 0.0\ngravity_direction = [0.0, 0.0, -2.0]", [0.0, 0.0, 1.0]),
+    ("gravity_m_s2 = 1.62\ngravity_direction = [-3.0, 0.0, 0.0]", [1.0, 0.0, 0.0]),
+])  # fmt: skip
+def test_up_is_against_gravity(constants: str, up: list[float] | None, tmp_path: Path) -> None:
+    """Against its direction too, where there is none of it."""
+    file = tmp_path / "where.toml"
+    head = f'schema = 1\nname = "w"\n{"[constants]" if constants else ""}'
+    file.write_text(f'{head}\n{constants}\n[[clamp]]\nnode = "a"\n')
+    beam = straight_beam(TUBE, 2.0, 1)
+    drawing = draw_modes(md.solve_modes(md.solve_equilibrium(beam, md.load_environment(file)), 1))
+    assert (None if drawing.up is None else drawing.up.tolist()) == up
+    assert upright([drawing.up])[1].tolist() == (up or [0.0, 1.0, 0.0])

@@ -208,7 +208,7 @@ def _heading(drawings: Sequence[Drawing], columns: int, left_out: int) -> str:
         f"{REACH:.0%} of the article's size",
         *([f"{left_out} more shapes are not drawn here; a page (.html) has all"] if left_out else []),
     ]
-    return "\n".join(fill(line, int(14 * _wide(columns))) for line in lines)
+    return "\n".join(fill(line, int(17 * _wide(columns))) for line in lines)
 
 
 def _scale(figure: Figure, heading: str, foot: float) -> None:

@@ -54,9 +54,9 @@ class Drawing(Generic[T]):
     note: str = ""
 
     def heading(self, figures: Numbers, *, numbered: bool = True) -> str:
-        """The title, which for some figures names what was measured; with its number in the paper, if any.
+        """The title, which for some figures names what was measured.
 
-        Of another article that number means nothing.
+        ``numbered`` with the number of the figure in the 1993 paper, which means nothing of another article.
         """
         title = self.title if isinstance(self.title, str) else self.title(figures)
         if numbered or not title.startswith("Figure "):
