@@ -259,6 +259,6 @@ def test_up_is_against_gravity(constants: str, up: list[float] | None, tmp_path:
     head = f'schema = 1\nname = "w"\n{"[constants]" if constants else ""}'
     file.write_text(f'{head}\n{constants}\n[[clamp]]\nnode = "a"\n')
     beam = straight_beam(TUBE, 2.0, 1)
-    drawing = draw_modes(md.solve_modes(md.solve_equilibrium(beam, md.load_environment(file)), 1))
+    drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(beam, md.load_environment(file)), 1))
     assert (None if drawing.up is None else drawing.up.tolist()) == up
     assert upright([drawing.up])[1].tolist() == (up or [0.0, 1.0, 0.0])
