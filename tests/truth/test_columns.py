@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from middeck.errors import UnstableEquilibriumError
+from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.model.article import AttachPoint, Section
 from middeck.structure.model.environment import AnchoredSpring
 from middeck.structure.modes.solve import solve_modes
@@ -147,3 +149,13 @@ def test_a_beam_bent_to_sixty_percent_on_a_support_of_any_stiffness(k: float):
     assert len(rest.history) <= TENS
     if k > 1e4:
         assert -moved(rest) == pytest.approx((0.25442, 0.60325), rel=2e-3)
+
+
+def test_a_factor_leaves_its_matrix_as_it_was():
+    """SuperLU sorts the rows of what it is given, which may share its indices with the matrix."""
+    K = sp.csr_array((np.array([1.0, 4.0, 3.0, 1.0]), np.array([1, 0, 1, 0]), np.array([0, 2, 4])))
+    dense = K.toarray()
+    factor = factorise(K)
+    assert factor is not None
+    np.testing.assert_array_equal(K.toarray(), dense)
+    np.testing.assert_allclose(factor.solve(dense @ [1.0, -2.0]), [1.0, -2.0], rtol=1e-14)

@@ -37,7 +37,8 @@ def factorise(K: sp.csr_array) -> Factor | None:
     scaled = np.repeat(scale, np.diff(K.indptr)) * K.data * scale[K.indices]
     try:
         lu = spla.splu(
-            sp.csc_array((scaled, K.indices, K.indptr), shape=K.shape),  # rows are columns: symmetric
+            # Rows are columns: symmetric. A copy, for SuperLU sorts what it is given.
+            sp.csc_array((scaled, K.indices.copy(), K.indptr), shape=K.shape),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},

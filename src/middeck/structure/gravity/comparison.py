@@ -80,7 +80,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     pairs = np.array(found, dtype=int).reshape(-1, 2)
     shares = shares_of(paired.start, lab)
     told = tuple(_disputed(orbit, lab, pairs, shares))
-    pairs = pairs[[_in_common(lab, pair, shares)[0] >= COMMON for pair in pairs]]
+    pairs = pairs[[_in_common(lab, pair, shares)[0] >= COMMON for pair in pairs.tolist()]]
     return ModeComparison(
         orbit=orbit,
         lab=lab,
