@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
-from jaxtyping import Float, Inexact
+from jaxtyping import Inexact
 
 from middeck.structure.assembly.energy import bushing_states, component_states, element_poses
 from middeck.structure.elements.beam import beam_deformations
@@ -26,6 +28,7 @@ PARTS = (
     "component",
 )
 BENDING = slice(2, 5)
+CHUNK = 128
 
 
 def strain_energy(
@@ -142,30 +145,33 @@ def member_energy(
 def _each_member(equilibrium: Equilibrium, changes: np.ndarray) -> np.ndarray:
     model = equilibrium.model
     energy = np.zeros((len(model.structure.members), changes.shape[2]), changes.dtype)
-    if len(model.element_ends):
-        np.add.at(energy, model.element_member, _element_energy(equilibrium, changes).sum(axis=1))
+    for rows, density in _element_energies(equilibrium, changes):
+        np.add.at(energy, model.element_member[rows], density.sum(axis=1))
     return energy.T
 
 
-def _element_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Float[np.ndarray, "element 6 mode"]:
-    """Energy of each deformation of the elements; ``changes`` are those of all poses."""
+def _element_energies(equilibrium: Equilibrium, changes: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+    """Elements by the hundred, whose arrays stay in the cache, and the energy of each of their deformations.
+
+    That is (element, 6, mode); ``changes`` are those of all poses.
+    """
     model = equilibrium.model
     x, T = element_poses(model, equilibrium.config)
     _, slope = beam_deformations(model.beams, x, T)
-    ends = changes[model.element_ends].reshape(len(x), 12, -1)
-    deformation = slope @ ends
-    return 0.5 * deformation * (model.beams.stiffness @ deformation)
+    for start in range(0, len(x), CHUNK):
+        rows = slice(start, start + CHUNK)
+        ends = changes[model.element_ends[rows]].reshape(-1, 12, changes.shape[2])
+        deformation = slope[rows] @ ends
+        yield rows, 0.5 * deformation * (model.beams.stiffness[rows] @ deformation)
 
 
 def _member_energy(equilibrium: Equilibrium, changes: np.ndarray) -> Inexact[np.ndarray, "mode 5"]:
     model = equilibrium.model
-    if not len(model.element_ends):
-        return np.zeros((changes.shape[2], 5))
-    density = _element_energy(equilibrium, changes)
-    energy = np.zeros((changes.shape[2], 5), density.dtype)
-    energy[:, 0], energy[:, 1] = density[:, STRETCH].sum(axis=0), density[:, PHI].sum(axis=0)
-    for own, rows in ((1, [Y1, Y2]), (2, [Z1, Z2])):
-        axis = np.argmax(np.abs(model.element_triad[:, :, own]), axis=1)
-        bending = density[:, rows].sum(axis=1)
-        np.add.at(energy[:, BENDING].T, axis, bending)
+    axes = [np.argmax(np.abs(model.element_triad[:, :, own]), axis=1) for own in (1, 2)]
+    energy = np.zeros((changes.shape[2], 5), np.result_type(changes, model.beams.stiffness))
+    for rows, density in _element_energies(equilibrium, changes):
+        energy[:, 0] += density[:, STRETCH].sum(axis=0)
+        energy[:, 1] += density[:, PHI].sum(axis=0)
+        for axis, bent in zip(axes, ([Y1, Y2], [Z1, Z2]), strict=True):
+            np.add.at(energy[:, BENDING].T, axis[rows], density[:, bent].sum(axis=1))
     return energy
