@@ -160,7 +160,7 @@ def _element_energies(equilibrium: Equilibrium, changes: np.ndarray) -> Iterator
     _, slope = beam_deformations(model.beams, x, T)
     for start in range(0, len(x), CHUNK):
         rows = slice(start, start + CHUNK)
-        ends = changes[model.element_ends[rows]].reshape(-1, 12, changes.shape[2])
+        ends = changes[model.element_ends[rows]].reshape(len(slope[rows]), 12, changes.shape[2])
         deformation = slope[rows] @ ends
         yield rows, 0.5 * deformation * (model.beams.stiffness[rows] @ deformation)
 
