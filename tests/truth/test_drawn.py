@@ -175,6 +175,8 @@ def test_a_component_is_drawn_as_what_it_was_reduced_from(seed: int) -> None:
     drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(dataclasses.replace(
         reduced, components=(moved,)), orbit), 10), range(6, 10))  # fmt: skip
     lines = [n for n in drawing.lines if n.what == "component"]
+    still = build_rest_drawing(full.equilibrium), build_rest_drawing(md.solve_equilibrium(reduced, orbit))
+    assert [len(d.motion) for d in still] == [0, 0]  # no mode, and no fault
     assert not [n for n in drawing.lines if "/q" in n.name]
     model, bare = full.equilibrium.model, mesh_structure(part)
     at = np.array([model.frames.index(f) for f in bare.frames])

@@ -83,7 +83,7 @@ class ComponentState(NamedTuple):
     def seen(self, motion: Inexact[np.ndarray, "n mode"]) -> Inexact[np.ndarray, "n mode"]:
         """Motions in W in the axes of the component's frame, those as one body with them."""
         grids = len(motion) - self.modal
-        turned = np.einsum("ji,gjm->gim", self.axes, motion[:grids].reshape(-1, 3, motion.shape[1]))
+        turned = np.einsum("ji,gjm->gim", self.axes, motion[:grids].reshape(grids // 3, 3, motion.shape[1]))
         return np.concatenate([turned.reshape(grids, -1), motion[grids:]])
 
     def squares(self, motion: Inexact[np.ndarray, "n mode"]) -> Inexact[np.ndarray, "mode mode"]:

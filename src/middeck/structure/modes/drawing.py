@@ -334,7 +334,8 @@ def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
 def _spokes(x: Float[np.ndarray, "state point 3"]) -> Float[np.ndarray, "state spoke 3"]:
     """Points of straight lines from the first of the points to each of the others, one after the other."""
     part = np.linspace(0.0, 1.0, SPOKE)[:, None]
-    return ((1.0 - part) * x[:, :1, None] + part * x[:, 1:, None]).reshape(len(x), -1, 3)
+    along = (1.0 - part) * x[:, :1, None] + part * x[:, 1:, None]
+    return along.reshape(len(x), SPOKE * (x.shape[1] - 1), 3)
 
 
 def _cables(equilibrium: Equilibrium, shapes: np.ndarray, longest: float) -> _Piece:

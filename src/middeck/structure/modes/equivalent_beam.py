@@ -86,7 +86,8 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
         for f, turned in zip(families, _turns(r[seen] @ axis, along, turns, terms, turning), strict=True)
     ])  # fmt: skip
     moved = (weight[:, :, None] * changes[seen, :3]).reshape(3 * len(seen), -1)
-    u = np.vstack([moved, (turning @ changes[model.body_point, 3:]).reshape(-1, shapes.shape[1])])
+    turned = (turning @ changes[model.body_point, 3:]).reshape(3 * len(turning), shapes.shape[1])
+    u = np.vstack([moved, turned])
     B = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     c = np.linalg.lstsq(B, u, rcond=RCOND)[0]
     width = np.cumsum([0, *(f.shape[2] for f in families)])

@@ -124,14 +124,15 @@ def device_energy(
     poses = frame_poses(model.tree, equilibrium.config)
     held = PosePoints(model.points.frame[loads.attach_point], model.points.offset[loads.attach_point])
     state = spring_state(loads.law, points_in_world(held, poses) - loads.anchor)
-    moved = (pose_jacobian(model.tree, held, poses) @ shapes).reshape(-1, 6, shapes.shape[1])[:, :3]
+    changes = pose_jacobian(model.tree, held, poses) @ shapes
+    moved = changes.reshape(len(held.frame), 6, shapes.shape[1])[:, :3]
     energy = 0.5 * np.einsum("dim,dij,djm->m", moved, state.material + state.geometric, moved)
     if not len(loads.ground.point):
         return energy
     tied = PosePoints(model.points.frame[loads.ground.point], model.points.offset[loads.ground.point])
     ground = bushing_states(model, equilibrium.config, loads)[1]
     K = (ground.material + ground.geometric)[:, 6:, 6:]
-    moved = (pose_jacobian(model.tree, tied, poses) @ shapes).reshape(-1, 6, shapes.shape[1])
+    moved = (pose_jacobian(model.tree, tied, poses) @ shapes).reshape(len(tied.frame), 6, shapes.shape[1])
     return energy + 0.5 * np.einsum("bim,bij,bjm->m", moved, K, moved)
 
 
