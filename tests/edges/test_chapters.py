@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import middeck
+from middeck.report import summary
+from middeck.study import mission
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.mission import CHAPTERS, run_chapters, study_numbers
 from middeck.study.words import Line
@@ -80,8 +82,9 @@ def toys(monkeypatch):
         return "shared"
 
     chapters = (toy("one", 3, (shared,)), toy("two", 0, (shared,)))
-    for module in ("study.mission", "report.summary"):
-        monkeypatch.setattr(f"middeck.{module}.CHAPTERS", chapters)
+    # Both are imported above: one imported later would take these for the paper's, and keep them.
+    for module in (mission, summary):
+        monkeypatch.setattr(module, "CHAPTERS", chapters)
     return chapters, asked
 
 
