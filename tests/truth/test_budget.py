@@ -11,7 +11,8 @@ import scipy.linalg as sla
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_setup
-from middeck.structure.assembly.energy import assemble, mass_matrix
+from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.budget import (
     CORNERS,

@@ -10,8 +10,9 @@ import scipy.linalg as sla
 import scipy.optimize as so
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.assembly.energy import assemble, assemble_carried, mass_matrix
+from middeck.structure.assembly.energy import assemble, assemble_carried
 from middeck.structure.assembly.linked import closed, links_at, static_freedom
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import move_carried
 from middeck.structure.elements.rotations import rotation_exp, rotation_log

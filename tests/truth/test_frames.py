@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.structure.assembly.energy import Loads, assemble, mass_matrix, no_loads
+from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.loads import Loads, no_loads
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, lay_out, mesh_structure
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import frame_poses, move, points_in_world, pose_jacobian

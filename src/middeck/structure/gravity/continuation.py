@@ -8,10 +8,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass
+from middeck.structure.assembly.energy import Assembly, assemble_carried
 from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import closed, static_freedom
+from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.rest.statics import (

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly.energy import mass_matrix
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.gravity.tracking import Spectrum, Tracked, align_repeated, spectrum_of, track
 from middeck.structure.gravity.undeformed import carry_along, turn_shapes
 from middeck.structure.modes.solve import Modes

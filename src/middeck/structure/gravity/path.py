@@ -18,7 +18,9 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
-from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass
+from middeck.structure.assembly.energy import Assembly, assemble_carried
+from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.events import EventKind, GravityEvent, Station

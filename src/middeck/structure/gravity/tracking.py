@@ -10,10 +10,12 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import Assembly, Loads, assemble_carried, carried_mass, mass_matrix
+from middeck.structure.assembly.energy import Assembly, assemble_carried
 from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration

@@ -11,8 +11,8 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import mass_matrix
 from middeck.structure.assembly.linked import ties_to_ground
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.rest.equilibrium import Equilibrium

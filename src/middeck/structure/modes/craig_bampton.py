@@ -23,9 +23,10 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.assembly.energy import assemble, mass_matrix
+from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.factorisation import Factor, order, positive_factor
 from middeck.structure.assembly.linked import close_links, dynamic_coordinates
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure

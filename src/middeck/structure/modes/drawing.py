@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import component_states, element_poses
+from middeck.structure.assembly.beam_ends import element_poses
+from middeck.structure.assembly.components import component_states
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam_curve import beam_curve
 from middeck.structure.elements.frames import (

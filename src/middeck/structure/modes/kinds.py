@@ -20,10 +20,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import assemble_carried, carried_mass, geometric_tangent, no_loads
+from middeck.structure.assembly.energy import assemble_carried, geometric_tangent
 from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import allowed_motions
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.assembly.loads import no_loads
+from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import FrameTree, rigid_columns

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import element_poses
+from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.beam_inertia import transverse_shapes
 from middeck.structure.elements.frames import frame_poses, pose_jacobian

@@ -7,10 +7,11 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
-from middeck.structure.assembly.energy import assemble, assemble_carried, carried_mass, mass_matrix
+from middeck.structure.assembly.energy import assemble, assemble_carried
 from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.since_drawn import uncarried

@@ -10,10 +10,12 @@ import scipy.linalg as sla
 from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
-from middeck.structure.assembly.energy import Loads, assemble_carried, bushing_states
+from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.gyroscopic import check_speeds
 from middeck.structure.assembly.linked import check_links, link_warnings, links_at, static_freedom
+from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model, mesh_structure
+from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.elements.since_drawn import whole_motion

@@ -9,10 +9,13 @@ import scipy.sparse as sp
 from jaxtyping import Float, Inexact, Int
 
 from middeck.errors import EquilibriumError
-from middeck.structure.assembly.energy import Loads, assemble_carried, carried_mass, no_loads, pose_shift
+from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.assembly.linked import closed, static_freedom
+from middeck.structure.assembly.loads import Loads, no_loads
+from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.rest.statics import (

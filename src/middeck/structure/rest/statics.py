@@ -11,20 +11,15 @@ import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import (
-    Assembly,
-    Inner,
-    Loads,
-    assemble_carried,
-    carried_mass,
-    inner_forces,
-    own_law,
-    predict_forces,
-)
+from middeck.structure.assembly.energy import Assembly, assemble_carried, inner_forces
 from middeck.structure.assembly.factorisation import factorise, positive_factor
 from middeck.structure.assembly.freedom import Freedom, whole_motions
 from middeck.structure.assembly.linked import closed, followed, static_freedom, torn
+from middeck.structure.assembly.loads import Inner, Loads
+from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.springs import own_law
+from middeck.structure.assembly.strain import predict_forces
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import (
     Configuration,

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.assembly.energy import Ground, Loads, no_loads
+from middeck.structure.assembly.loads import Ground, Loads, no_loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world

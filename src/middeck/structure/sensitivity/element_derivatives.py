@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import CHUNK
+from middeck.structure.assembly.beam_ends import CHUNK
 from middeck.structure.assembly.mesh import select_beams
 from middeck.structure.elements.beam import BeamProperties, beam_state, beam_weight
 from middeck.structure.elements.beam_inertia import beam_mass

@@ -16,9 +16,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import assemble, energy_gradient, mass_matrix
+from middeck.structure.assembly.energy import assemble, energy_gradient
 from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.assembly.linked import static_coordinates, static_freedom
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.pinned import (

@@ -14,8 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import Assembly, Loads, assemble, device_tension, energy_gradient
+from middeck.structure.assembly.energy import Assembly, assemble, energy_gradient
 from middeck.structure.assembly.linked import static_coordinates
+from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.springs import device_tension
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium

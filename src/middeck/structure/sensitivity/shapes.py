@@ -24,9 +24,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import assemble, mass_matrix
+from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_coordinates, dynamic_freedom
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads

@@ -9,10 +9,11 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 
 from middeck.errors import NumericalError
-from middeck.structure.assembly.energy import Assembly, mass_matrix
+from middeck.structure.assembly.energy import Assembly
 from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.modes.eigen import ROUNDING
 from middeck.structure.rest.equilibrium import Equilibrium

@@ -12,7 +12,9 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import Loads, assemble, mass_matrix
+from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.elements.trees import joint_chain

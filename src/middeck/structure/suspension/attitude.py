@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.energy import mass_matrix
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.frames import frame_poses, points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations

@@ -13,9 +13,10 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.joints.element import check_amplitudes
 from middeck.joints.friction import Friction
-from middeck.structure.assembly.energy import assemble_carried, mass_matrix
+from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.factorisation import positive_factor
 from middeck.structure.assembly.linked import static_freedom
+from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
 from middeck.structure.model.article import Damping

@@ -1,0 +1,93 @@
+"""Strain of a model by motions of its coordinates, to first order."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Inexact
+
+from middeck.structure.assembly.beam_ends import carried_levers, chunks, element_ends, tensioned_beams
+from middeck.structure.assembly.components import component_states
+from middeck.structure.assembly.loads import Inner, Loads
+from middeck.structure.assembly.mesh import Model, select_beams
+from middeck.structure.assembly.places import At, poses_at, transport
+from middeck.structure.assembly.springs import (
+    device_span,
+    grounded,
+    on_ground,
+    own_bushings,
+    own_law,
+    own_span,
+    sprung_joints,
+)
+from middeck.structure.elements.beam import beam_deformations, tensioned
+from middeck.structure.elements.devices import predicted_tension, spring_squares
+from middeck.structure.elements.frames import Configuration
+from middeck.structure.elements.since_drawn import move_ends
+
+
+def strain_energies(
+    model: Model, config: Configuration, loads: Loads, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "mode mode"]:
+    """The rest of the tangent, applied to ``shapes`` in carried coordinates: a sum of squared strains.
+
+    Nothing cancels but within a strain, so that it rounds by the square of the rounding of the shapes.
+    """
+    at = poses_at(model, config)
+    motion, ends, tied = _motions(model, config, at, shapes)
+    out = np.zeros((shapes.shape[1], shapes.shape[1]))
+    for rows in chunks(len(model.element_ends)):
+        x, T, known = element_ends(model, at, rows)
+        beams = select_beams(model.beams, rows)
+        _, slope = beam_deformations(beams, x, T, known)
+        strain = slope @ ends[rows]
+        out += np.einsum("eim,ein->mn", strain, beams.stiffness @ strain)
+    start, end = model.spring_ends.T
+    stretched = own_span(model, at)
+    hung = device_span(model, at, loads)
+    out += spring_squares(own_law(model), *stretched, motion[end, :3] - motion[start, :3], along_only=True)
+    out += spring_squares(loads.law, *hung, motion[loads.attach_point, :3])
+    out += own_bushings(model, at, inside=True).squares(tied)
+    out += grounded(model, at, loads).squares(on_ground(motion[loads.ground.point]))
+    for state, rows in component_states(model, config, loads):
+        out += state.squares(rows @ (transport(config, model.tree) @ shapes))
+    hinges = sprung_joints(model, config)[2]
+    return out + shapes.T @ (hinges[:, None] * shapes)
+
+
+def predict_forces(
+    model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"]
+) -> Inner:
+    """Forces after a step ``q`` in carried coordinates, to first order."""
+    at = poses_at(model, config)
+    motion, ends, tied = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
+    forces = [np.zeros((0, 6))]
+    for rows in chunks(len(model.element_ends)):
+        x, T, known = element_ends(model, at, rows)
+        beams = tensioned_beams(model, loads, rows)
+        value, slope = beam_deformations(beams, x, T, known)
+        strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
+        forces.append(tensioned(beams, (beams.stiffness @ strain[:, :, None])[:, :, 0]))
+    start, end = model.spring_ends.T
+    own = predicted_tension(own_law(model), *own_span(model, at), motion[end, :3] - motion[start, :3])
+    device = predicted_tension(loads.law, *device_span(model, at, loads), motion[loads.attach_point, :3])
+    between = own_bushings(model, at, inside=True).predicted(tied)
+    ground = grounded(model, at, loads).predicted(on_ground(motion[loads.ground.point]))
+    return Inner(np.concatenate(forces), own, device, between, ground)
+
+
+def _motions(
+    model: Model, config: Configuration, at: At, shapes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see."""
+    count = shapes.shape[1]
+    J = model.pose_map.jacobian(at.poses)
+    motion = (J @ (transport(config, model.tree) @ shapes)).reshape(len(at.world), 6, count)
+    ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)
+    tied = motion[model.bushing_ends].reshape(len(model.bushing_ends), 12, count)
+    for moved, poses, part in (
+        (ends, model.element_ends, model.inside.beams),
+        (tied, model.bushing_ends, model.inside.bushings),
+    ):
+        if len(part.rows) and at.since is not None:
+            moved[part.rows] = move_ends(carried_levers(at, poses, part), shapes)
+    return motion, ends, tied
