@@ -71,49 +71,50 @@ def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
 
 
 class _ArrayField(NamedTuple):
-    """What the annotation of an array says: kind of number, and a name or a fixed size of each dimension."""
+    """What the annotation of an array says: kinds of number, and a name or a fixed size of each dimension."""
 
     name: str
     optional: bool
-    kinds: frozenset[np.dtype[Any]]
+    kinds: tuple[np.dtype[Any], ...]
     dims: tuple[str | int, ...] | None
 
 
 def _lock_arrays(self: Any) -> None:
-    sizes: dict[str | int, int] = {}
-    for field in _array_fields(type(self)):
-        value = getattr(self, field.name)
-        if value is None and field.optional:
+    # Descents make thousands of records a second: straight into the dictionary, and no call that can be spared.
+    cls, values = type(self), self.__dict__
+    fields, fixed = _array_fields(cls)
+    sizes = fixed.copy()
+    for field in fields:
+        name, optional, kinds, dims = field
+        value = values[name]
+        if type(value) is np.ndarray and (not kinds or value.dtype in kinds):
+            # One that is locked and no view of what is not, as those of other records are, needs no copy.
+            if value.base is not None or value.flags.writeable:
+                value = values[name] = value.copy("K")
+                value.setflags(write=False)
+        elif value is None and optional:
             continue
-        try:
-            array = _as_locked(value, field.kinds)
-        except (ValueError, TypeError) as error:
-            raise ConfigError(
-                f"no array of numbers: {error}",
-                where=f"{type(self).__name__}.{field.name}",
-                hint="rows of one length",
-            ) from None
-        if field.dims is not None:
-            fits = len(field.dims) == array.ndim
-            for dim, size in zip(field.dims, array.shape, strict=False):
-                fits = fits and size == (sizes.setdefault(dim, size) if type(dim) is str else dim)
+        else:
+            value = values[name] = _as_locked(cls, field, value)
+        if dims is not None:
+            shape = value.shape
+            fits = len(shape) == len(dims)
+            for dim, size in zip(dims, shape, strict=False):
+                fits = fits and sizes.setdefault(dim, size) == size
             if not fits:
-                raise _misfit(type(self).__name__, field, array.shape, sizes)
-        if array is not value:
-            object.__setattr__(self, field.name, array)
+                raise _misfit(cls.__name__, field, shape, sizes)
 
 
-def _as_locked(value: Any, kinds: frozenset[np.dtype[Any]]) -> np.ndarray:
+def _as_locked(cls: type, field: _ArrayField, value: Any) -> np.ndarray:
     """Float, complex, either of them as it comes (an ``Inexact`` annotation), or anything."""
-    if type(value) is np.ndarray and (not kinds or value.dtype in kinds):
-        # One that is locked and no view of what is not, as those of other records are, needs no copy.
-        if value.base is None and not value.flags.writeable:
-            return value
-        array = np.array(value)
-    elif len(kinds) == 2:
-        array = np.array(value, dtype=np.result_type(np.asarray(value), float))
-    else:
-        array = np.array(value, dtype=next(iter(kinds), None))
+    either = len(field.kinds) == 2
+    try:
+        kind = np.result_type(np.asarray(value), float) if either else next(iter(field.kinds), None)
+        array = np.array(value, dtype=kind)
+    except (ValueError, TypeError) as error:
+        raise ConfigError(
+            f"no array of numbers: {error}", where=f"{cls.__name__}.{field.name}", hint="rows of one length"
+        ) from None
     array.setflags(write=False)
     return array
 
@@ -122,7 +123,8 @@ def _misfit(
     owner: str, field: _ArrayField, shape: tuple[int, ...], sizes: dict[str | int, int]
 ) -> ConfigError:
     dims = field.dims or ()
-    known = ", ".join(f"{d} = {sizes[d]}" for d in dims if d in sizes) if len(dims) == len(shape) else ""
+    names = [d for d in dims if isinstance(d, str) and d in sizes] if len(dims) == len(shape) else []
+    known = ", ".join(f"{name} = {sizes[name]}" for name in names)
     written = repr(" ".join(map(str, dims)))
     return ConfigError(
         f"shape {shape} does not fit {written}" + (f" ({known})" if known else ""),
@@ -132,7 +134,8 @@ def _misfit(
 
 
 @functools.cache
-def _array_fields(cls: type) -> tuple[_ArrayField, ...]:
+def _array_fields(cls: type) -> tuple[tuple[_ArrayField, ...], dict[str | int, int]]:
+    """The fields that hold arrays, and the sizes that are fixed by themselves."""
     found: dict[str, _ArrayField] = {}
     for name, hint in get_type_hints(cls).items():
         options = get_args(hint) or (hint,)
@@ -140,12 +143,15 @@ def _array_fields(cls: type) -> tuple[_ArrayField, ...]:
             if isinstance(option, type) and issubclass(option, jaxtyping.AbstractArray):
                 spec: Any = option
                 kinds = {"float64": np.dtype(float), "complex128": np.dtype(complex)}
-                given = frozenset(kinds[k] for k in spec.dtypes if k in kinds)
+                given = tuple(kinds[k] for k in kinds if k in spec.dtypes)
                 dims = tuple(int(d) if d.isdigit() else d for d in spec.dim_str.split())
                 found[name] = _ArrayField(name, type(None) in options, given, dims)
             elif option is np.ndarray:
-                found[name] = _ArrayField(name, type(None) in options, frozenset(), None)
-    return tuple(found.values())
+                found[name] = _ArrayField(name, type(None) in options, (), None)
+    fixed: dict[str | int, int] = {
+        dim: dim for field in found.values() for dim in field.dims or () if isinstance(dim, int)
+    }
+    return tuple(found.values()), fixed
 
 
 def _fields(self: Any) -> tuple[Any, ...]:
