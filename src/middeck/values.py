@@ -80,7 +80,7 @@ class _ArrayField(NamedTuple):
 
 
 def _lock_arrays(self: Any) -> None:
-    # Descents make thousands of records a second: straight into the dictionary, and no call that can be spared.
+    # Descents make thousands of records a second: no call that can be spared.
     cls, values = type(self), self.__dict__
     fields, fixed = _array_fields(cls)
     sizes = fixed.copy()
