@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
@@ -81,8 +81,7 @@ def differentiate_frequencies(
     groups = group_modes(modes, count)
     pairs = _pairs(modes, groups)
     moved = move_rest(modes.equilibrium, parameters)
-    values = _pair_derivatives(modes.equilibrium, moved, modes.shapes, pairs)
-    values += _of_ties(modes, moved, pairs)
+    values = _whole(modes, moved, pairs)
     d_lambda = np.zeros((len(parameters), count))
     for group in groups:
         inside = [k for k, i in enumerate(pairs.left) if i in group]
@@ -91,6 +90,21 @@ def differentiate_frequencies(
         small[:, i, j] = small[:, j, i] = values[:, inside]
         d_lambda[:, group] = np.linalg.eigvalsh(small)
     return FrequencySensitivities(tuple(parameters), modes.frequency_hz[:count], d_lambda, groups)
+
+
+def differentiate_products(
+    modes: Modes,
+    parameters: Sequence[Parameter],
+    left: Int[np.ndarray, " pair"],
+    right: Int[np.ndarray, " pair"],
+    lam: Float[np.ndarray, " pair"],
+) -> Float[np.ndarray, "parameter pair"]:
+    """phi_l'(dK - lambda dM) phi_r of pairs of modes, each at its lambda [rad^2/s^2 per unit].
+
+    Raises `NumericalError` as `differentiate_frequencies`.
+    """
+    check_beside_modes(modes, "derivatives of frequencies")
+    return _whole(modes, move_rest(modes.equilibrium, parameters), _Pairs(left, right, lam))
 
 
 def group_modes(modes: Modes, count: int) -> tuple[tuple[int, ...], ...]:
@@ -112,6 +126,10 @@ def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
     pairs = [p for g in groups for p in itertools.combinations_with_replacement(g, 2)]
     left, right = np.array(pairs, dtype=int).reshape(-1, 2).T
     return _Pairs(left, right, 0.5 * (modes.omega[left] ** 2 + modes.omega[right] ** 2))
+
+
+def _whole(modes: Modes, moved: Moved, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
+    return _pair_derivatives(modes.equilibrium, moved, modes.shapes, pairs) + _of_ties(modes, moved, pairs)
 
 
 def _pair_derivatives(
@@ -140,7 +158,7 @@ def _of_ties(modes: Modes, moved: Moved, pairs: _Pairs) -> Float[np.ndarray, "pa
     model = modes.equilibrium.model
     if model.links is None and not model.components:
         return np.zeros((len(moved.ties), len(pairs.lam)))
-    count = int(pairs.right.max(initial=-1)) + 1
+    count = int(max(pairs.left.max(initial=-1), pairs.right.max(initial=-1))) + 1
     shapes, held = modes.shapes[:, :count], mode_multipliers(modes, count)
     out = []
     for tie in moved.ties:

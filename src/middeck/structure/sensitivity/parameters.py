@@ -103,12 +103,19 @@ def find_parameters(
 
     Raises `ConfigError` for a name or pattern that fits none, with the nearest names.
     """
-    every = {p.name: p for p in list_parameters(structure, environment)}
+    return choose_parameters(list_parameters(structure, environment), patterns)
+
+
+def choose_parameters(
+    parameters: Sequence[Parameter], patterns: Sequence[str], *, missing: bool = False
+) -> tuple[Parameter, ...]:
+    """`find_parameters` among ``parameters``; with ``missing`` names that fit none are left out."""
+    every = {p.name: p for p in parameters}
     found: dict[str, Parameter] = {}
     for pattern in patterns:
         wild = any(c in pattern for c in "*?[")
         fits = [n for n in every if fnmatchcase(n, pattern)] if wild else [pattern] * (pattern in every)
-        if not fits:
+        if not fits and not missing:
             raise _unknown(pattern, every)
         found |= {name: every[name] for name in fits}
     return tuple(found.values())
@@ -140,6 +147,17 @@ def set_parameter(
     for side, *path in parameter.spots:
         both[side] = _put(both[side], tuple(path), value, parameter.scales)
     return both["structure"], both["environment"]
+
+
+def read_parameter(structure: Structure, environment: Environment, parameter: Parameter) -> Parameter:
+    """``parameter`` with its value here; that of a factor is one."""
+    if parameter.scales:
+        return parameter
+    side, *path = parameter.spots[0]
+    at: Any = structure if side == "structure" else environment
+    for key in path:
+        at = getattr(at, key) if isinstance(key, str) else at[key]
+    return dataclasses.replace(parameter, value=float(at))
 
 
 def _put(at: Any, path: Path, value: complex, scales: bool) -> Any:

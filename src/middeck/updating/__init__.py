@@ -1,0 +1,1 @@
+"""From tests on the ground to what will happen in orbit: unknowns, residuals, refinement, extrapolation."""

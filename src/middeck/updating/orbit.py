@@ -1,0 +1,82 @@
+"""Frequencies in another environment, above all in orbit, from what was refined on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.updating.refine import Refined, shared_with
+from middeck.updating.surveys import Survey, set_up, solve_at
+from middeck.updating.unknowns import bind, product_slopes
+from middeck.values import record
+
+# Of ln f: what a model's own error in a mode changes when gravity goes, over and above what shapes say.
+CARRIED = 1e-4
+# A mode of which the tests saw less than this part was not seen.
+SEEN = 0.5
+NORMAL_95 = 1.959964
+
+
+@record(kw_only=True)
+class Prediction:
+    """Modes as predicted, rigid ones left out.
+
+    Attributes:
+        modes, index: Of the refined model, and which of its modes these are.
+        log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
+        log_std: Standard deviation of the logarithms, all told.
+        seen: Part of each shape that the surveys saw.
+    """
+
+    modes: Modes
+    index: Int[np.ndarray, " mode"]
+    log_shift: Float[np.ndarray, " mode"]
+    log_std: Float[np.ndarray, " mode"]
+    seen: Float[np.ndarray, " mode"]
+
+    @property
+    def frequency_hz(self) -> Float[np.ndarray, " mode"]:
+        """The most probable frequencies [Hz]."""
+        return self.modes.frequency_hz[self.index] * np.exp(self.log_shift)
+
+    @property
+    def interval_hz(self) -> Float[np.ndarray, "mode 2"]:
+        """95 % intervals [Hz]."""
+        half = NORMAL_95 * self.log_std[:, None] * np.array([-1.0, 1.0])
+        return self.frequency_hz[:, None] * np.exp(half)
+
+
+def predict(
+    refined: Refined,
+    environment: Environment,
+    settings: Sequence[tuple[str, float]] = (),
+    count: int = 10,
+) -> Prediction:
+    """The lowest ``count`` modes that are not rigid, in ``environment``."""
+    first = refined.compared[0]
+    there = Survey(
+        name="prediction", measured=first.survey.measured, environment=environment, settings=tuple(settings)
+    )
+    both = set_up(refined.structure, there)
+    bound = bind(refined.unknowns, *both)
+    mean = np.array([u.mean for u in refined.unknowns])
+    found = refined.estimate
+    modes = solve_at(*both, bound, mean + found.x)
+    index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
+    share = shared_with(first, modes)[index]
+    lam = modes.omega[index] ** 2
+    slope = product_slopes(modes, bound, index, index, lam) / (2.0 * lam[:, None])
+    spread = np.hstack([slope, share]) @ found.root
+    sort = np.array([modes.kind[i] == "flexible" for i in index]).astype(int)
+    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sort] ** 2
+    return Prediction(
+        modes=modes,
+        index=index,
+        log_shift=share @ found.d,
+        log_std=np.sqrt(np.einsum("ij,ij->i", spread, spread) + rest + CARRIED**2),
+        seen=share.sum(axis=1),
+    )

@@ -1,0 +1,132 @@
+"""Linear estimate of unknowns and of what the model cannot do, each with what is known of it before.
+
+    y = J x + S d + e,    x ~ N(m, spread^2),  d_j ~ N(0, tau_j^2),  e ~ N(0, std^2)
+
+y is what was measured, in logarithms, S how much each measured mode shares of the modes whose own errors d
+the model cannot take away (its mesh, its joints). tau is what makes y most probable (type II maximum
+likelihood, MacKay 1992, Neural Computation 4). All by orthogonal factors: of y, J and S each divided by
+deviations (Bjorck 1996, "Numerical methods for least squares problems", 2.7).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.optimize as opt
+from jaxtyping import Float, Int
+
+from middeck.values import record
+
+# Model errors in the logarithm of a frequency between which the most probable is looked for.
+LEAST, MOST = 1e-6, 0.1
+
+
+@record(kw_only=True)
+class Linear:
+    """The problem, the mean of the prior taken from y.
+
+    ``sort`` numbers the kind of each d: those of one kind have one tau.
+    """
+
+    y: Float[np.ndarray, " row"]
+    std: Float[np.ndarray, " row"]
+    J: Float[np.ndarray, "row unknown"]
+    spread: Float[np.ndarray, " unknown"]
+    S: Float[np.ndarray, "row error"]
+    rest: Float[np.ndarray, " row"]
+    sort: Int[np.ndarray, " error"]
+    row_sort: Int[np.ndarray, " row"]
+
+
+@record(kw_only=True)
+class Estimate:
+    """Mean of x and of d, and a root of their covariance: that is ``root @ root.T``.
+
+    Attributes:
+        tau: Standard deviation of the model's errors, one a sort.
+        gain: Singular values of what the data say of each direction of the prior, which ``direction`` has in
+            its rows: below one the data add less than was known.
+    """
+
+    x: Float[np.ndarray, " unknown"]
+    d: Float[np.ndarray, " error"]
+    root: Float[np.ndarray, "both both"]
+    tau: Float[np.ndarray, " sort"]
+    gain: Float[np.ndarray, " direction"]
+    direction: Float[np.ndarray, "direction unknown"]
+    misfit: float
+
+    @property
+    def x_std(self) -> Float[np.ndarray, " unknown"]:
+        """Standard deviations of the unknowns."""
+        return np.sqrt(np.einsum("ij,ij->i", self.root, self.root))[: len(self.x)]
+
+
+def estimate(problem: Linear, tau: Float[np.ndarray, " sort"] | None = None) -> Estimate:
+    """The most probable x, d and, unless it is given, tau."""
+    if tau is None:
+        tau = most_probable(problem)
+    std = _deviations(problem, tau)
+    n, m = len(problem.spread), len(problem.sort)
+    scale = np.concatenate([problem.spread, tau[problem.sort]])
+    A = np.hstack([problem.J, problem.S]) * scale / std[:, None]
+    Q, R = np.linalg.qr(np.vstack([A, np.eye(n + m)]))
+    z = sla.solve_triangular(R, Q[: len(A)].T @ (problem.y / std))
+    root = scale[:, None] * sla.solve_triangular(R, np.eye(n + m))
+    # What data say of x alone, the model's own errors counted as noise.
+    noise = np.linalg.cholesky(_covariance(problem, tau) - _of_unknowns(problem))
+    _, gain, direction = np.linalg.svd(
+        sla.solve_triangular(noise, problem.J * problem.spread, lower=True), full_matrices=True
+    )
+    gain = np.concatenate([gain, np.zeros(n - len(gain))])
+    whole = np.linalg.cholesky(_covariance(problem, tau))
+    misfit = float(np.sum(sla.solve_triangular(whole, problem.y, lower=True) ** 2))
+    return Estimate(
+        x=(scale * z)[:n],
+        d=(scale * z)[n:],
+        root=root,
+        tau=tau,
+        gain=gain,
+        direction=direction,
+        misfit=misfit,
+    )
+
+
+def most_probable(problem: Linear) -> Float[np.ndarray, " sort"]:
+    """The tau of each sort that makes y most probable, the others at theirs."""
+    sorts = int(problem.row_sort.max(initial=-1)) + 1
+
+    def surprise(log_tau: np.ndarray) -> float:
+        C = np.linalg.cholesky(_covariance(problem, np.exp(log_tau)))
+        white = sla.solve_triangular(C, problem.y, lower=True)
+        return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white)
+
+    low, high = np.log(LEAST), np.log(MOST)
+    best = np.full(sorts, low)
+    for _ in range(3):
+        for k in range(sorts):
+            grid = np.linspace(low, high, 24)
+            values = [surprise(np.where(np.arange(sorts) == k, g, best)) for g in grid]
+            i = int(np.argmin(values))
+            a, b = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+
+            def along(g: float, k: int = k) -> float:
+                return surprise(np.where(np.arange(sorts) == k, g, best))
+
+            found = opt.minimize_scalar(along, bounds=(a, b), method="bounded", options={"xatol": 1e-3})
+            best[k] = found.x
+    return np.exp(best)
+
+
+def _deviations(problem: Linear, tau: np.ndarray) -> np.ndarray:
+    return np.sqrt(problem.std**2 + problem.rest * tau[problem.row_sort] ** 2)
+
+
+def _of_unknowns(problem: Linear) -> np.ndarray:
+    scaled = problem.J * problem.spread
+    return scaled @ scaled.T
+
+
+def _covariance(problem: Linear, tau: np.ndarray) -> np.ndarray:
+    shared = problem.S * tau[problem.sort]
+    return np.diag(_deviations(problem, tau) ** 2) + shared @ shared.T + _of_unknowns(problem)

@@ -1,0 +1,164 @@
+"""Refine an article on modes measured on the ground: the most probable unknowns, and what stays open.
+
+Gauss-Newton on analytic slopes, the model's own errors found anew at every step (`posterior`): far from the
+answer they are large, which keeps the steps small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, EquilibriumError, NumericalError
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.updating.posterior import Estimate, Linear, estimate
+from middeck.updating.surveys import Compared, Survey, compare, set_up, solve_at
+from middeck.updating.unknowns import Bound, Unknown, bind
+from middeck.values import record
+
+STEPS = 12
+# A step is the last that moves no unknown by more than this part of its deviation.
+SMALL = 0.05
+# No step moves an unknown by more than this many of its prior deviations.
+LARGEST = 2.0
+HALVINGS = 6
+# Steps that do not become this much smaller swing about the answer.
+SHRINKS = 0.7
+
+
+@record(kw_only=True)
+class Refined:
+    """An article refined on surveys.
+
+    Attributes:
+        compared: Each survey beside the model at the most probable unknowns.
+        estimate: Unknowns, the model's own errors, and their covariance, linear about there.
+        history: Largest move of an unknown in its own deviations, step by step.
+        converged: Whether the last was small.
+    """
+
+    structure: Structure
+    unknowns: tuple[Unknown, ...]
+    compared: tuple[Compared, ...]
+    estimate: Estimate
+    history: tuple[float, ...]
+    converged: bool
+
+
+def refine(structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]) -> Refined:
+    """The most probable unknowns. ``structure`` is the article as drawn, whatever they are.
+
+    Raises `ConfigError` for no survey, an unknown that no survey has, names given twice, or a survey without
+    any mode in common; `NumericalError` where the article has no rest state at the mean of the prior.
+    """
+    _check_names(surveys, unknowns)
+    places = _places(structure, surveys, unknowns)
+    mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
+    x, history, pace = mean.copy(), [], 1.0
+    modes = [solve_at(*place, x) for place in places]
+    while True:
+        compared = [compare(m, s, place[2]) for m, s, place in zip(modes, surveys, places, strict=True)]
+        found = estimate(_linear(compared, x - mean, spread))
+        step = mean + found.x - x
+        history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
+        if history[-1] < SMALL or len(history) >= STEPS:
+            break
+        pace = 0.5 * pace if len(history) > 2 and history[-1] > SHRINKS * history[-2] else pace
+        x, modes = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(step) / spread)))
+    return Refined(
+        structure=structure,
+        unknowns=tuple(unknowns),
+        compared=tuple(compared),
+        estimate=found,
+        history=tuple(history),
+        converged=history[-1] < SMALL,
+    )
+
+
+def _places(
+    structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]
+) -> list[tuple[Structure, Environment, tuple[Bound, ...]]]:
+    """The article and its environment as each survey had them, and what the unknowns move there."""
+    places = []
+    for survey in surveys:
+        both = set_up(structure, survey)
+        places.append((*both, bind(unknowns, *both)))
+    for k, unknown in enumerate(unknowns):
+        if not any(bound[k].parameters for _, _, bound in places):
+            raise ConfigError(
+                f"no survey has {', '.join(unknown.parameters)}",
+                where=f"unknown {unknown.name!r}",
+                hint="`middeck sensitivity` lists the parameters",
+            )
+    return places
+
+
+def _moved(
+    places: Sequence[tuple[Structure, Environment, tuple[Bound, ...]]], x: np.ndarray, step: np.ndarray
+) -> tuple[np.ndarray, list[Modes]]:
+    """A step, shorter where the article has no rest state at its end."""
+    for _ in range(HALVINGS):
+        try:
+            return x + step, [solve_at(*place, x + step) for place in places]
+        except (NumericalError, EquilibriumError):
+            step = 0.5 * step
+    raise NumericalError(
+        "the article has no rest state near the unknowns that fit best",
+        where="refinement",
+        hint="narrower spreads, or fewer unknowns",
+    )
+
+
+def _linear(compared: Sequence[Compared], from_mean: np.ndarray, spread: np.ndarray) -> Linear:
+    """The surveys as one linear problem about the present unknowns."""
+    J = np.vstack([c.slope for c in compared])
+    y = np.concatenate([c.residual for c in compared]) + J @ from_mean
+    first = compared[0]
+    own = [np.arange(len(c.rows)) < len(c.pairs) for c in compared]
+    S = np.vstack(
+        [
+            np.where(mine[:, None], shared_with(first, c.modes)[c.rows[:, 1]], 0.0)
+            for c, mine in zip(compared, own, strict=True)
+        ]
+    )
+    return Linear(
+        y=y,
+        std=np.concatenate([c.std for c in compared]),
+        J=J,
+        spread=spread,
+        S=S,
+        rest=np.maximum(1.0 - np.sum(S**2, axis=1), 0.0),
+        sort=_sorts(first.modes, first.pairs[:, 0]),
+        row_sort=np.concatenate([_sorts(c.modes, c.rows[:, 1]) for c in compared]),
+    )
+
+
+def _sorts(modes: Modes, index: np.ndarray) -> np.ndarray:
+    """Modes that live of gravity and suspension, and flexible ones, have errors of their own."""
+    return np.array([modes.kind[i] == "flexible" for i in index], dtype=int)
+
+
+def shared_with(first: Compared, others: Modes) -> Float[np.ndarray, "mode pair"]:
+    """Part of each of the other modes that is each of the first survey's paired ones, in strain of the whole.
+
+    For a small error of the model d ln f of a mode is the sum of those of the modes that it is made of, each
+    by its share, and of cross terms that nobody knows.
+    """
+    own = first.modes.shapes[:, first.pairs[:, 0]]
+    weighted = first.modes.mass @ others.shapes
+    size = np.einsum("im,im->m", others.shapes, weighted)
+    return ((own.T @ weighted) ** 2 / size).T
+
+
+def _check_names(surveys: Sequence[Survey], unknowns: Sequence[Unknown]) -> None:
+    for what, given in (("survey", surveys), ("unknown", unknowns)):
+        names = [g.name for g in given]
+        if not names:
+            raise ConfigError(f"no {what}", where="refinement", hint="one at least")
+        twice = [n for n in names if names.count(n) > 1]
+        if twice:
+            raise ConfigError(f"two are called {twice[0]!r}", where=what, hint="a name for each")

@@ -1,0 +1,197 @@
+"""Modes measured on the ground beside those of the article as it is thought to be: residuals and their slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from middeck.errors import ConfigError, NumericalError
+from middeck.structure.correlation.assurance import modal_assurance
+from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.updating.unknowns import Bound, change, product_slopes
+from middeck.values import record
+
+# Of a shape: a measured mode that has less in common with any of the model's is not paired.
+COMMON = 0.4
+# No measured mode is a mode of twice its frequency.
+WINDOW = 2.0
+# Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
+NEIGHBOURS = 0.15
+
+
+@record(kw_only=True)
+class Survey:
+    """One test on the ground.
+
+    Attributes:
+        settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
+            mass.
+        frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
+    """
+
+    name: str
+    measured: MeasuredModes
+    environment: Environment
+    settings: tuple[tuple[str, float], ...] = ()
+    frequency_std: float | None = None
+
+    @property
+    def std(self) -> Float[np.ndarray, " measured"]:
+        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states it."""
+        hz, stated = self.measured.frequency_hz, self.measured.frequency_std_hz
+        if stated is not None and np.all(stated > 0.0):
+            return stated / hz
+        if self.frequency_std is None or not self.frequency_std > 0.0:
+            raise ConfigError(
+                "the survey does not state how well it knows its frequencies",
+                where=self.name,
+                hint="frequency_std_hz with the modes, or frequency_std = 0.001 with the survey",
+            )
+        return np.full(len(hz), self.frequency_std)
+
+
+@record(kw_only=True)
+class Compared:
+    """A survey beside the model: equations of motion of the measured modes in the model's own.
+
+    A measured mode c (of the model's modes phi_j, its own first) of frequency lambda moves the unknowns so that
+    sum_j phi_i'(dK - lambda dM) phi_j c_j = (lambda - lambda_i) c_i. Over 2 lambda, the row of its own mode is
+    the error of ln f; those of neighbours say how the model must mix modes that are close, which their
+    frequencies alone leave open.
+
+    Attributes:
+        pairs: (mode, measured mode), one to one.
+        rows: (pair, mode) of each equation: first those of the pairs' own modes, then those of neighbours.
+        std: Standard deviation of each residual by the noise of the test.
+    """
+
+    survey: Survey
+    modes: Modes
+    pairs: Int[np.ndarray, "pair 2"]
+    rows: Int[np.ndarray, "row 2"]
+    residual: Float[np.ndarray, " row"]
+    std: Float[np.ndarray, " row"]
+    slope: Float[np.ndarray, "row unknown"]
+
+    @property
+    def unpaired(self) -> tuple[int, ...]:
+        """Measured modes that no mode of the model resembles."""
+        return tuple(
+            sorted(set(range(len(self.survey.measured.frequency_hz))) - set(self.pairs[:, 1].tolist()))
+        )
+
+
+def set_up(structure: Structure, survey: Survey) -> tuple[Structure, Environment]:
+    """The article as the survey had it. Raises `ConfigError` for a setting of no parameter."""
+    both = structure, survey.environment
+    for name, value in survey.settings:
+        (parameter,) = find_parameters(*both, [name])
+        both = set_parameter(*both, parameter, value)
+    return both
+
+
+def solve_at(
+    structure: Structure, environment: Environment, bound: Sequence[Bound], x: Float[np.ndarray, " unknown"]
+) -> Modes:
+    """The modes with the unknowns at ``x``. Raises `NumericalError` where there is no rest state."""
+    equilibrium = solve_equilibrium(*change(structure, environment, bound, x))
+    if not equilibrium.converged:
+        raise NumericalError("the article has no rest state", where="refinement")
+    return solve_modes(equilibrium)
+
+
+def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
+    """Pairs, residuals and slopes. Raises `ConfigError` where no measured mode resembles any of the model's."""
+    pairs = pair(modes, survey.measured)
+    if not len(pairs):
+        raise ConfigError(
+            "no measured mode resembles any of the model's",
+            where=survey.name,
+            hint="check nodes, directions, frequencies and the environment of the survey",
+        )
+    c, c_std = _mixtures(modes, survey, pairs)
+    k, j = np.nonzero(_neighbours(modes, pairs) & (c_std > 0.0))
+    rows = np.concatenate(
+        [np.stack([np.arange(len(pairs)), pairs[:, 0]], axis=1), np.stack([k, pairs[j, 0]], axis=1)]
+    )
+    ratio = (modes.frequency_hz[pairs[:, 0]] / survey.measured.frequency_hz[pairs[:, 1], None]) ** 2
+    own = survey.std[pairs[:, 1]]
+    apart = 0.5 * (1.0 - ratio[k, j])
+    return Compared(
+        survey=survey,
+        modes=modes,
+        pairs=pairs,
+        rows=rows,
+        residual=np.concatenate([-0.5 * np.log(np.diag(ratio)), apart * c[k, j]]),
+        std=np.concatenate([own, np.hypot(apart * c_std[k, j], own[k] * c[k, j])]),
+        slope=_equation_slopes(modes, survey, bound, pairs, rows, c),
+    )
+
+
+def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:
+    """Which paired modes are close to which others."""
+    f = np.log(modes.frequency_hz[pairs[:, 0]])
+    return (np.abs(f[:, None] - f) < NEIGHBOURS) & ~np.eye(len(f), dtype=bool)
+
+
+def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What each measured shape has of each paired mode, one of its own, and the deviations of that.
+
+    Nothing of others, and no deviation, where the test has no shapes, no noise of them, or too few channels.
+    """
+    count, measured = len(pairs), survey.measured
+    nothing = np.eye(count), np.zeros((count, count))
+    if len(measured.node) <= count or measured.shape_std is None or not np.all(measured.shape_std > 0.0):
+        return nothing
+    rows = sensor_rows(modes, measured.node, measured.direction)
+    basis = np.asarray(rows @ modes.shapes[:, pairs[:, 0]])
+    c, c_std = nothing
+    for k, a in enumerate(pairs[:, 1]):
+        weight = 1.0 / measured.shape_std[:, a]
+        Q, R = np.linalg.qr(weight[:, None] * basis)
+        inverse = np.linalg.inv(R)
+        found = inverse @ (Q.T @ (weight * measured.shape[:, a].real))
+        c[k] = found / found[k]
+        c_std[k] = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(found[k])
+    return c, c_std
+
+
+def _equation_slopes(
+    modes: Modes, survey: Survey, bound: Sequence[Bound], pairs: np.ndarray, rows: np.ndarray, c: np.ndarray
+) -> np.ndarray:
+    """Of each row, by the unknowns: the mixture of those of its mode with the pair's own and its neighbours."""
+    near = _neighbours(modes, pairs) | np.eye(len(pairs), dtype=bool)
+    place = np.full(len(modes.omega), -1)
+    place[pairs[:, 0]] = np.arange(len(pairs))
+    terms = [(r, i, j, a) for r, (a, i) in enumerate(rows) for j in np.flatnonzero(near[a])]
+    row, left, right, of = np.array(terms, dtype=int).T
+    lam = (2.0 * np.pi * survey.measured.frequency_hz[pairs[of, 1]]) ** 2
+    by_unknown = product_slopes(modes, bound, left, pairs[right, 0], lam) / (2.0 * lam[:, None])
+    out = np.zeros((len(rows), len(bound)))
+    np.add.at(out, row, c[of, right][:, None] * by_unknown)
+    return out
+
+
+def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
+    """One to one: by shape, among neighbouring frequencies; where there are no shapes by frequency."""
+    moving = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
+    apart = np.abs(np.log(modes.frequency_hz[moving, None] / measured.frequency_hz))
+    if measured.node:
+        rows = sensor_rows(modes, measured.node, measured.direction)
+        score = modal_assurance(np.asarray(rows @ modes.shapes[:, moving]), measured.shape)
+        score = np.where(apart <= np.log(WINDOW), score, 0.0)
+        i, j = linear_sum_assignment(score, maximize=True)
+        kept = score[i, j] >= COMMON
+    else:
+        i, j = linear_sum_assignment(apart)
+        kept = apart[i, j] <= np.log(WINDOW)
+    pairs = np.stack([moving[i[kept]], j[kept]], axis=1)
+    return pairs[np.argsort(pairs[:, 1], kind="stable")]
