@@ -312,3 +312,4 @@ class ArticleForm(Form):
     actuator: Annotated[tuple[ActuatorForm, ...], Field(strict=False)] = ()
     sensor: Annotated[tuple[SensorForm, ...], Field(strict=False)] = ()
     damping: DampingForm = DampingForm()
+    factors: dict[str, Positive] = Field(default_factory=dict)

@@ -25,7 +25,7 @@ from middeck.files.article_checks import (
 from middeck.files.article_form import ArticleForm
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
-from middeck.files.faults import Fault, Finding, form_findings, nearest, raise_fault, raise_faults
+from middeck.files.faults import Fault, Finding, finding, form_findings, nearest, raise_fault, raise_faults
 from middeck.files.form import Form
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.toml_lines import Path as KeyPath
@@ -33,6 +33,7 @@ from middeck.files.toml_lines import key_lines, line_of
 from middeck.files.toml_trouble import explain
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
+from middeck.structure.sensitivity.parameters import scale_parameters
 from middeck.values import record
 
 F = TypeVar("F", bound=Form)
@@ -160,7 +161,7 @@ def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure
     """The article in file ``path``; raises `ConfigError` with all its faults."""
     source = read_source(path, "article")
     article = _check_all([(source, ArticleForm, article_findings)], overrides)[0]
-    return _structure(article)
+    return build_article(article)
 
 
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
@@ -183,7 +184,7 @@ def load_setup(
     all faults of both, among them names that the article lacks.
     """
     first, second = _check_case(article, environment, overrides)
-    return _structure(first), _environment(second, hanging_names(first.data))
+    return build_article(first), _environment(second, hanging_names(first.data))
 
 
 def load_offset_keys(
@@ -216,8 +217,18 @@ def _environment_file(given: str | Path) -> str | Path:
     return given if Path(given).is_file() else BUILT_IN.get(str(given), given)
 
 
-def _structure(checked: Checked[Any]) -> Structure:
-    return build_structure(cast("ArticleForm", checked.form), Path(checked.file).parent)
+def build_article(checked: Checked[Any]) -> Structure:
+    """The structure of a checked article with its ``[factors]``; `ConfigError` for one of no number."""
+    form = cast("ArticleForm", checked.form)
+    built = build_structure(form, Path(checked.file).parent)
+    faults = []
+    for name, factor in form.factors.items():
+        try:
+            built = scale_parameters(built, {name: factor})
+        except ConfigError as error:
+            faults.append(checked.place(finding(("factors", name), error.what, hint=error.hint)))
+    raise_faults(faults)
+    return built
 
 
 def _environment(checked: Checked[Any], attach: Sequence[str] = ()) -> Environment:

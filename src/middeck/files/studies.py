@@ -9,13 +9,13 @@ from typing import Any, TypeVar, cast
 
 from middeck.errors import ConfigError
 from middeck.files import study_form
-from middeck.files.article_build import build_structure
 from middeck.files.article_checks import article_findings, attach_names
 from middeck.files.article_form import ArticleForm
 from middeck.files.documents import (
     Checked,
     Kind,
     Source,
+    build_article,
     check,
     join_findings,
     place_in,
@@ -145,10 +145,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     form = cast("study_form.StudyForm", study.form)
     records = [] if form.mirror is None else [base / form.mirror.train, base / form.mirror.test]
     files = [Path(path), *(Path(s.file) for s in (*articles.values(), *environments.values())), *records]
-    built = {
-        name: build_structure(cast("ArticleForm", c.form), Path(c.file).parent)
-        for name, c in structures.items()
-    }
+    built = {name: build_article(c) for name, c in structures.items()}
     attach = {name: attach_names(c.data) for name, c in structures.items()}
     cases = tuple(
         Case(a, e, built[a], build_environment(cast("EnvironmentForm", c.form), attach[a]))
@@ -222,10 +219,7 @@ def _joint_faults(study: Checked[Any], structures: dict[str, Checked[Any]]) -> l
     """Ports and free axes that the study needs and its articles lack; none while any article is broken."""
     if study.form is None or any(c.faults for c in structures.values()):
         return []
-    built = {
-        name: build_structure(cast("ArticleForm", c.form), Path(c.file).parent)
-        for name, c in structures.items()
-    }
+    built = {name: build_article(c) for name, c in structures.items()}
     ports = {n: ([a.name for a in s.actuators], [x.name for x in s.sensors]) for n, s in built.items()}
     return [
         *(study.place(finding) for finding in study_form.port_findings(study.form, ports)),

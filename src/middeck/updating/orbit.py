@@ -50,7 +50,7 @@ class Prediction:
         return self.frequency_hz[:, None] * np.exp(half)
 
 
-def predict(
+def predict_modes(
     refined: Refined,
     environment: Environment,
     settings: Sequence[tuple[str, float]] = (),

@@ -19,6 +19,9 @@ from middeck.values import record
 
 # Model errors in the logarithm of a frequency between which the most probable is looked for.
 LEAST, MOST = 1e-6, 0.1
+# A good mesh and good joints leave 0.03 % of a frequency, give or take a factor of three.
+USUAL, FACTOR = 3e-4, 3.0
+SWEEPS, GRID = 3, 24
 
 
 @record(kw_only=True)
@@ -62,10 +65,9 @@ class Estimate:
         return np.sqrt(np.einsum("ij,ij->i", self.root, self.root))[: len(self.x)]
 
 
-def estimate(problem: Linear, tau: Float[np.ndarray, " sort"] | None = None) -> Estimate:
-    """The most probable x, d and, unless it is given, tau."""
-    if tau is None:
-        tau = most_probable(problem)
+def estimate(problem: Linear, usual: float = USUAL) -> Estimate:
+    """The most probable tau, and x and d with it; ``usual`` is the tau that is thought likely before."""
+    tau = most_probable(problem, usual)
     std = _deviations(problem, tau)
     n, m = len(problem.spread), len(problem.sort)
     scale = np.concatenate([problem.spread, tau[problem.sort]])
@@ -92,20 +94,21 @@ def estimate(problem: Linear, tau: Float[np.ndarray, " sort"] | None = None) -> 
     )
 
 
-def most_probable(problem: Linear) -> Float[np.ndarray, " sort"]:
-    """The tau of each sort that makes y most probable, the others at theirs."""
+def most_probable(problem: Linear, usual: float = USUAL) -> Float[np.ndarray, " sort"]:
+    """The most probable tau of each sort, lognormal about ``usual`` before."""
     sorts = int(problem.row_sort.max(initial=-1)) + 1
 
     def surprise(log_tau: np.ndarray) -> float:
         C = np.linalg.cholesky(_covariance(problem, np.exp(log_tau)))
         white = sla.solve_triangular(C, problem.y, lower=True)
-        return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white)
+        before = 0.5 * np.sum(((log_tau - np.log(usual)) / np.log(FACTOR)) ** 2)
+        return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white + before)
 
     low, high = np.log(LEAST), np.log(MOST)
     best = np.full(sorts, low)
-    for _ in range(3):
+    for _ in range(SWEEPS):
         for k in range(sorts):
-            grid = np.linspace(low, high, 24)
+            grid = np.linspace(low, high, GRID)
             values = [surprise(np.where(np.arange(sorts) == k, g, best)) for g in grid]
             i = int(np.argmin(values))
             a, b = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]

@@ -15,9 +15,9 @@ from middeck.errors import ConfigError, EquilibriumError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
-from middeck.updating.posterior import Estimate, Linear, estimate
-from middeck.updating.surveys import Compared, Survey, compare, set_up, solve_at
-from middeck.updating.unknowns import Bound, Unknown, bind
+from middeck.updating.posterior import USUAL, Estimate, Linear, estimate
+from middeck.updating.surveys import Compared, Survey, compare, pair, set_up, solve_at
+from middeck.updating.unknowns import ENVIRONMENT, Bound, Unknown, bind
 from middeck.values import record
 
 STEPS = 12
@@ -37,6 +37,7 @@ class Refined:
     Attributes:
         compared: Each survey beside the model at the most probable unknowns.
         estimate: Unknowns, the model's own errors, and their covariance, linear about there.
+        before_hz: Frequencies of the modes of the mean of the prior that each survey's pairs were then.
         history: Largest move of an unknown in its own deviations, step by step.
         converged: Whether the last was small.
     """
@@ -45,12 +46,29 @@ class Refined:
     unknowns: tuple[Unknown, ...]
     compared: tuple[Compared, ...]
     estimate: Estimate
+    before_hz: tuple[tuple[float, ...], ...]
     history: tuple[float, ...]
     converged: bool
 
+    @property
+    def factors(self) -> dict[str, float]:
+        """Of the article's parameters by name, as the ``[factors]`` of its file take them."""
+        x = np.array([u.mean for u in self.unknowns]) + self.estimate.x
+        return {
+            name: float(np.exp(value))
+            for unknown, value in zip(self.unknowns, x, strict=True)
+            for name in unknown.parameters
+            if not unknown.added and not name.startswith(ENVIRONMENT)
+        }
 
-def refine(structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]) -> Refined:
+
+def refine(
+    structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown], model_error: float = USUAL
+) -> Refined:
     """The most probable unknowns. ``structure`` is the article as drawn, whatever they are.
+
+    ``model_error`` is what the frequencies of a model of this sort are thought to be wrong by, in parts of
+    one, whatever its numbers: what the surveys show takes its place, the less the fewer modes they have.
 
     Raises `ConfigError` for no survey, an unknown that no survey has, names given twice, or a survey without
     any mode in common; `NumericalError` where the article has no rest state at the mean of the prior.
@@ -59,10 +77,10 @@ def refine(structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[U
     places = _places(structure, surveys, unknowns)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     x, history, pace = mean.copy(), [], 1.0
-    modes = [solve_at(*place, x) for place in places]
+    modes = first = [solve_at(*place, x) for place in places]
     while True:
         compared = [compare(m, s, place[2]) for m, s, place in zip(modes, surveys, places, strict=True)]
-        found = estimate(_linear(compared, x - mean, spread))
+        found = estimate(_linear(compared, x - mean, spread), model_error)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS:
@@ -74,9 +92,17 @@ def refine(structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[U
         unknowns=tuple(unknowns),
         compared=tuple(compared),
         estimate=found,
+        before_hz=tuple(_before(old, c) for old, c in zip(first, compared, strict=True)),
         history=tuple(history),
         converged=history[-1] < SMALL,
     )
+
+
+def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
+    """Of the modes that the measured ones were at first; where one was none, not a number."""
+    hz = dict.fromkeys(compared.pairs[:, 1].tolist(), np.nan)
+    hz |= {j: old.frequency_hz[i] for i, j in pair(old, compared.survey.measured).tolist() if j in hz}
+    return tuple(hz[j] for j in compared.pairs[:, 1].tolist())
 
 
 def _places(

@@ -1,4 +1,4 @@
-"""Modes measured on the ground beside those of the article as it is thought to be: residuals and their slopes."""
+"""Modes measured on the ground beside those of the article as it is thought to be."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ class Survey:
 class Compared:
     """A survey beside the model: equations of motion of the measured modes in the model's own.
 
-    A measured mode c (of the model's modes phi_j, its own first) of frequency lambda moves the unknowns so that
-    sum_j phi_i'(dK - lambda dM) phi_j c_j = (lambda - lambda_i) c_i. Over 2 lambda, the row of its own mode is
-    the error of ln f; those of neighbours say how the model must mix modes that are close, which their
-    frequencies alone leave open.
+    A measured mode of frequency lambda that is the sum of c_j of the model's modes phi_j asks for changes
+    with sum_j phi_i'(dK - lambda dM) phi_j c_j = (lambda - lambda_i) c_i. Over 2 lambda, the row of its own
+    mode is the error of ln f; those of neighbours say how the model must mix modes that are close, which
+    their frequencies alone leave open.
 
     Attributes:
         pairs: (mode, measured mode), one to one.
@@ -109,7 +109,7 @@ def solve_at(
 
 
 def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
-    """Pairs, residuals and slopes. Raises `ConfigError` where no measured mode resembles any of the model's."""
+    """Pairs, residuals and slopes. Raises `ConfigError` where nothing measured resembles any of the modes."""
     pairs = pair(modes, survey.measured)
     if not len(pairs):
         raise ConfigError(
@@ -151,8 +151,7 @@ def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarr
     nothing = np.eye(count), np.zeros((count, count))
     if len(measured.node) <= count or measured.shape_std is None or not np.all(measured.shape_std > 0.0):
         return nothing
-    rows = sensor_rows(modes, measured.node, measured.direction)
-    basis = np.asarray(rows @ modes.shapes[:, pairs[:, 0]])
+    basis = at_channels(modes, measured)[:, pairs[:, 0]]
     c, c_std = nothing
     for k, a in enumerate(pairs[:, 1]):
         weight = 1.0 / measured.shape_std[:, a]
@@ -167,7 +166,7 @@ def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarr
 def _equation_slopes(
     modes: Modes, survey: Survey, bound: Sequence[Bound], pairs: np.ndarray, rows: np.ndarray, c: np.ndarray
 ) -> np.ndarray:
-    """Of each row, by the unknowns: the mixture of those of its mode with the pair's own and its neighbours."""
+    """Of each row by the unknowns: of its mode with the pair's own and its neighbours, as they mix."""
     near = _neighbours(modes, pairs) | np.eye(len(pairs), dtype=bool)
     place = np.full(len(modes.omega), -1)
     place[pairs[:, 0]] = np.arange(len(pairs))
@@ -180,13 +179,17 @@ def _equation_slopes(
     return out
 
 
+def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
+    """What the channels of the test would read of each mode."""
+    return np.asarray(sensor_rows(modes, measured.node, measured.direction) @ modes.shapes)
+
+
 def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
     """One to one: by shape, among neighbouring frequencies; where there are no shapes by frequency."""
     moving = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
     apart = np.abs(np.log(modes.frequency_hz[moving, None] / measured.frequency_hz))
     if measured.node:
-        rows = sensor_rows(modes, measured.node, measured.direction)
-        score = modal_assurance(np.asarray(rows @ modes.shapes[:, moving]), measured.shape)
+        score = modal_assurance(at_channels(modes, measured)[:, moving], measured.shape)
         score = np.where(apart <= np.log(WINDOW), score, 0.0)
         i, j = linear_sum_assignment(score, maximize=True)
         kept = score[i, j] >= COMMON

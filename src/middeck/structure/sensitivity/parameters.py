@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from typing import Any
@@ -158,6 +158,18 @@ def read_parameter(structure: Structure, environment: Environment, parameter: Pa
     for key in path:
         at = getattr(at, key) if isinstance(key, str) else at[key]
     return dataclasses.replace(parameter, value=float(at))
+
+
+def scale_parameters(structure: Structure, factors: Mapping[str, float]) -> Structure:
+    """``structure`` with its parameters of these names multiplied, one after the other.
+
+    Raises `ConfigError` for a name that fits none.
+    """
+    both = structure, Environment.orbit()
+    for name, factor in factors.items():
+        for parameter in find_parameters(*both, [name]):
+            both = set_parameter(*both, parameter, factor * read_parameter(*both, parameter).value)
+    return both[0]
 
 
 def _put(at: Any, path: Path, value: complex, scales: bool) -> Any:

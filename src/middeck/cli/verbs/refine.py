@@ -1,0 +1,174 @@
+"""``middeck refine``: an article refined on modes measured on the ground, and what it says of orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.updating.orbit import Prediction
+    from middeck.updating.refine import Refined
+
+EPILOG = """\
+\b
+Examples:
+  middeck refine articles/mace-simple.toml \\
+    data/virtual-survey/refine.toml
+  middeck refine articles/mace-simple.toml \\
+    data/virtual-survey/refine.toml --count 12 -o refined.toml
+"""
+
+
+@click.command("refine", cls=options.Verb, epilog=EPILOG)
+@options.article
+@click.argument("refinement", metavar="REFINEMENT")
+@click.option(
+    "--predict",
+    "environment",
+    default="orbit",
+    show_default=True,
+    metavar="NAME|PATH",
+    help="Predict modes in this environment.",
+)
+@click.option(
+    "--count",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="How many modes to predict.",
+)
+@options.written("-o", "--output", "output", endings=(".toml",), help="Write the refined article.")
+@options.printing
+def verb(
+    article: str, refinement: str, environment: str, count: int, output: str | None, as_json: bool
+) -> None:
+    """Refine ARTICLE on modes measured on the ground, and predict others.
+
+    REFINEMENT names the surveys, the parameters that may change, and how well these are known before:
+    docs/reference/files.md. The answer is the most probable article, with the deviations of its numbers; the
+    refined article is the old one with a table of factors.
+    """
+    from pathlib import Path
+
+    from middeck.cli.blame import reading
+    from middeck.cli.cases import find_case
+    from middeck.files.documents import load_setup
+    from middeck.files.refinements import load_refinement, refined_text, write_article
+    from middeck.updating.orbit import predict_modes
+    from middeck.updating.posterior import USUAL
+    from middeck.updating.refine import refine
+
+    files = find_case(article, environment)
+    structure, there = load_setup(*files)
+    asked = load_refinement(refinement, files[0])
+    with reading(files[0], refinement):
+        refined = refine(structure, asked.surveys, asked.unknowns, asked.model_error or USUAL)
+        predicted = predict_modes(refined, there, count=count)
+    document = describe(refined, predicted)
+    if output is not None:
+        write_article(Path(output), refined_text(files[0], refined.factors))
+    show(as_json, document, *_blocks(document, output))
+
+
+def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
+    """The JSON document."""
+    from middeck.updating.findings import SORTS, findings
+
+    found = refined.estimate
+    return {
+        "schema": "middeck.refine/1",
+        "article": refined.structure.title,
+        "converged": refined.converged,
+        "steps": refined.history,
+        "unknowns": [
+            {
+                "name": u.name,
+                "parameters": u.parameters,
+                "added": u.added,
+                "mean": u.mean,
+                "spread": u.spread,
+                "x": u.mean + x,
+                "std": std,
+            }
+            for u, x, std in zip(refined.unknowns, found.x, found.x_std, strict=True)
+        ],
+        "surveys": [_survey(refined, k) for k in range(len(refined.compared))],
+        "model_error": dict(zip(SORTS, found.tau, strict=False)),
+        "environment": predicted.modes.equilibrium.environment.title,
+        "predicted": {
+            "name": [predicted.modes.name[i] for i in predicted.index],
+            "frequency_hz": predicted.frequency_hz,
+            "interval_95_hz": predicted.interval_hz,
+            "of_the_refined_model_hz": predicted.modes.frequency_hz[predicted.index],
+            "seen": predicted.seen,
+        },
+        "warnings": findings(refined),
+    }
+
+
+def _survey(refined: Refined, k: int) -> dict[str, Any]:
+    compared = refined.compared[k]
+    ours, theirs = compared.pairs.T
+    hz = compared.survey.measured.frequency_hz
+    return {
+        "name": compared.survey.name,
+        "mode": [compared.modes.name[i] for i in ours],
+        "measured_hz": hz[theirs],
+        "before_hz": refined.before_hz[k],
+        "frequency_hz": compared.modes.frequency_hz[ours],
+        "unpaired_hz": hz[list(compared.unpaired)],
+    }
+
+
+def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Table]:
+    def change(u: dict[str, Any], x: float) -> str:
+        return f"{x:+.4g}" if u["added"] else f"{100.0 * x:+.2f} %"
+
+    def errors(before: Sequence[float], measured: Sequence[float]) -> list[str]:
+        return [f"{100.0 * (a / b - 1.0):+.3f}" for a, b in zip(before, measured, strict=True)]
+
+    unknowns = [
+        [u["name"], change(u, u["mean"]), change(u, u["spread"]).lstrip("+"), change(u, u["x"]),
+         change(u, u["std"]).lstrip("+")]
+        for u in document["unknowns"]
+    ]  # fmt: skip
+    surveys = [
+        Table(
+            f"survey {s['name']}",
+            ["mode", "measured [Hz]", "error before [%]", "after [%]"],
+            [
+                [name, f"{hz:.4f}", old, new]
+                for name, hz, old, new in zip(
+                    s["mode"],
+                    s["measured_hz"],
+                    errors(s["before_hz"], s["measured_hz"]),
+                    errors(s["frequency_hz"], s["measured_hz"]),
+                    strict=True,
+                )
+            ],
+        )
+        for s in document["surveys"]
+    ]
+    p = document["predicted"]
+    rows = [
+        [name, f"{hz:.4f}", f"{low:.4f} to {high:.4f}", f"{100.0 * min(seen, 1.0):.0f}"]
+        for name, hz, (low, high), seen in zip(
+            p["name"], p["frequency_hz"], p["interval_95_hz"], p["seen"], strict=True
+        )
+    ]
+    return [
+        Table("unknowns", ["name", "before", "+-", "refined", "+-"], unknowns),
+        "",
+        *(block for table in surveys for block in (table, "")),
+        Table(
+            f"predicted in {document['environment']}",
+            ["mode", "frequency [Hz]", "95 % [Hz]", "seen on the ground [%]"],
+            rows,
+        ),
+        *(["", f"wrote {output}"] if output else []),
+    ]

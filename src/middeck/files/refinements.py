@@ -1,0 +1,103 @@
+"""Documents of a refinement: surveys on the ground, and what may be changed to fit them; refined articles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from middeck.files.atomic import replacing
+from middeck.files.documents import check, find_document, load_setup, read_source
+from middeck.files.faults import raise_faults
+from middeck.files.form import Finite, Form, Positive
+from middeck.files.measured_modes import load_measured_modes
+from middeck.updating.surveys import Survey
+from middeck.updating.unknowns import Unknown
+from middeck.values import record
+
+# A table of the file, from its head to that of the next one or the end.
+FACTORS = re.compile(r"(?ms)^\s*\[factors\].*?(?=^\s*\[|\Z)")
+
+
+class SurveyForm(Form):
+    """Modes measured in one set-up; ``set`` has what the test set, by the names of parameters."""
+
+    name: str
+    modes: str
+    environment: str = "lab"
+    frequency_std: Positive | None = None
+    set: dict[str, Finite] = Field(default_factory=dict)
+
+
+class UnknownForm(Form):
+    """Parameters that move together, and how well they are known before."""
+
+    name: str
+    parameters: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+    spread: Positive
+    mean: Finite = 0.0
+    added: bool = False
+
+
+class RefinementForm(Form):
+    """A refinement of an article."""
+
+    schema_: Literal["middeck.refinement/1"] = Field(alias="schema")
+    model_error: Positive | None = None
+    survey: Annotated[tuple[SurveyForm, ...], Field(strict=False, min_length=1)]
+    unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
+
+
+@record
+class Refinement:
+    """What `middeck.updating.refine.refine` needs beside an article."""
+
+    surveys: tuple[Survey, ...]
+    unknowns: tuple[Unknown, ...]
+    model_error: float | None
+
+
+def load_refinement(path: str | Path, article: str | Path) -> Refinement:
+    """The refinement in file ``path`` of the article in file ``article``.
+
+    Files of modes are sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
+    the document, and `DataError` for modes that cannot be read.
+    """
+    source = read_source(path)
+    checked = check(source, source.data, {}, RefinementForm, lambda _: [])
+    raise_faults(list(checked.faults))
+    form = checked.form
+    assert form is not None  # no faults
+    surveys = tuple(
+        Survey(
+            name=s.name,
+            measured=load_measured_modes(Path(path).parent / s.modes),
+            environment=load_setup(article, find_document(s.environment, "environment", beside=path))[1],
+            settings=tuple(s.set.items()),
+            frequency_std=s.frequency_std,
+        )
+        for s in form.survey
+    )
+    unknowns = tuple(
+        Unknown(name=u.name, parameters=u.parameters, spread=u.spread, mean=u.mean, added=u.added)
+        for u in form.unknown
+    )
+    return Refinement(surveys, unknowns, form.model_error)
+
+
+def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:
+    """The article's file with ``factors`` beside those that it had: they multiply."""
+    text = Path(article).read_text(encoding="utf-8")
+    had: dict[str, float] = read_source(article, "article").data.get("factors", {})
+    names = dict.fromkeys([*had, *factors])
+    lines = [f'"{n}" = {float(had.get(n, 1.0) * factors.get(n, 1.0))!r}' for n in names]
+    return FACTORS.sub("", text).rstrip() + "\n\n[factors]\n" + "\n".join(lines) + "\n"
+
+
+def write_article(path: Path, text: str) -> None:
+    """Write an article whole or not at all."""
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")

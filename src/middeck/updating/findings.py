@@ -1,0 +1,91 @@
+"""What a refinement leaves open, in words: what the surveys do not see, and where model and test disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from middeck.updating.refine import Refined
+
+# Of the prior deviation: an unknown that keeps this much of it was not seen.
+KEPT = 0.9
+# Prior deviations: an unknown that ends farther away is where the prior said that it is not.
+FAR = 2.5
+# Of a direction: parameters with a smaller part of it are not named.
+PART = 0.35
+# A model error this many times the noise of the test counts.
+ABOVE = 2.0
+SORTS = ("suspension", "flexible")
+
+
+def unseen(refined: Refined) -> tuple[str, ...]:
+    """Unknowns of which the surveys say next to nothing."""
+    return tuple(
+        u.name
+        for u, std in zip(refined.unknowns, refined.estimate.x_std, strict=True)
+        if std > KEPT * u.spread
+    )
+
+
+def together(refined: Refined) -> tuple[tuple[str, ...], ...]:
+    """Groups of which the surveys see the sum, but not each: what they share in directions not seen."""
+    alone = set(unseen(refined))
+    groups: dict[tuple[str, ...], None] = {}
+    for gain, direction in zip(refined.estimate.gain, refined.estimate.direction, strict=True):
+        named = [u.name for u, part in zip(refined.unknowns, direction, strict=True) if abs(part) > PART]
+        if gain < 1.0 and len(named) > 1 and not alone.intersection(named):
+            groups[tuple(named)] = None
+    return tuple(groups)
+
+
+def findings(refined: Refined) -> tuple[str, ...]:
+    """A sentence for each thing that a reader must know before the refined article is used."""
+    return (
+        *_of_the_search(refined),
+        *_of_unknowns(refined),
+        *_of_the_model(refined),
+        *(
+            f"{c.survey.name}: the measured mode of {c.survey.measured.frequency_hz[j]:.4g} Hz resembles "
+            "none of the model's and was left out"
+            for c in refined.compared
+            for j in c.unpaired
+        ),
+    )
+
+
+def _of_the_search(refined: Refined) -> Iterator[str]:
+    if not refined.converged:
+        yield (
+            f"the search did not settle: its last step moved an unknown by {refined.history[-1]:.2g} of its "
+            "deviation; narrower spreads or fewer unknowns may help"
+        )
+    pairs = sum(len(c.pairs) for c in refined.compared)
+    if pairs < len(refined.unknowns):
+        yield (
+            f"{pairs} measured modes for {len(refined.unknowns)} unknowns: most of what is stated of these "
+            "was thought before; more modes, or set-ups with other angles and masses, would tell more"
+        )
+
+
+def _of_unknowns(refined: Refined) -> Iterator[str]:
+    for unknown, x in zip(refined.unknowns, refined.estimate.x, strict=True):
+        if abs(x) > FAR * unknown.spread:
+            yield (
+                f"{unknown.name} ends {abs(x) / unknown.spread:.1f} deviations from what was thought: is the "
+                "prior right, or does it stand for something that is not in the model?"
+            )
+    if names := unseen(refined):
+        yield f"the surveys do not see {', '.join(names)}"
+    for group in together(refined):
+        yield f"the surveys see {' and '.join(group)} together, but not each"
+
+
+def _of_the_model(refined: Refined) -> Iterator[str]:
+    noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
+    for sort, tau in zip(SORTS, refined.estimate.tau, strict=False):
+        if tau > ABOVE * noise:
+            yield (
+                f"the {sort} modes are off by {100.0 * tau:.2g} % beside the {100.0 * noise:.2g} % that the "
+                "test states, whatever the unknowns: an error of the model, carried into what is predicted"
+            )

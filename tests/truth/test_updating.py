@@ -1,0 +1,280 @@
+"""Refinement on ground tests: closed forms, second-order truth of its equations, recovery, coverage."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.integrate as integrate
+
+import middeck as md
+import structure_builders as build
+from middeck.errors import ConfigError
+from middeck.laboratory.article import solve_rig_article
+from middeck.laboratory.hidden_errors import draw_hidden_errors
+from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
+from middeck.structure.model.article import Member, Structure
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import Environment
+from middeck.structure.model.section import Section
+from middeck.structure.modes.solve import Modes
+from middeck.updating.findings import findings, together, unseen
+from middeck.updating.orbit import predict_modes
+from middeck.updating.posterior import Linear, estimate
+from middeck.updating.refine import refine
+from middeck.updating.surveys import Survey, compare, pair
+from middeck.updating.unknowns import Unknown, bind, change
+from repeats import repeats
+
+ROOT = Path(__file__).parents[2]
+TIGHT = MeasurementNoise(1e-6, 1e-6)
+
+
+def mast(EI: float = 1.0, split: float = 1.01, mass: float = 0.4, spin: float = 0.02) -> Structure:
+    """A metre of tube, clamped below, with a body on it; bending about its two axes a per cent apart."""
+    section = Section(
+        EA=1e5, GJ=40.0 * EI, EI_y=50.0 * EI, EI_z=50.0 * split * EI, rho_A=0.3, rho_I_y=0.0, rho_I_z=0.0
+    )
+    top = build.body(mass, (0.0, 0.0, 0.0), (spin, 0.011, 0.012))
+    return build.structure(
+        [build.node("foot", (0, 0, 0)), build.node("top", (0, 1, 0), top)],
+        [
+            Member(
+                name="mast",
+                start="foot",
+                end="top",
+                section=section,
+                elements=4,
+                up=np.array([0.0, 0.0, 1.0]),
+            )
+        ],
+    )
+
+
+def clamped(gravity: float = -9.80665) -> Environment:
+    return Environment(title="stand", gravity=np.array([0.0, gravity, 0.0]), clamps=(Clamp(node="foot"),))
+
+
+def modes_of(article: Structure, place: Environment) -> Modes:
+    return md.solve_modes(md.solve_equilibrium(article, place))
+
+
+def survey_of(
+    modes: Modes, noise: MeasurementNoise, seed: int = 0, chosen: Sequence[int] = range(6)
+) -> Survey:
+    at = [(n, d) for n in ("top", "mast/1", "mast/2", "mast/3") for d in ("x", "y", "z", "rx", "ry", "rz")]
+    seen = measure_modes(modes, at, chosen=chosen, noise=noise, rng=np.random.default_rng(seed))
+    return Survey(name="stand", measured=seen, environment=modes.equilibrium.environment)
+
+
+MODULUS = Unknown(name="modulus", parameters=("members.E",), spread=0.1)
+SPLIT = Unknown(name="split", parameters=("member.mast.EI_z",), spread=0.02)
+TOP = Unknown(name="top", parameters=("node.top.mass",), spread=0.1)
+SPIN = Unknown(name="spin", parameters=("node.top.inertia.xx",), spread=0.1)
+
+
+@pytest.mark.parametrize("seed", repeats(range(40), 3))
+def test_the_estimate_is_that_of_the_dense_formula(seed: int):
+    """x = S J'(J S J' + tau^2 S_d S_d' + N)^-1 y, and likewise d: the same by covariances of what is seen."""
+    rng = np.random.default_rng(seed)
+    rows, unknowns, errors = rng.integers(3, 9, 3)
+    spread, std = rng.uniform(0.1, 2.0, unknowns), rng.uniform(1e-3, 1.0, rows)
+    J, S = rng.standard_normal((rows, unknowns)), rng.uniform(0.0, 1.0, (rows, errors))
+    sort, row_sort = rng.integers(0, 2, errors), rng.integers(0, 2, rows)
+    problem = Linear(
+        y=rng.standard_normal(rows), std=std, J=J, spread=spread, S=S, rest=rng.uniform(0.0, 1.0, rows),
+        sort=sort, row_sort=row_sort,
+    )  # fmt: skip
+    found = estimate(problem, 0.01)
+    prior = np.diag(np.concatenate([spread, found.tau[sort]]) ** 2)
+    A = np.hstack([J, S])
+    seen = A @ prior @ A.T + np.diag(std**2 + problem.rest * found.tau[row_sort] ** 2)
+    gain = prior @ A.T @ np.linalg.inv(seen)
+    both = gain @ problem.y
+    np.testing.assert_allclose(np.concatenate([found.x, found.d]), both, rtol=1e-7, atol=1e-9)
+    covariance = prior - gain @ A @ prior
+    np.testing.assert_allclose(found.root @ found.root.T, covariance, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("split", [1.01, 1.3, 1.0001])
+def test_its_equations_hold_to_second_order(split: float):
+    """Residuals of an article moved by a small step are the slopes times the step, neighbours' too."""
+    unknowns = (MODULUS, SPLIT, TOP, SPIN)
+    article, place = mast(split=split), clamped()
+    bound = bind(unknowns, article, place)
+    here = modes_of(article, place)
+    left = []
+    for size in (1e-3, 1e-4):
+        step = size * np.array([1.0, -0.02, 0.5, 0.7])
+        there = modes_of(*change(article, place, bound, step))
+        seen = compare(here, survey_of(there, TIGHT), bound)
+        np.testing.assert_array_less(5, len(seen.pairs))
+        left.append(np.max(np.abs(seen.residual - seen.slope @ step)))
+    assert left[1] < 2e-6 + 3e-2 * left[0]
+
+
+def test_an_article_is_recovered_from_exact_modes():
+    truth = np.array([0.08, -0.015, 0.1, -0.2])
+    unknowns = (MODULUS, SPLIT, TOP, SPIN)
+    bound = bind(unknowns, mast(), clamped())
+    seen = survey_of(modes_of(*change(mast(), clamped(), bound, truth)), TIGHT)
+    found = refine(mast(), [seen], unknowns, 1e-6)
+    assert found.converged
+    np.testing.assert_allclose(found.estimate.x, truth, atol=1e-4)
+    assert not unseen(found)
+    np.testing.assert_allclose(list(found.factors.values()), np.exp(found.estimate.x))
+
+
+def test_modes_that_change_places_are_told_apart_by_their_shapes():
+    """The truth bends more easily about the other axis: frequencies alone fit the wrong one as well."""
+    bound = bind((SPLIT,), mast(), clamped())
+    seen = survey_of(
+        modes_of(*change(mast(), clamped(), bound, np.array([-0.03]))), MeasurementNoise(1e-5, 0.02)
+    )
+    found = refine(mast(), [seen], (SPLIT,))
+    assert found.estimate.x[0] == pytest.approx(-0.03, abs=1e-3)
+
+
+def test_its_deviations_are_those_of_the_posterior_itself():
+    """One unknown, the posterior integrated over its exact frequencies."""
+    noise = MeasurementNoise(2e-3, 0.02)
+    measured = survey_of(modes_of(mast(EI=1.05), clamped()), noise, 3, chosen=(0, 1)).measured
+    none = {"node": (), "direction": (), "shape": measured.shape[:0], "shape_std": None, "position_m": None}
+    alone = dataclasses.replace(measured, **none)
+    seen = Survey(name="stand", measured=alone, environment=clamped())
+    found = refine(mast(), [seen], (MODULUS,), 1e-6)
+    bound = bind((MODULUS,), mast(), clamped())
+    grid = np.linspace(-0.05, 0.15, 41)
+    hz = np.array([modes_of(*change(mast(), clamped(), bound, np.array([x]))).frequency_hz[:2] for x in grid])
+    log = -0.5 * np.sum((np.log(alone.frequency_hz / hz) / seen.std) ** 2, axis=1)
+    weight = np.exp(log - log.max() - 0.5 * (grid / MODULUS.spread) ** 2)
+    whole = integrate.trapezoid(weight, grid)
+    mean = integrate.trapezoid(weight * grid, grid) / whole
+    std = np.sqrt(integrate.trapezoid(weight * (grid - mean) ** 2, grid) / whole)
+    assert found.estimate.x[0] == pytest.approx(mean, abs=0.05 * std)
+    assert found.estimate.x_std[0] == pytest.approx(std, rel=0.05)
+
+
+def test_gravity_is_taken_out():
+    """A mast that its own top bends: in orbit it is what the closed form without gravity says."""
+    truth = mast(EI=1.07, mass=0.43)
+    seen = survey_of(modes_of(truth, clamped()), MeasurementNoise(1e-4, 0.01))
+    found = refine(mast(), [seen], (MODULUS, TOP))
+    predicted = predict_modes(found, clamped(gravity=0.0), count=3)
+    true = modes_of(truth, clamped(gravity=0.0)).frequency_hz[:3]
+    assert abs(modes_of(truth, clamped()).frequency_hz[0] / true[0] - 1.0) > 5e-3
+    assert np.all(np.abs(np.log(predicted.frequency_hz / true)) < 3.0 * predicted.log_std)
+    assert np.all(predicted.log_std < 1e-3)
+    assert np.all(predicted.seen > 0.9)
+
+
+def test_what_the_surveys_do_not_see_is_named():
+    """An axial stiffness moves no bending; mass and modulus move the first pair alike."""
+    idle = Unknown(name="axial", parameters=("member.mast.EA",), spread=0.1)
+    seen = survey_of(modes_of(mast(), clamped()), MeasurementNoise(1e-3, 0.02), chosen=(0, 1))
+    found = refine(mast(), [seen], (MODULUS, TOP, idle))
+    assert unseen(found) == ("axial",)
+    assert together(found) == (("modulus", "top"),)
+    told = " ".join(findings(found))
+    assert "2 measured modes for 3 unknowns" in told
+    assert "modulus and top together" in told
+
+
+def test_what_no_unknown_can_fit_is_an_error_of_the_model():
+    """Torsion 2 % off, bending right: the error is carried to the mode that has it, and no further."""
+    seen = survey_of(modes_of(mast(), clamped()), MeasurementNoise(1e-4, 0.01))
+    hz = seen.measured.frequency_hz.copy()
+    torsion = next(i for i, name in enumerate(modes_of(mast(), clamped()).name) if "torsion" in name)
+    hz[torsion] *= 1.02
+    off = dataclasses.replace(seen, measured=dataclasses.replace(seen.measured, frequency_hz=hz))
+    found = refine(mast(), [off], (MODULUS,))
+    assert any("an error of the model" in line for line in findings(found))
+    predicted = predict_modes(found, clamped(gravity=0.0), count=6)
+    true = modes_of(mast(), clamped(gravity=0.0)).frequency_hz[:6]
+    true = np.where(np.arange(6) == torsion, 1.02 * true, true)
+    np.testing.assert_allclose(predicted.frequency_hz, true, rtol=1e-3)
+
+
+def rig_case(seed: int, mesh: int, shear: float | None, count: int = 20) -> tuple[float, np.ndarray]:
+    """Fall of the rms error of ten frequencies in orbit, and their errors in deviations."""
+    article, lab = md.load_setup(ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml")
+    hidden, rng = draw_hidden_errors(article, seed), np.random.default_rng(1000 + seed)
+    rig = solve_rig_article(article, lab, hidden, mesh_factor=mesh, shear=shear).modes
+    seen = measure_modes(rig, chosen=range(count), noise=MeasurementNoise(1e-4, 0.02), rng=rng)
+    found = refine(article, [Survey(name="lab", measured=seen, environment=lab)], sheet_unknowns(article))
+    predicted = predict_modes(found, Environment.orbit())
+    orbit = solve_rig_article(article, Environment.orbit(), hidden, mesh_factor=mesh, shear=shear).modes
+    true = measure_modes(orbit, chosen=range(8, 18))
+    sheet = modes_of(article, Environment.orbit())
+    error = errors(predicted.modes, true, predicted.frequency_hz, predicted.index)
+    before = errors(sheet, true, sheet.frequency_hz[8:18], np.arange(8, 18))
+    return float(np.sqrt(np.mean(before**2) / np.mean(error**2))), error / predicted.log_std
+
+
+def errors(modes: Modes, true: MeasuredModes, hz: np.ndarray, index: np.ndarray) -> np.ndarray:
+    place = {int(i): int(j) for i, j in pair(modes, true)}
+    return np.log(hz / true.frequency_hz[[place[int(i)] for i in index]])
+
+
+def sheet_unknowns(article: Structure) -> list[Unknown]:
+    """The 23 of the frozen case "Updating and promise", with deviations of its uniform priors."""
+    third, small = np.sqrt(3.0), np.log(0.975)
+    found = [Unknown(name="E", parameters=("members.E",), spread=0.15 / third)]
+    for m in article.members:
+        bending = (f"member.{m.name}.EI_y", f"member.{m.name}.EI_z")
+        found.append(Unknown(name=m.name, parameters=bending, spread=0.05 / np.sqrt(12.0), mean=small))
+    for n in ("n1", "n3", "n5"):
+        found.append(Unknown(name=f"mass {n}", parameters=(f"node.{n}.mass",), spread=0.05 / third))
+        for i in ("xx", "yy", "zz"):
+            found.append(Unknown(name=f"{n} {i}", parameters=(f"node.{n}.inertia.{i}",), spread=0.1 / third))
+    for i in ("xx", "yy", "zz"):
+        found.append(
+            Unknown(name=f"payload {i}", parameters=(f"joint.pri_z.inertia.{i}",), spread=0.1 / third)
+        )
+    found.append(Unknown(name="payload cg", parameters=("joint.pri_z.cg.*",), spread=0.1 / third))
+    found.append(Unknown(name="bounce", parameters=("environment.bounce_hz",), spread=0.1 / third))
+    found.append(Unknown(name="cable", parameters=("environment.cable_length",), spread=0.05 / third))
+    return found
+
+
+@pytest.mark.parametrize("seed", repeats([0, 3, 8, 11, 17], 1))
+def test_the_sheet_is_refined_far_below_its_errors(seed: int):
+    """On a truth of a finer mesh with shear: one survey of the lab alone. Seed 0 has modes that mix."""
+    fall, z = rig_case(seed, 3, 0.62)
+    assert fall > 25.0
+    assert np.max(np.abs(z)) < 3.5
+
+
+@pytest.mark.parametrize(
+    ("unknowns", "what"),
+    [
+        ([], "no unknown"),
+        ([MODULUS, MODULUS], "two are called 'modulus'"),
+        ([Unknown(name="a", parameters=("members.F",), spread=0.1)], "no parameter 'members.F'"),
+        ([Unknown(name="a", parameters=("environment.bounce_hz",), spread=0.1)], "no survey has"),
+        ([Unknown(name="a", parameters=("node.top.cg.x",), spread=0.1)], "changes nothing"),
+    ],
+)
+def test_unknowns_that_cannot_be(unknowns: list[Unknown], what: str):
+    seen = survey_of(modes_of(mast(), clamped()), TIGHT)
+    with pytest.raises(ConfigError, match=what):
+        refine(mast(), [seen], unknowns)
+
+
+def test_surveys_that_cannot_be():
+    seen = survey_of(modes_of(mast(), clamped()), TIGHT)
+    unknown = dataclasses.replace(seen.measured, frequency_std_hz=None)
+    with pytest.raises(ConfigError, match="how well it knows"):
+        refine(mast(), [dataclasses.replace(seen, measured=unknown)], [MODULUS])
+    with pytest.raises(ConfigError, match="no survey"):
+        refine(mast(), [], [MODULUS])
+    with pytest.raises(ConfigError, match="no parameter"):
+        refine(mast(), [dataclasses.replace(seen, settings=(("joint.x.angle", 1.0),))], [MODULUS])
+    far = dataclasses.replace(seen.measured, frequency_hz=1e4 * seen.measured.frequency_hz)
+    with pytest.raises(ConfigError, match="resembles"):
+        refine(mast(), [dataclasses.replace(seen, measured=far)], [MODULUS])
+    with pytest.raises(ConfigError, match=r"spread of 0\.0"):
+        Unknown(name="a", parameters=("members.E",), spread=0.0)
