@@ -240,6 +240,10 @@ from .systems.response import (
 )
 from .systems.sampled_plant import sample_plant as sample_plant
 from .systems.sampling import tustin as tustin
+from .updating.orbit import predict_modes as predict_modes
+from .updating.refine import refine as refine
+from .updating.surveys import Survey as Survey
+from .updating.unknowns import Unknown as Unknown
 
 __version__: str
 __all__: list[str]

@@ -14,7 +14,15 @@ import middeck
 from middeck import errors
 from middeck.cli import main as console
 from middeck.cli.app import VERBS
-from middeck.files import article_form, boundary_form, component_form, environment_form, link_form, study_form
+from middeck.files import (
+    article_form,
+    boundary_form,
+    component_form,
+    environment_form,
+    link_form,
+    refinements,
+    study_form,
+)
 from middeck.files.form import Form, unit_of
 
 REFERENCE = ROOT / "docs" / "reference"
@@ -67,6 +75,9 @@ FORMS: list[type[Form]] = [
     study_form.ImprovementForm,
     study_form.SitoForm,
     study_form.MirrorForm,
+    refinements.RefinementForm,
+    refinements.SurveyForm,
+    refinements.UnknownForm,
 ]
 
 
@@ -92,7 +103,8 @@ def test_what_the_paper_page_names_can_be_imported():
 
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
-    modules = (article_form, boundary_form, component_form, environment_form, link_form, study_form)
+    forms = (article_form, boundary_form, component_form, environment_form, link_form, study_form)
+    modules = (*forms, refinements)
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
     }

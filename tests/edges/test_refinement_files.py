@@ -1,0 +1,86 @@
+"""Documents of refinements, refined articles, and the verb."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli_runner import middeck
+from middeck.errors import ConfigError, DataError
+from middeck.files.documents import load_structure
+from middeck.files.refinements import load_refinement, refined_text
+
+ROOT = Path(__file__).parents[2]
+ARTICLE = ROOT / "articles/mace-simple.toml"
+SURVEY = ROOT / "data/virtual-survey"
+
+
+def test_factors_multiply_what_the_article_says(tmp_path: Path):
+    first, second = tmp_path / "first.toml", tmp_path / "second.toml"
+    first.write_text(refined_text(ARTICLE, {"members.E": 1.1, "node.n3.mass": 0.9}))
+    second.write_text(refined_text(first, {"members.E": 1.1}))
+    article, once, twice = (load_structure(f) for f in (ARTICLE, first, second))
+    assert once.members[0].section.EI_y == pytest.approx(1.1 * article.members[0].section.EI_y)
+    assert twice.members[0].section.EI_y == pytest.approx(1.21 * article.members[0].section.EI_y)
+    assert twice.nodes[2].body.mass == pytest.approx(0.9 * article.nodes[2].body.mass)
+    assert second.read_text().count("[factors]") == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "what"),
+    [('"members.F" = 1.1', "no parameter 'members.F'"), ('"members.E" = -1.0', "must be > 0")],
+)
+def test_factors_of_nothing_are_refused_in_their_line(tmp_path: Path, line: str, what: str):
+    file = tmp_path / "a.toml"
+    file.write_text(f"{ARTICLE.read_text()}\n[factors]\n{line}\n")
+    with pytest.raises(ConfigError, match=what) as raised:
+        load_structure(file)
+    assert f"a.toml:{len(file.read_text().splitlines())}" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("spread = 0.1", "spread = 0.0", "must be > 0"),
+        ("spread = 0.1", "sprad = 0.1", "did you mean 'spread'"),
+        ('schema = "middeck.refinement/1"', 'schema = "middeck.refinement/9"', "middeck.refinement/1"),
+        ("members.E", "members.F", "no parameter 'members.F'"),
+        ('environment = "lab"', 'environment = "cellar"', "no environment 'cellar'"),
+        ("mace-simple-lab.json", "none.json", "none.json"),
+        ("[[survey]]", "[[surveys]]", "did you mean 'survey'"),
+    ],
+)
+def test_documents_that_cannot_be(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], old: str, new: str, what: str
+):
+    text = (SURVEY / "refine.toml").read_text()
+    assert old in text
+    (tmp_path / "refine.toml").write_text(text.replace(old, new, 1))
+    (tmp_path / "mace-simple-lab.json").write_bytes((SURVEY / "mace-simple-lab.json").read_bytes())
+    ended = middeck(capfd, "refine", ARTICLE, tmp_path / "refine.toml")
+    assert ended.code in (ConfigError.exit_code, DataError.exit_code)
+    assert what in ended.err
+
+
+def test_the_verb_finds_what_was_changed_and_writes_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """The survey's article: modulus 2.44 instead of 2.35 GPa, centre node 9.2 instead of 9.0 kg."""
+    written = tmp_path / "refined.toml"
+    ended = middeck(capfd, "refine", ARTICLE, SURVEY / "refine.toml", "-o", written, "--json", "--count", 3)
+    assert ended.code == 0, ended.err
+    found = json.loads(ended.out)
+    truth = {"modulus": np.log(2.44 / 2.35), "centre node": np.log(9.2 / 9.0), "end nodes": 0.0}
+    for unknown in found["unknowns"]:
+        assert abs(unknown["x"] - truth[unknown["name"]]) < 2.5 * unknown["std"]
+    assert len(found["predicted"]["frequency_hz"]) == 3
+    factor = np.exp(found["unknowns"][0]["x"])
+    refined = load_structure(written).members[0].section.GJ
+    assert refined == pytest.approx(factor * load_structure(ARTICLE).members[0].section.GJ, rel=1e-9)
+
+
+def test_a_survey_is_sought_beside_its_document():
+    asked = load_refinement(SURVEY / "refine.toml", ARTICLE)
+    assert [s.name for s in asked.surveys] == ["virtual survey"]
+    assert [u.name for u in asked.unknowns] == ["modulus", "centre node", "end nodes"]
