@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,19 @@ def your_own_article(names: Names) -> None:
     """A swinging, stable article with one more rigid-body mode than six."""
     assert names["modes"].kind.count("suspension") == 7
     assert "payload pendulum paddle" in names["modes"].name
+
+
+def refine_on_ground_tests(names: Names) -> None:
+    """The modulus that was changed is found, and the file holds what the page shows."""
+    found = dict(zip([u.name for u in names["unknowns"]], names["refined"].estimate.x, strict=True))
+    assert found["modulus"] == pytest.approx(np.log(2.5 / 2.35), abs=3e-3)
+    factors = {k: round(v, 4) for k, v in load_factors("refined.toml").items()}
+    assert factors["members.E"] == 1.0378
+    assert factors["node.n3.mass"] == 1.0258
+
+
+def load_factors(path: str) -> dict[str, float]:
+    return tomllib.loads(Path(path).read_text(encoding="utf-8"))["factors"]
 
 
 def your_own_record(names: Names) -> None:
@@ -323,6 +337,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/your-nastran-deck.md": deck,
     "docs/how-to/your-reduced-component.md": component,
     "docs/how-to/your-own-article.md": your_own_article,
+    "docs/how-to/refine-on-ground-tests.md": refine_on_ground_tests,
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/from-a-record-to-a-plant.md": from_a_record_to_a_plant,
     "docs/how-to/impact-test.md": impact_test,
