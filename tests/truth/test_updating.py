@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.integrate as integrate
+import updating_case as case
 
 import middeck as md
 import structure_builders as build
 from middeck.errors import ConfigError
-from middeck.laboratory.article import solve_rig_article
-from middeck.laboratory.hidden_errors import draw_hidden_errors
-from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
+from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
@@ -25,11 +23,10 @@ from middeck.updating.findings import findings, together, unseen
 from middeck.updating.orbit import predict_modes
 from middeck.updating.posterior import Linear, estimate
 from middeck.updating.refine import refine
-from middeck.updating.surveys import Survey, compare, pair
+from middeck.updating.surveys import Survey, compare
 from middeck.updating.unknowns import Unknown, bind, change
 from repeats import repeats
 
-ROOT = Path(__file__).parents[2]
 TIGHT = MeasurementNoise(1e-6, 1e-6)
 
 
@@ -198,54 +195,18 @@ def test_what_no_unknown_can_fit_is_an_error_of_the_model():
     np.testing.assert_allclose(predicted.frequency_hz, true, rtol=1e-3)
 
 
-def rig_case(seed: int, mesh: int, shear: float | None, count: int = 20) -> tuple[float, np.ndarray]:
-    """Fall of the rms error of ten frequencies in orbit, and their errors in deviations."""
-    article, lab = md.load_setup(ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml")
-    hidden, rng = draw_hidden_errors(article, seed), np.random.default_rng(1000 + seed)
-    rig = solve_rig_article(article, lab, hidden, mesh_factor=mesh, shear=shear).modes
-    seen = measure_modes(rig, chosen=range(count), noise=MeasurementNoise(1e-4, 0.02), rng=rng)
-    found = refine(article, [Survey(name="lab", measured=seen, environment=lab)], sheet_unknowns(article))
-    predicted = predict_modes(found, Environment.orbit())
-    orbit = solve_rig_article(article, Environment.orbit(), hidden, mesh_factor=mesh, shear=shear).modes
-    true = measure_modes(orbit, chosen=range(8, 18))
-    sheet = modes_of(article, Environment.orbit())
-    error = errors(predicted.modes, true, predicted.frequency_hz, predicted.index)
-    before = errors(sheet, true, sheet.frequency_hz[8:18], np.arange(8, 18))
-    return float(np.sqrt(np.mean(before**2) / np.mean(error**2))), error / predicted.log_std
-
-
-def errors(modes: Modes, true: MeasuredModes, hz: np.ndarray, index: np.ndarray) -> np.ndarray:
-    place = {int(i): int(j) for i, j in pair(modes, true)}
-    return np.log(hz / true.frequency_hz[[place[int(i)] for i in index]])
-
-
-def sheet_unknowns(article: Structure) -> list[Unknown]:
-    """The 23 of the frozen case "Updating and promise", with deviations of its uniform priors."""
-    third, small = np.sqrt(3.0), np.log(0.975)
-    found = [Unknown(name="E", parameters=("members.E",), spread=0.15 / third)]
-    for m in article.members:
-        bending = (f"member.{m.name}.EI_y", f"member.{m.name}.EI_z")
-        found.append(Unknown(name=m.name, parameters=bending, spread=0.05 / np.sqrt(12.0), mean=small))
-    for n in ("n1", "n3", "n5"):
-        found.append(Unknown(name=f"mass {n}", parameters=(f"node.{n}.mass",), spread=0.05 / third))
-        for i in ("xx", "yy", "zz"):
-            found.append(Unknown(name=f"{n} {i}", parameters=(f"node.{n}.inertia.{i}",), spread=0.1 / third))
-    for i in ("xx", "yy", "zz"):
-        found.append(
-            Unknown(name=f"payload {i}", parameters=(f"joint.pri_z.inertia.{i}",), spread=0.1 / third)
-        )
-    found.append(Unknown(name="payload cg", parameters=("joint.pri_z.cg.*",), spread=0.1 / third))
-    found.append(Unknown(name="bounce", parameters=("environment.bounce_hz",), spread=0.1 / third))
-    found.append(Unknown(name="cable", parameters=("environment.cable_length",), spread=0.05 / third))
-    return found
-
-
 @pytest.mark.parametrize("seed", repeats([0, 3, 8, 11, 17], 1))
 def test_the_sheet_is_refined_far_below_its_errors(seed: int):
-    """On a truth of a finer mesh with shear: one survey of the lab alone. Seed 0 has modes that mix."""
-    fall, z = rig_case(seed, 3, 0.62)
-    assert fall > 25.0
-    assert np.max(np.abs(z)) < 3.5
+    """One survey of the laboratory; `benchmarks/prediction.py` has two. Seed 0 has modes that mix."""
+    article, _ = case.sheet()
+    found = refine(article, [case.survey(seed, 0, case.STRAIGHT, range(20))], case.sheet_unknowns(article))
+    predicted = predict_modes(found, Environment.orbit())
+    true, sheet = case.ten_in_orbit(seed), modes_of(article, Environment.orbit())
+    error = case.log_errors(predicted.modes, predicted.frequency_hz, predicted.index, true)
+    ten = np.arange(case.SUSPENSION, case.SUSPENSION + 10)
+    before = case.log_errors(sheet, sheet.frequency_hz[ten], ten, true)
+    assert np.mean(before**2) > 25.0**2 * np.mean(error**2)
+    assert np.max(np.abs(error / predicted.log_std)) < 3.5
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,27 @@
+"""Prediction: the sheet refined on simulated ground surveys, against a truth in orbit that it lacks.
+
+    python benchmarks/prediction.py [--only CASES] [--made DATE]
+
+CASES, of sheet and five, are run alone and the other rows kept. Times are CPU seconds of one process with one
+BLAS thread.
+"""
+
+from __future__ import annotations
+
+from measured import prediction
+from measured.result_file import options_of, write_rows
+
+CASES = {
+    "sheet": lambda _: prediction.rows("sheet", range(20)),
+    "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
+}
+
+
+def main() -> None:
+    write_rows(
+        "prediction", "python benchmarks/prediction.py", CASES, options_of(__doc__, CASES).parse_args()
+    )
+
+
+if __name__ == "__main__":
+    main()
