@@ -1,7 +1,7 @@
 """The frozen case "Updating and promise": truths around the sheet, surveys of them, and the sheet's unknowns.
 
-Beside the sheet's errors a truth has a mesh three times finer, shear, one per cent of a strut's mass in a node and,
-in orbit, an umbilical of 0.02 Hz, none of which the refined model has.
+Beside the errors of the sheet a truth has a mesh three times finer, shear, one per cent of a strut's mass in
+a node and, in orbit, an umbilical of 0.02 Hz, none of which the refined model has.
 """
 
 from __future__ import annotations

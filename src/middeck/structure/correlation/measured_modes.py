@@ -209,18 +209,21 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
     """
     model = modes.equilibrium.model
     frames = np.array([_frame(model, name) for name in node], dtype=int)
-    poses = frame_poses(model.tree, modes.equilibrium.config)
     points = PosePoints(frames, np.zeros((len(frames), 3)))
-    J = sp.lil_array((len(frames), model.tree.size))
-    motions = pose_jacobian(model.tree, points, poses)
+    motions = pose_jacobian(model.tree, points, frame_poses(model.tree, modes.equilibrium.config))
+    # Rows of all motions, then those of the angles and travels of joints.
+    own: list[int] = []
+    row: list[int] = []
     for k, (name, way) in enumerate(zip(node, direction, strict=True)):
         if way in (ANGLE, TRAVEL):
-            J[k, _joint(model, name, way)] = 1.0
+            row.append(motions.shape[0] + len(own))
+            own.append(_joint(model, name, way))
         elif way in AXES:
-            J[[k]] = motions[[6 * k + AXES.index(way)]]
+            row.append(6 * k + AXES.index(way))
         else:
             raise ConfigError(f"no direction {way!r}", where=name, hint=f"one of {', '.join(DIRECTIONS)}")
-    return sp.csr_array(J)
+    unit = sp.coo_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), model.tree.size))
+    return sp.csr_array(sp.csr_array(sp.vstack([motions, unit]))[row])
 
 
 def _frame(model: Model, name: str) -> int:
