@@ -110,7 +110,7 @@ def test_a_row_of_large_fields_is_whole_before_a_small_one():
 
 def test_a_fixed_field_reaches_to_the_next_one():
     (found,) = entries("PARAM   COUPMASS1").of("PARAM")
-    assert found.values == ("COUPMASS", "1", None)
+    assert found.values == ("COUPMASS", "1", [])
 
 
 CONTINUED = {

@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from middeck.cli.blame import reading
 from middeck.errors import MiddeckError
 from middeck.files.documents import BUILT_IN, find_document, load_setup
@@ -37,14 +39,16 @@ def solve_case(
     count: int | None = None,
     case: str | None = None,
     standstill: bool = False,
+    top_hz: float | None = None,
 ) -> Modes:
     """Rest state and modes; of a large article the ``count`` lowest, with a few to spare.
 
-    Where wheels spin those at ``standstill``, for whoever adds their momentum.
+    Where wheels spin those at ``standstill``, for whoever adds their momentum. Of a mesh that is too coarse
+    for frequencies above ``top_hz`` alone nothing is said.
     """
     files = find_case(article, environment)
     setup = apply_case(*load_setup(*files, overrides), case, *files)
-    return solve_in(*setup, *files, count=count, standstill=standstill)
+    return solve_in(*setup, *files, count=count, standstill=standstill, top_hz=top_hz)
 
 
 def apply_case(
@@ -61,6 +65,7 @@ def solve_in(
     *files: Path,
     count: int | None = None,
     standstill: bool = False,
+    top_hz: float | None = None,
 ) -> Modes:
     """The same for what has been read from ``files``, which errors then name.
 
@@ -80,7 +85,10 @@ def solve_in(
         hung = [default] if files[-1] == BUILT_IN["lab"] else []
         error.hint = "; ".join([*doubts, *hung, *([error.hint] if error.hint else [])])
         raise
-    said = (*doubts, *mesh_warnings(modes, count or COUNT))
+    shown = count or COUNT
+    if top_hz is not None:
+        shown = min(shown, int(np.searchsorted(modes.frequency_hz, top_hz, side="right")))
+    said = (*doubts, *mesh_warnings(modes, shown))
     return dataclasses.replace(modes, warnings=(*said, *modes.warnings))
 
 

@@ -30,6 +30,7 @@ QUANTITIES = (
     "frequency-error", "cross-off-diagonal", "self-off-diagonal", "cross-diagonal", "mac", "comac",
 )  # fmt: skip
 SHOWN = 6
+NEAR = 1.1  # times the highest measured frequency: modes of the model that the test is about
 PAIRS_NOTE = """\
 cross: cross-orthogonality of the pair, of 1; off: the largest one with another
 pair's mode. self off: the largest orthogonality of the test's own mode with
@@ -125,7 +126,8 @@ def verb(
     for name, limit in limits:
         quantity = Quantity[name.replace("-", "_").upper()]
         criteria = change_limit(criteria, quantity, limit, "--limit of the command line")
-    modes = solve_case(article, environment, overrides, case=load_case)
+    top = NEAR * float(measured.frequency_hz.max())
+    modes = solve_case(article, environment, overrides, case=load_case, top_hz=top)
     if not measured.node:
         with reading(test):
             alone = compare_frequencies(modes, measured, criteria)

@@ -119,7 +119,8 @@ def _forgotten(group: list[_Row]) -> list[Fault]:
     """A last row that announces a continuation, with a mark of its own, which is nowhere."""
     tail = group[-1][TAIL]
     if tail[:1] in MARKS and _mark(tail):
-        return [_fault(group[-1][LINE], f"the continuation {_mark(tail)!r} is missing")]
+        hint = "is the deck whole? if the card ends here, clear its tenth field"
+        return [_fault(group[-1][LINE], f"the continuation {_mark(tail)!r} is missing", hint)]
     return []
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from middeck.files.nastran.deck import Deck
 from middeck.files.nastran.entries import Entry
 from middeck.files.nastran.numbers import integer, real
 from middeck.files.nastran.rigid_links import ALL, expand, partial_links
+from middeck.files.nastran.rigid_relations import relation, rigid_elements
 from middeck.structure.model.clamps import LETTERS
 
 # Directions of an equation's terms, shifts and turns in W.
@@ -48,6 +49,7 @@ def read_constraints(deck: Deck, places: Places, faults: list[Fault]) -> list[Co
     found = [
         *_averages(deck, places, faults),
         *_links(deck, places, faults),
+        *_rigid(deck, places, faults),
         *_equations(deck, places, faults),
     ]
     absent = [(c, g) for c in found for g in c.grids if g not in places.grids]
@@ -171,20 +173,51 @@ def _equations(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Cons
     for entry in deck.selected("MPC"):
         number = count[entry.id] = count.get(entry.id, 0) + 1
         terms = _terms(entry, faults)
-        total: dict[tuple[int, str], float] = {}
-        for grid, component, factor in terms:
-            axes = places.displacement_axes(grid) if grid in places.grids else np.eye(3)
-            way = int(component) - 1
-            for k, cosine in enumerate(axes[:, way % 3].tolist()):
-                if abs(cosine) > SQUARE:
-                    direction = grid, WAYS[k + 3 * (way // 3)]
-                    total[direction] = total.get(direction, 0.0) + factor * cosine
         if terms:
-            rows = [{"frame": f"g{g}", "direction": w, "coefficient": a} for (g, w), a in total.items()]
             joins = tuple((grid, component) for grid, component, _ in terms)
             each = tuple((move,) for move in joins)
-            table = {"name": f"mpc{entry.id}_{number}", "term": rows}
+            table = {"name": f"mpc{entry.id}_{number}", "term": _term_rows(places, terms)}
             yield Constraint("equation", table, entry, "terms", joins, joins[:1], each)
+
+
+def _term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
+    """Grids, components in their axes and factors as terms in W."""
+    total: dict[tuple[int, str], float] = {}
+    for grid, component, factor in terms:
+        axes = places.displacement_axes(grid) if grid in places.grids else np.eye(3)
+        way = int(component) - 1
+        for k, cosine in enumerate(axes[:, way % 3].tolist()):
+            if abs(cosine) > SQUARE:
+                direction = grid, WAYS[k + 3 * (way // 3)]
+                total[direction] = total.get(direction, 0.0) + factor * cosine
+    return [{"frame": f"g{g}", "direction": w, "coefficient": a} for (g, w), a in total.items()]
+
+
+def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+    """A rigid body as rigid links from its first grid; else each dependent component as an equation."""
+    for rigid in rigid_elements(deck.entries, faults):
+        entry, key, name = rigid.entry, rigid.key, f"{rigid.entry.name.lower()}_{rigid.entry.id}"
+        known = all(grid in places.grids for grid in rigid.grids)
+        factors = relation(rigid, places, faults) if known else None
+        if factors is None:
+            joins = (*rigid.independent, *rigid.dependent)
+            yield Constraint("equation", {}, entry, key, joins, (), (joins,))
+        elif rigid.whole:
+            first, *others = rigid.grids
+            for grid in others:
+                table = {"name": f"{name}_g{grid}", "from": f"g{first}", "to": f"g{grid}"}
+                mine = {grid, *({first} if grid == others[0] else ())}
+                depends = tuple(m for m in rigid.dependent if m[0] in mine)
+                own = tuple((grid, c) for c in ALL)
+                joins = ((first, ALL), (grid, ALL))
+                yield Constraint("link", table, entry, key, joins, depends, (own,))
+        else:
+            for (grid, component), row in zip(rigid.dependent, factors.tolist(), strict=True):
+                follows = [(g, c, -f) for (g, c), f in zip(rigid.independent, row, strict=True) if f != 0.0]
+                table = {"name": f"{name}_g{grid}_{component}"}
+                table |= {"term": _term_rows(places, [(grid, component, 1.0), *follows])}
+                joins = ((grid, component), *((g, c) for g, c, _ in follows))
+                yield Constraint("equation", table, entry, key, joins, joins[:1], (joins[:1],))
 
 
 def _terms(entry: Entry, faults: list[Fault]) -> list[tuple[int, str, float]]:

@@ -143,9 +143,7 @@ class _Converter:
         used = {grid for part in (*bars, *ties) for grid in part.grids} | {mass.grid for mass in masses}
         on_components = set().union(*joined)
         used |= on_components
-        carriers = find_carriers(
-            entries, self.places.grids, used | set(held) | {g for c in constraints for g in c.grids}
-        )
+        carriers = find_carriers(entries, self.places.grids)
         pushed = {entry["g"] for entry in entries.of("FORCE", "MOMENT")}
         standing = used | set(held) | pushed | set(carriers) | set(carriers.values())
         tied, every = that_matter(constraints, standing), constraints

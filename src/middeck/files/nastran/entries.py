@@ -35,7 +35,7 @@ SPACES = {
     "GRID": "grid",
     **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CONM1", "CONM2", "CELAS1", "CELAS2"), "element"),
     **dict.fromkeys(("CMASS1", "CMASS2"), "element"),
-    **dict.fromkeys(("CBUSH", "RBE2", "RBE3", "RBAR"), "element"),
+    **dict.fromkeys(("CBUSH", "RBE1", "RBE2", "RBE3", "RBAR"), "element"),
     **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH"), "property"),
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
     **{

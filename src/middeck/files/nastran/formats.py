@@ -66,6 +66,7 @@ FORMATS: dict[str, str] = {
     "RBE2": "eid:n gn:n cm:c +gm:a",
     "RBE3": "eid:n - refgrid:n refc:c +rest:a",
     "RBAR": "eid:n ga:n gb:n cna:c= cnb:c= cma:c= cmb:c= alpha:r=0",
+    "RBE1": "eid:n +rest:a",
     "MPC": "sid:n +terms:a",
     "MPCADD": "sid:n +sets:n",
     "SPC": "sid:n g1:n c1:c= d1:r=0 g2:n= c2:c= d2:r=0",
@@ -78,7 +79,7 @@ FORMATS: dict[str, str] = {
     "MOMENT": _FORCE,
     "LOAD": "sid:n s:r +rest:a",
     "DMIG": "name:t +rest:a",
-    "PARAM": "name:t v1:a v2:a=",
+    "PARAM": "name:t v1:a +rest:a",
     "EIGR": "sid:n method:t= f1:r= f2:r= +rest:a",
     "EIGRL": "sid:n v1:r= v2:r= nd:n= +rest:a",
     **dict.fromkeys(OTHER_LOADS, "sid:n +rest:a"),
@@ -92,13 +93,14 @@ CPYRA CRAC2D CRAC3D CSHELL CPLSTS3 CPLSTS4 CTRAX3 CQUADX4
 """
 CONTINUA = frozenset(_CONTINUA.split())
 _NOT_YET = """
-CBEND CTUBE CGAP CWELD CFAST CSEAM CELAS3 CELAS4 CMASS3 CMASS4 CBUSH1D CBUSH2D RBE1
+CBEND CTUBE CGAP CWELD CFAST CSEAM CELAS3 CELAS4 CMASS3 CMASS4 CBUSH1D CBUSH2D
 RROD RTRPLT RSPLINE RSSCON RJOINT GENEL SEBULK SECONCT SECSET SESET SEELT SEEXCLD SELOC SEMPLN SETREE
 SEBNDRY CBEAM3 CONVM CAABSF CHACAB CHACBR NSML NSML1
 """
 NOT_YET = frozenset(_NOT_YET.split())
 # Cards without a part in stiffness and mass of bars: loads, dynamics, output, design, properties of others.
 _IDLE = """
+DEBUG PARVEC
 TABLED1 TABLED2 TABLED3 TABLED4 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1 TABLEST TABRND1 TABRNDG TABDMP1
 TABLEHT TABLEH1 TABLE3D TABLED5 TEMPP1 TEMPP3 TEMPB3 TEMPBC TEMPF DLOAD RLOAD1 RLOAD2 TLOAD1 TLOAD2
 TLOAD3 ACSRCE DAREA DPHASE DELAY FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 TSTEP TSTEPNL TSTEP1 EIGB EIGC EIGP

@@ -21,17 +21,16 @@ class Link(NamedTuple):
     key: str
 
 
-def find_carriers(entries: Entries, grids: Container[int], used: Container[int]) -> dict[int, int]:
+def find_carriers(entries: Entries, grids: Container[int]) -> dict[int, int]:
     """The grid without a carrier of its own on which each dependent grid rides in the end.
 
-    Links of fewer components are `partial_links`. Raises `ConfigError` for bars without an end of all six at
-    grids in ``used``, for grids that are not there or
-    dependent twice, and for links that close on themselves.
+    Links of fewer components are `partial_links`, and those with independent components at several grids are
+    `rigid_elements`. Raises `ConfigError` for grids that are not there or dependent twice, and for links that
+    close on themselves.
     """
     faults: list[Fault] = []
     by: dict[int, Link] = {}
-    partial: list[tuple[list[int], Fault]] = []
-    for link in (*_rbe2(entries, faults), *_rbar(entries, partial)):
+    for link in (*_rbe2(entries, faults), *_rbar(entries)):
         first = by.get(link.rider)
         if link.rider not in grids or link.carrier not in grids:
             absent = link.carrier if link.rider in grids else link.rider
@@ -59,13 +58,6 @@ def find_carriers(entries: Entries, grids: Container[int], used: Container[int])
             at = by[at].carrier
         end = carriers.get(at, at)
         carriers.update(dict.fromkeys(chain, end))
-    # What carries a grid in use is in use.
-    bearing: set[int] = set()
-    for at in by:
-        while at in by and (at in used or at in bearing) and by[at].carrier not in bearing:
-            at = by[at].carrier
-            bearing.add(at)
-    raise_some([f for grids, f in partial if any(g in used or g in bearing for g in grids)])
     return carriers
 
 
@@ -98,14 +90,6 @@ def expand(entry: Entry, texts: list[str], key: str, faults: list[Fault]) -> lis
     return found
 
 
-def _partial(entry: Entry, key: str) -> Fault:
-    return entry.fault(
-        "only links with all six independent components at one end are converted yet",
-        key,
-        f"{ALL} at one end",
-    )
-
-
 def partial_links(entries: Entries, faults: list[Fault]) -> Iterator[tuple[Entry, str, int, int, str]]:
     """RBE2 and RBAR of some components: entry, field, the grid of all six, the other and its components."""
     for entry in entries.of("RBE2"):
@@ -130,7 +114,7 @@ def _rbe2(entries: Entries, faults: list[Fault]) -> list[Link]:
     ]
 
 
-def _rbar(entries: Entries, partial: list[tuple[list[int], Fault]]) -> list[Link]:
+def _rbar(entries: Entries) -> list[Link]:
     links: list[Link] = []
     for entry in entries.of("RBAR"):
         ends = (entry["cna"] or "", entry["cnb"] or "", entry["cma"] or "", entry["cmb"] or "")
@@ -139,8 +123,6 @@ def _rbar(entries: Entries, partial: list[tuple[list[int], Fault]]) -> list[Link
                 links.append(Link(entry["gb"], entry["ga"], entry, "gb"))
             case ("", "123456", "" | "123456", ""):
                 links.append(Link(entry["ga"], entry["gb"], entry, "ga"))
-            case ("123456", "", "", _) | ("", "123456", _, ""):
-                pass  # see `partial_links`
             case _:
-                partial.append(([entry["ga"], entry["gb"]], _partial(entry, "cna")))
+                pass  # see `partial_links` and `rigid_elements`
     return links
