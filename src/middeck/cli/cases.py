@@ -10,19 +10,22 @@ import numpy as np
 
 from middeck.cli.blame import reading
 from middeck.errors import MiddeckError
-from middeck.files.documents import BUILT_IN, find_document, load_setup
+from middeck.files.documents import BUILT_IN, find_document, load_setup, read_source
 from middeck.structure.model.article import Structure
+from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.mesh_error import mesh_warnings
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.summary.environment_plausibility import doubt_environment
 from middeck.structure.summary.summary import summarise
+from middeck.structure.suspension.attitude import estimate_attitude
 
 # From this many coordinates on, all modes take longer than anybody waits for the few that are shown.
 LARGE = 2000
 COUNT = 26  # modes that are looked at where a verb wants all
+TILTED_DEG = 5.0  # from which every verb says how an article hangs; `check` does from one
 SPARE = 12  # the comparison of two environments looks beyond what it shows
 
 
@@ -72,7 +75,7 @@ def solve_in(
     Beside what `solve_modes` says, the warnings of the modes tell what in the files can hardly be meant, and
     which of the ``count`` lowest frequencies the mesh is too coarse for.
     """
-    doubts = case_doubts(structure, environment)
+    doubts = case_doubts(structure, environment, *files)
     try:
         with reading(*files):
             rest = solve_equilibrium(structure, environment)
@@ -88,13 +91,39 @@ def solve_in(
     shown = count or COUNT
     if top_hz is not None:
         shown = min(shown, int(np.searchsorted(modes.frequency_hz, top_hz, side="right")))
-    said = (*doubts, *mesh_warnings(modes, shown))
+    said = (*doubts, *_tilted(rest), *mesh_warnings(modes, shown))
     return dataclasses.replace(modes, warnings=(*said, *modes.warnings))
 
 
-def case_doubts(structure: Structure, environment: Environment) -> tuple[str, ...]:
-    """Plausibility warnings of both files."""
-    return (*summarise(structure).warnings, *doubt_environment(structure, environment))
+def case_doubts(structure: Structure, environment: Environment, *files: Path) -> tuple[str, ...]:
+    """Plausibility warnings of both ``files``."""
+    return (
+        *_hung_anywhere(structure, *files),
+        *summarise(structure).warnings,
+        *doubt_environment(structure, environment),
+    )
+
+
+def _hung_anywhere(structure: Structure, *files: Path) -> tuple[str, ...]:
+    """The built-in laboratory hangs an article that does not say where by every attach point that it has."""
+    if not files or files[-1] != BUILT_IN["lab"] or "suspension" in read_source(files[0]).data:
+        return ()
+    names = some_names([point.name for point in structure.attach_points])
+    return (
+        f"'lab', the default environment, hangs this article by every attach point ({names}), with gravity "
+        "along -y: is that the test? --environment names another, [suspension] in the article some points",
+    )
+
+
+def _tilted(rest: Equilibrium) -> tuple[str, ...]:
+    """An article that hangs far from how it was drawn; what bends a little is not meant."""
+    environment = rest.environment
+    if not rest.converged or not environment.hung or environment.clamps or not np.any(environment.gravity):
+        return ()
+    tilt = float(np.degrees(np.linalg.norm(estimate_attitude(rest).tilt)))
+    if tilt < TILTED_DEG:
+        return ()
+    return (f"the article hangs tilted by {tilt:.0f} deg; it was drawn level (`middeck check` has more)",)
 
 
 def both_sides(orbit: Modes, lab: Modes) -> tuple[str, ...]:

@@ -87,6 +87,8 @@ def read_source(path: str | Path, kind: Kind | None = None) -> Source:
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
         _refuse(file, "not UTF-8 text", "save the file as UTF-8", line=line)
+    if "BEGIN BULK" in text.upper():
+        _refuse(file, "a Nastran deck", f"middeck convert {file} makes an article of it", line=1)
     if not text.strip():
         _refuse(file, "the file is empty", f"{wanted} in this place", line=1)
     try:

@@ -49,6 +49,8 @@ def verb(
     from middeck.cli.cases import apply_case, find_case
     from middeck.cli.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
     from middeck.files.documents import find_document, load_setup, load_structure
+    from middeck.structure.assembly.linked import check_links
+    from middeck.structure.assembly.mesh import mesh_structure
     from middeck.structure.model.environment import Environment
     from middeck.structure.summary.summary import summarise
 
@@ -61,6 +63,7 @@ def verb(
         structure, surroundings = apply_case(*load_setup(body, around, overrides), load_case, *files)
     with reading(*files):
         summary = summarise(structure)
+        check_links(mesh_structure(structure))
     numbers = summary_numbers(summary)
     if not as_json:  # before anything is solved
         show(False, {}, *summary_lines(numbers), *measure_lines(numbers))

@@ -76,7 +76,7 @@ def verb(
         found = level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
     document = {
         **describe(found, load_offset_keys(*files, overrides)),
-        "warnings": case_doubts(structure, surroundings),
+        "warnings": case_doubts(structure, surroundings, *files),
     }
     if figure_file is not None:
         _draw(structure, found, figure_file)

@@ -81,7 +81,10 @@ def verb(
     places = _places(surroundings, through, tilt)
     with reading(*files):
         found = follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
-    document = {**describe(found), "warnings": (*case_doubts(structure, surroundings), *found.warnings)}
+    document = {
+        **describe(found),
+        "warnings": (*case_doubts(structure, surroundings, *files), *found.warnings),
+    }
     if figure_file is not None:
         from middeck.plot.gravity_path import gravity_path_figure
 

@@ -132,8 +132,7 @@ def correlate_modes(
         raise ConfigError(
             "the test does not state how well it knows its frequencies and shapes",
             where="measured modes",
-            hint="--noise 0.001,0.02 or noise=MeasurementNoise(0.001, 0.02); a JSON file may state "
-            "frequency_std_hz and shape_std",
+            hint="noise=MeasurementNoise(0.001, 0.02), or frequency_std_hz and shape_std in a JSON file",
         )
     if runs < 1:
         raise ConfigError(f"{runs} runs of a correct model", where="runs", hint="1 or more, e.g. 1000")

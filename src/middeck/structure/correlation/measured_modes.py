@@ -161,7 +161,7 @@ def measure_modes(
     damping = estimate_damping(modes, count=int(index.max(initial=0)) + 1).zeta[index]
     hz = modes.frequency_hz[index]
     model = modes.equilibrium.model
-    at_m = model.drawn.p[[_frame(model, name) for name in node]]
+    at_m = np.array([drawn_at(model, name) for name in node]).reshape(-1, 3)
     if noise is None:
         return MeasuredModes(
             frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m
@@ -205,11 +205,15 @@ def sort_rms(
 def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> sp.csr_array:
     """Readings of the channels per unit of every coordinate, at the rest state of ``modes``.
 
-    Raises `ConfigError` for a node, a direction or a joint angle that the model does not have.
+    A channel may stand on an attach point too. Raises `ConfigError` for a node, a direction or a joint angle
+    that the model does not have.
     """
     model = modes.equilibrium.model
-    frames = np.array([_frame(model, name) for name in node], dtype=int)
-    points = PosePoints(frames, np.zeros((len(frames), 3)))
+    places = [_place(model, name) for name in node]
+    points = PosePoints(
+        np.array([frame for frame, _ in places], dtype=int),
+        np.array([offset for _, offset in places]).reshape(-1, 3),
+    )
     motions = pose_jacobian(model.tree, points, frame_poses(model.tree, modes.equilibrium.config))
     # Rows of all motions, then those of the angles and travels of joints.
     own: list[int] = []
@@ -226,13 +230,24 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
     return sp.csr_array(sp.csr_array(sp.vstack([motions, unit]))[row])
 
 
-def _frame(model: Model, name: str) -> int:
-    if name not in model.frames:
-        near = get_close_matches(name, model.frames, 1)
-        known = [part.name for part in (*model.structure.nodes, *model.structure.joints)]
-        hint = f"did you mean {near[0]!r}?" if near else f"nodes and joints are {some_names(known)}"
-        raise ConfigError(f"the model has no node {name!r}", where="measured channels", hint=hint)
-    return model.frames.index(name)
+def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
+    """Where a node, joint, mesh node or attach point was drawn [m]."""
+    frame, offset = _place(model, name)
+    return model.drawn.p[frame] + model.drawn.R[frame] @ offset
+
+
+def _place(model: Model, name: str) -> tuple[int, np.ndarray]:
+    """Frame, and where on it."""
+    if name in model.frames:
+        return model.frames.index(name), np.zeros(3)
+    names = [point.name for point in model.structure.attach_points]
+    if name in names:
+        pose = model.attach_point[names.index(name)]
+        return int(model.points.frame[pose]), model.points.offset[pose]
+    near = get_close_matches(name, [*model.frames, *names], 1)
+    known = [part.name for part in (*model.structure.nodes, *model.structure.joints)]
+    hint = f"did you mean {near[0]!r}?" if near else f"nodes and joints are {some_names(known)}"
+    raise ConfigError(f"the model has no node {name!r}", where="measured channels", hint=hint)
 
 
 def _joint(model: Model, name: str, way: str) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.correlation.measured_modes import MeasuredModes
+from middeck.structure.correlation.measured_modes import MeasuredModes, drawn_at
 
 # Of the size of the article: how near a node of the test lies to the one that it is.
 NEAR = 0.01
@@ -22,11 +22,12 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
 
     Number 3 is the node "3", or else the only node with this number at the end of its name ("n3"). A node
     with coordinates is the model's node at that place as drawn (within 1 % of the article's size); its number
-    decides only where several stand there, or none. What is not in the model is left out, with a warning.
+    decides only where several stand there, or none. Where no node is, attach points are sought. What is not
+    in the model is left out, with a warning.
 
     Raises `ConfigError` if no channel is in the model.
     """
-    known = set(model.frames)
+    known = {*model.frames, *(point.name for point in model.structure.attach_points)}
     numbers = dict.fromkeys(
         n for n in measured.node if n.isdigit() and (n not in known or _is_located(model, measured, n))
     )
@@ -70,35 +71,45 @@ def _is_located(model: Model, measured: MeasuredModes, name: str) -> bool:
 
 def _place(model: Model, number: str, at: np.ndarray | None) -> tuple[str | None, list[str]]:
     """The node of the model, and what is odd about it."""
-    names = [node.name for node in model.structure.nodes]
-    alike = [n for n in names if n.isdigit() and int(n) == int(number)] or [
-        n for n in names if (m := re.search(r"\d+$", n)) and int(m[0]) == int(number)
-    ]
-    by_number = alike[0] if len(alike) == 1 else None
+    nodes = [node.name for node in model.structure.nodes]
+    points = [point.name for point in model.structure.attach_points]
+    by_number = _with_number(nodes, number) or _with_number(points, number)
     if at is None:
         return by_number, []
-    drawn = np.array([model.drawn.p[model.frames.index(n)] for n in names])
-    away = np.linalg.norm(drawn - at, axis=1)
-    near = [n for n, d in zip(names, away, strict=True) if d <= NEAR * _size(drawn)]
+    reach = NEAR * _size(model)
+    near = _near(model, nodes, at, reach) or _near(model, points, at, reach)
     if by_number is not None and (by_number in near or not near):
         return by_number, _elsewhere(model, number, by_number, at)
     if len(near) != 1:
-        return None, []
+        several = f"node {number} of the test stands where {' and '.join(near)} do: which of them is it?"
+        return None, [several] if near else []
     odd = [f"node {number} of the test stands where {near[0]} does, not {by_number}: taken as {near[0]}"]
     return near[0], odd if by_number else []
 
 
+def _with_number(names: list[str], number: str) -> str | None:
+    """The only one of this number, or with it at the end."""
+    alike = [n for n in names if n.isdigit() and int(n) == int(number)] or [
+        n for n in names if (m := re.search(r"\d+$", n)) and int(m[0]) == int(number)
+    ]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _near(model: Model, names: list[str], at: np.ndarray, reach: float) -> list[str]:
+    return [n for n in names if np.linalg.norm(drawn_at(model, n) - at) <= reach]
+
+
 def _elsewhere(model: Model, number: str, name: str, at: np.ndarray) -> list[str]:
-    drawn = np.array([model.drawn.p[model.frames.index(n.name)] for n in model.structure.nodes])
-    away = float(np.linalg.norm(model.drawn.p[model.frames.index(name)] - at))
-    if away <= NEAR * _size(drawn):
+    away = float(np.linalg.norm(drawn_at(model, name) - at))
+    if away <= NEAR * _size(model):
         return []
     return [
         f"node {number} of the test lies {away:.3g} m from {name} of the model: is its frame the model's?"
     ]
 
 
-def _size(drawn: np.ndarray) -> float:
+def _size(model: Model) -> float:
+    drawn = np.array([drawn_at(model, node.name) for node in model.structure.nodes])
     return float(np.ptp(drawn, axis=0).max())
 
 

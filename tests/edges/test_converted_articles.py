@@ -1,0 +1,100 @@
+"""What somebody meets with an article of their own: told before a number misleads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import middeck as md
+from cli_runner import middeck
+from middeck.structure.correlation.measured_modes import measure_modes, sensor_rows
+from middeck.structure.correlation.placing import place_channels
+
+TEXT = """\
+schema = 1
+name = "tower"
+wheel_node = "top"
+[section.tube]
+EA_n = 1e6
+GJ_nm2 = 80.0
+EI_y_nm2 = 100.0
+EI_z_nm2 = 110.0
+rho_A_kg_per_m = 0.5
+[[node]]
+name = "foot"
+x_m = 0.0
+mass_kg = 2.0
+inertia_kg_m2 = [0.02, 0.02, 0.02]
+[[node]]
+name = "top"
+x_m = 0.0
+z_m = 1.0
+mass_kg = 1.0
+inertia_kg_m2 = [0.01, 0.01, 0.01]
+[[strut]]
+from = "foot"
+to = "top"
+section = "tube"
+[[attach]]
+name = "g7"
+frame = "top"
+offset_m = [0.2, 0.1, 0.0]
+[[attach]]
+name = "g8"
+frame = "top"
+offset_m = [-0.2, 0.1, 0.1]
+[[attach]]
+name = "g9"
+frame = "foot"
+offset_m = [0.0, 0.3, 0.0]
+"""
+
+
+@pytest.fixture
+def tower(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """In a folder without environments."""
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "tower.toml"
+    file.write_text(TEXT)
+    return file
+
+
+def test_the_laboratory_of_nobody_says_where_it_hangs_an_article(
+    tower: Path, capfd: pytest.CaptureFixture[str]
+):
+    """The article does not say where it hangs: the default takes every attach point, and it turns over."""
+    told = middeck(capfd, "modes", tower).err
+    assert "hangs this article by every attach point ('g7', 'g8', 'g9')" in told
+    assert "tilted by" in told
+    chosen = tower.with_name("chosen.toml")
+    own = '[suspension]\nnodes = ["top"]\noffsets_m = [[0.0, 0.0, 0.0]]\n[[attach]]'
+    chosen.write_text(TEXT.replace("[[attach]]", own, 1))
+    assert "every attach point" not in middeck(capfd, "modes", chosen).err
+    assert "every attach point" not in middeck(capfd, "modes", tower, "--environment", "orbit").err
+
+
+def test_a_sensor_may_stand_on_an_attach_point(tower: Path):
+    modes = md.solve_modes(md.solve_equilibrium(md.load_structure(tower), md.Environment.orbit()))
+    turn = sensor_rows(modes, ["top"] * 6, ["x", "y", "z", "rx", "ry", "rz"]) @ modes.shapes
+    offset = np.array([0.2, 0.1, 0.0])
+    by_hand = turn[:3] + np.cross(turn[3:].T, offset).T
+    np.testing.assert_allclose(
+        sensor_rows(modes, ["g7"] * 3, ["x", "y", "z"]) @ modes.shapes, by_hand, atol=1e-12
+    )
+    seen = measure_modes(modes, [("g7", "x"), ("g8", "y"), ("top", "z"), ("foot", "x")])
+    numbered = md.MeasuredModes(
+        frequency_hz=seen.frequency_hz, damping=seen.damping, node=("1", "2", "3", "4"),
+        direction=seen.direction, shape=seen.shape, position_m=seen.position_m,
+    )  # fmt: skip
+    assert place_channels(modes.equilibrium.model, numbered).node == ("g7", "g8", "top", "foot")
+
+
+def test_a_deck_in_place_of_an_article_is_called_one(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    deck = tmp_path / "a.bdf"
+    deck.write_text("SOL 103\nCEND\nBEGIN BULK\nGRID,1\nENDDATA\n")
+    ended = middeck(capfd, "modes", deck)
+    assert ended.code == 2
+    assert "a Nastran deck" in ended.err
+    assert f"middeck convert {deck}" in ended.err
