@@ -64,17 +64,21 @@ def tower(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_laboratory_of_nobody_says_where_it_hangs_an_article(
     tower: Path, capfd: pytest.CaptureFixture[str]
 ):
-    """The article does not say where it hangs: the default takes every attach point, and it turns over."""
+    """The article does not say where it hangs: the default takes every attach point."""
     told = middeck(capfd, "modes", tower).err
     assert "hangs this article by every attach point ('g7', 'g8', 'g9')" in told
-    one = tower.with_name("one.toml")
-    one.write_text(TEXT[: TEXT.index('[[attach]]\nname = "g8"')])
-    assert "tilted by" in middeck(capfd, "modes", one).err
     chosen = tower.with_name("chosen.toml")
     own = '[suspension]\nnodes = ["top"]\noffsets_m = [[0.0, 0.0, 0.0]]\n[[attach]]'
     chosen.write_text(TEXT.replace("[[attach]]", own, 1))
     assert "every attach point" not in middeck(capfd, "modes", chosen).err
     assert "every attach point" not in middeck(capfd, "modes", tower, "--environment", "orbit").err
+
+
+def test_every_verb_says_that_an_article_hangs_far_from_level(capfd: pytest.CaptureFixture[str]):
+    """The offset that levels the simple article taken away (`middeck level`)."""
+    article = ("articles/mace-simple.toml", "--environment", "lab")
+    assert "tilted by" in middeck(capfd, "modes", *article, "--set", "suspension.offsets.0.2=0").err
+    assert "tilted by" not in middeck(capfd, "modes", *article).err
 
 
 def test_a_sensor_may_stand_on_an_attach_point(tower: Path):
