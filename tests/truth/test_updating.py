@@ -13,7 +13,7 @@ import updating_case as case
 import middeck as md
 import structure_builders as build
 from middeck.errors import ConfigError
-from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
+from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
@@ -133,6 +133,23 @@ def test_modes_that_change_places_are_told_apart_by_their_shapes():
     )
     found = refine(mast(), [seen], (SPLIT,))
     assert found.estimate.x[0] == pytest.approx(-0.03, abs=1e-3)
+
+
+@pytest.mark.parametrize("turn", [1.0, np.exp(0.7j)])
+def test_shapes_without_a_stated_noise_and_of_any_phase_tell_it_too(turn: complex):
+    bound = bind((SPLIT,), mast(), clamped())
+    there = modes_of(*change(mast(), clamped(), bound, np.array([-0.03])))
+    seen = survey_of(there, MeasurementNoise(1e-5, 0.02))
+    bare = dataclasses.replace(seen.measured, shape=turn * seen.measured.shape, shape_std=None)
+    found = refine(mast(), [dataclasses.replace(seen, measured=bare)], (SPLIT,))
+    assert found.estimate.x[0] == pytest.approx(-0.03, abs=1e-3)
+    assert not any("another answer" in line for line in findings(found))
+    few = MeasuredModes(
+        frequency_hz=bare.frequency_hz, damping=bare.damping, node=(), direction=(), shape=bare.shape[:0],
+        frequency_std_hz=bare.frequency_std_hz,
+    )  # fmt: skip
+    alone = refine(mast(), [dataclasses.replace(seen, measured=few)], (SPLIT,))
+    assert any("another answer may fit as well" in line for line in findings(alone))
 
 
 def test_its_deviations_are_those_of_the_posterior_itself():

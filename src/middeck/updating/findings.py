@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.updating.refine import Refined
+from middeck.updating.surveys import left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
 KEPT = 0.9
@@ -50,6 +51,12 @@ def findings(refined: Refined) -> tuple[str, ...]:
             "none of the model's and was left out"
             for c in refined.compared
             for j in c.unpaired
+        ),
+        *(
+            f"{c.survey.name}: the modes of {' and '.join(f'{hz:.4g}' for hz in pair)} Hz are close, and "
+            "no shape says how the model's mix: another answer may fit as well"
+            for c in refined.compared
+            for pair in left_open(c)
         ),
     )
 

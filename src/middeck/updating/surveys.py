@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows
+from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows, sort_rms
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
@@ -23,6 +23,8 @@ from middeck.values import record
 COMMON = 0.4
 # No measured mode is a mode of twice its frequency.
 WINDOW = 2.0
+# Of a shape whose noise the test does not state, relative.
+SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
 
@@ -89,6 +91,19 @@ class Compared:
         )
 
 
+def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
+    """Frequencies [Hz] of measured neighbours of which the survey's shapes do not say how they mix."""
+    near = _neighbours(compared.modes, compared.pairs)
+    said = compared.rows[len(compared.pairs) :]
+    hz = compared.survey.measured.frequency_hz[compared.pairs[:, 1]]
+    known = {(int(a), int(i)) for a, i in said}
+    return tuple(
+        (float(hz[a]), float(hz[b]))
+        for a, b in zip(*np.nonzero(np.triu(near)), strict=True)
+        if (int(a), int(compared.pairs[b, 0])) not in known
+    )
+
+
 def set_up(structure: Structure, survey: Survey) -> tuple[Structure, Environment]:
     """The article as the survey had it. Raises `ConfigError` for a setting of no parameter."""
     both = structure, survey.environment
@@ -145,22 +160,42 @@ def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:
 def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What each measured shape has of each paired mode, one of its own, and the deviations of that.
 
-    Nothing of others, and no deviation, where the test has no shapes, no noise of them, or too few channels.
+    Of all modes where the test has more channels than modes, else of neighbours alone; nothing of others, and
+    no deviation, where it has too few channels for these too.
     """
     count, measured = len(pairs), survey.measured
-    nothing = np.eye(count), np.zeros((count, count))
-    if len(measured.node) <= count or measured.shape_std is None or not np.all(measured.shape_std > 0.0):
-        return nothing
-    basis = at_channels(modes, measured)[:, pairs[:, 0]]
-    c, c_std = nothing
+    c, c_std = np.eye(count), np.zeros((count, count))
+    channels = len(measured.node)
+    basis = at_channels(modes, measured)[:, pairs[:, 0]] if channels else np.zeros((0, count))
+    shape, std = _real_shapes(measured), _shape_std(measured)
+    near = _neighbours(modes, pairs) | np.eye(count, dtype=bool)
     for k, a in enumerate(pairs[:, 1]):
-        weight = 1.0 / measured.shape_std[:, a]
-        Q, R = np.linalg.qr(weight[:, None] * basis)
+        own = np.arange(count) if channels > count else np.flatnonzero(near[k])
+        if channels <= len(own):
+            continue
+        weight = 1.0 / std[:, a]
+        Q, R = np.linalg.qr(weight[:, None] * basis[:, own])
         inverse = np.linalg.inv(R)
-        found = inverse @ (Q.T @ (weight * measured.shape[:, a].real))
-        c[k] = found / found[k]
-        c_std[k] = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(found[k])
+        found = inverse @ (Q.T @ (weight * shape[:, a]))
+        scale = found[own == k][0]
+        c[k, own] = found / scale
+        c_std[k, own] = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
     return c, c_std
+
+
+def _real_shapes(measured: MeasuredModes) -> np.ndarray:
+    """Shapes turned to the phase in which they are largest."""
+    phase = 0.5 * np.angle(np.sum(measured.shape**2, axis=0))
+    return np.real(measured.shape * np.exp(-1j * phase))
+
+
+def _shape_std(measured: MeasuredModes) -> np.ndarray:
+    """As the test states it, else `SHAPE_STD` of each mode's channels of its sort."""
+    stated = measured.shape_std
+    if stated is not None and np.all(stated > 0.0):
+        return stated
+    rms = sort_rms(measured.direction, measured.shape)
+    return SHAPE_STD * np.where(rms > 0.0, rms, 1.0)
 
 
 def _equation_slopes(

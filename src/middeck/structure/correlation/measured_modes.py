@@ -195,7 +195,7 @@ def sort_rms(
 ) -> Float[np.ndarray, "channel mode"]:
     """At each channel the rms of its mode over the channels of its sort: translations, or rotations."""
     rms = np.zeros(shape.shape)
-    straight = np.array([d in STRAIGHT for d in direction])
+    straight = np.array([d in STRAIGHT for d in direction], dtype=bool)
     for sort in (straight, ~straight):
         if np.any(sort):
             rms[sort] = np.sqrt(np.mean(np.abs(shape[sort]) ** 2, axis=0))
