@@ -21,8 +21,8 @@ from middeck.updating.unknowns import ENVIRONMENT, Bound, Unknown, bind
 from middeck.values import record
 
 STEPS = 12
-# A step is the last that moves no unknown by more than this part of its deviation.
-SMALL = 0.05
+# A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
+SMALL = 0.2
 # No step moves an unknown by more than this many of its prior deviations.
 LARGEST = 2.0
 HALVINGS = 6

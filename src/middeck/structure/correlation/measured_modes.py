@@ -220,14 +220,15 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
     row: list[int] = []
     for k, (name, way) in enumerate(zip(node, direction, strict=True)):
         if way in (ANGLE, TRAVEL):
-            row.append(motions.shape[0] + len(own))
+            row.append(6 * len(node) + len(own))
             own.append(_joint(model, name, way))
         elif way in AXES:
             row.append(6 * k + AXES.index(way))
         else:
             raise ConfigError(f"no direction {way!r}", where=name, hint=f"one of {', '.join(DIRECTIONS)}")
     unit = sp.coo_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), model.tree.size))
-    return sp.csr_array(sp.csr_array(sp.vstack([motions, unit]))[row])
+    both: sp.csr_array = sp.csr_array(sp.vstack([motions, unit]))
+    return sp.csr_array(both[np.array(row, dtype=int)])
 
 
 def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
