@@ -59,6 +59,35 @@ def test_there_and_back_as_a_superelement(tmp_path, component):
     np.testing.assert_array_equal(parts["join-se101.npz"].stiffness, component.stiffness)
 
 
+@pytest.mark.parametrize(
+    ("fields", "frames"),
+    [
+        ("101,0,,NO,,,,,1,THRU,2,11,THRU,12", ("g11", "g12")),
+        ("0,101,,NO,,,,,11,THRU,12,1,THRU,2", ("g11", "g12")),
+        ("101,0,,NO,,,,,1,12,2,11", ("g12", "g11")),
+        ("101,0,,NO,,,,,1,THRU,2,11,THRU,13", "unequal or backward ranges"),
+        ("101,0,,NO,,,,,1,THRU,3,11,THRU,13", "THRU over numbers that are no boundary grids"),
+        ("101,0,,NO,,,,,2,THRU,1,12,THRU,11", "unequal or backward ranges"),
+        ("101,0,,NO,,,,,1,THRU,2,11", "no pairs of grids"),
+        ("101,0,,NO,,,,,1,THRU,2,11,12,13", "no pairs of grids"),
+    ],
+)
+def test_superelements_are_joined_by_pairs_and_ranges(tmp_path, component, fields, frames):
+    from middeck.files.nastran.assembly import read_assembly
+
+    write_external(tmp_path / "part", component)
+    head, last = fields[: fields.index(",,,,,")], fields[fields.index(",,,,,") + 5 :]
+    bulk = f"SEBULK,101,EXTOP4,,MANUAL,,,101\nSECONCT,{head}\n,{last}\nGRID,11\nGRID,12\n"
+    deck = f"ASSIGN INPUTT4='part.op4',UNIT=101\nSOL 103\nCEND\nBEGIN BULK\n{bulk}INCLUDE 'part.pch'\n"
+    (tmp_path / "join.dat").write_text(deck + "ENDDATA\n")
+    if isinstance(frames, str):
+        with pytest.raises(ConfigError, match=frames):
+            read_assembly(tmp_path / "join.dat", SI, "join")
+    else:
+        _, parts = read_assembly(tmp_path / "join.dat", SI, "join")
+        assert parts["join-se101.npz"].frames == frames
+
+
 def punch(name, matrix, points):
     """Nastran's DMIG of a symmetric matrix: one triangle, large fields."""
     lines = [f"DMIG    {name:8}{0:8d}{6:8d}{2:8d}{0:8d}"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*['\"]?([^'\",]+)['\"]?[^\n]*?UNIT\
 OWN = ("SEBULK", "SECONCT")
 # Of the size: grids that are joined by place.
 NEAR = 1e-5
+LONGEST = 100_000  # points in a range
 
 
 def has_superelements(path: str | Path) -> bool:
@@ -114,6 +116,21 @@ def _declared(card: Card, bulk: Bulk, files: dict[int, Path]) -> tuple[int, Path
     return number, files[unit or 0] if kind == "EXTOP4" else None
 
 
+def _ranges(card: Card, listed: list[str]) -> Iterator[tuple[range, range]]:
+    """Points of both sides that ``listed`` fields join one by one: pairs, or ``a THRU b c THRU d``."""
+    while listed:
+        step = 3 if listed[1:2] == ["THRU"] else 1
+        texts, listed = listed[: 2 * step], listed[2 * step :]
+        places = (0, 2, 3, 5) if step == 3 else (0, 0, 1, 1)
+        ends = [integer(texts[i]) or 0 for i in places if i < len(texts)]
+        if len(ends) < 4 or min(ends) <= 0 or (step == 3 and texts[4] != "THRU"):
+            raise_some([_fault(card, "no pairs of grids", "pairs, or a THRU b with c THRU d")])
+        first, second = range(ends[0], ends[1] + 1), range(ends[2], ends[3] + 1)
+        if not 0 < len(first) == len(second) <= LONGEST:
+            raise_some([_fault(card, "THRU over unequal or backward ranges", "as many points on both sides")])
+        yield first, second
+
+
 def _joined(
     sebulk: Card, number: int, bulk: Bulk, part: Component, places: Places, units: Units
 ) -> dict[str, int]:
@@ -125,11 +142,14 @@ def _joined(
         if sorted((integer(f) or 0) for f in card.fields[:2]) != [0, number]:
             raise_some([_fault(card, "joins two superelements directly: not read", "join both to grids")])
         turned = integer(card.fields[0]) != number
-        listed = [field for field in card.fields[8:] if field]
-        if "THRU" in listed or len(listed) % 2 or any(integer(f) is None for f in listed):
-            raise_some([_fault(card, "no pairs of grids", "pairs, without THRU")])
-        for a, b in zip(map(int, listed[::2]), map(int, listed[1::2]), strict=True):
-            a, b = (b, a) if turned else (a, b)
+        listed, found = [field for field in card.fields[8:] if field], list[tuple[int, int]]()
+        own = set(map(int, part.grids))
+        for first, second in _ranges(card, listed):
+            one, other = (second, first) if turned else (first, second)
+            if not own.isdisjoint(one) and not own.issuperset(one):
+                raise_some([_fault(card, "THRU over numbers that are no boundary grids", "pairs of grids")])
+            found += zip(one, other, strict=True)
+        for a, b in found:
             if pairs.setdefault(a, b) != b:
                 raise_some([_fault(card, f"grid {a} is joined twice")])
     method = sebulk.fields[3] if len(sebulk.fields) > 3 else ""
