@@ -210,6 +210,50 @@ def test_decks_with_averages_partial_links_and_equations_are_those_of_the_textbo
         assert worst < DIGITS, (seed, worst)
 
 
+def split_deck(deck: RandomDeck, held: Held, seed: int) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
+    """A mass on a bar whose independent components are at both its ends: text, rows, stiffness and mass."""
+    rng = np.random.default_rng([10, seed])
+    size, loose = 6 * len(deck.free), ~held.held.any(axis=0).reshape(-1, 6).any(axis=1)
+    carrier = int(rng.choice(np.array(deck.free)[loose]))  # what depends may not be held too
+    arm = rng.uniform(-0.5, 0.5, 3)
+    own = np.kron(np.eye(2), directions(deck, carrier, deck.moves_in[carrier]))
+    far = np.eye(6)
+    far[:3, 3:] = np.array([np.cross(e, arm) for e in EYE]).T
+    rigid = np.vstack([own, far])  # components of both ends in a motion as one body about the first
+    while True:
+        drawn = np.sort(rng.choice(12, 6, replace=False))
+        if 0 < sum(drawn < 6) < 6 and np.linalg.cond(rigid[drawn]) < 1e3:
+            break
+    others = np.setdiff1d(np.arange(12), drawn)
+    digits = [int("".join(str(c % 6 + 1) for c in s if c // 6 == k)) for s in (drawn, others) for k in (0, 1)]
+    lines = card(rng, "GRID", 9003, 0, *(deck.places[carrier] + arm))
+    lines += card(rng, "RBAR", 9003, carrier, 9003, *digits[: 2 if seed % 2 else 4])
+    lines += card(rng, "CONM2", 9203, 9003, 0, 3.0, 0.0, 0.0, 0.0, None, 0.3, 0.0, 0.2, 0.0, 0.0, 0.1)
+    for c in range(1, 7):
+        lines += card(rng, "CELAS2", 9300 + c, 1.0e4, 9003, c)
+    seen = np.zeros((12, size + 6))
+    seen[:6, :size], seen[6:, size:] = own @ motion(deck, carrier, np.zeros(3)), np.eye(6)
+    rows = seen[others] - rigid[others] @ np.linalg.solve(rigid[drawn], seen[drawn])
+    K, M = np.zeros((2, size + 6, size + 6))
+    K[size:, size:], M[size:, size:] = 1.0e4 * np.eye(6), np.diag([3.0, 3.0, 3.0, 0.3, 0.2, 0.1])
+    return held.text.replace("ENDDATA", "\n".join([*lines, "ENDDATA"])), rows, K, M
+
+
+def test_bars_with_independent_components_at_both_ends_are_those_of_the_textbook(tmp_path, campaign):
+    for seed in campaign(60):
+        deck = random_deck(5000 + seed)
+        held = held_deck(deck, seed)
+        text, rows, more, mass = split_deck(deck, held, seed)
+        structure, environment = converted(tmp_path, text, "consistent")
+        K, M = (np.pad(A, (0, 6)) for A in textbook(deck, "consistent"))
+        K = K + more + np.pad(held.stiffness, (0, 6))
+        free = scipy.linalg.null_space(np.vstack([np.pad(held.held, ((0, 0), (0, 6))), rows]))
+        expected = frequencies(free.T @ K @ free, free.T @ (M + mass) @ free)
+        omega = md.solve_modes(md.solve_equilibrium(structure, environment)).omega
+        worst = np.abs(omega / expected[: len(omega)] - 1.0).max()
+        assert worst < DIGITS, (seed, worst)
+
+
 @pytest.mark.parametrize("seed", repeats(range(12), 2))
 def test_gravity_is_the_sum_of_its_cards(tmp_path, seed):
     """GRAV in turned systems, summed and scaled by LOAD with a force, in mm and tonnes."""
