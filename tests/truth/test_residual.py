@@ -19,9 +19,10 @@ from middeck.structure.model.article import (
 from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.residual import compare_static_gain
+from middeck.structure.plants.residual import compare_static_gain, complete_response
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.modal import modal_response, output_rows
+from middeck.systems.response import evaluate_plant
 from structure_builders import GRAVITY, body, member, node, spin, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
@@ -274,3 +275,16 @@ def test_a_resonance_and_a_rigid_body_are_refused():
     alone = solve_modes(solve_equilibrium(bar, Environment.orbit()))
     with pytest.raises(ConfigError, match="0 Hz"):
         compare_static_gain(alone, inputs=[], outputs=["z"])
+
+
+@pytest.mark.parametrize("output", ["feel", "tilted_rate"])
+def test_accelerations_and_rates_get_what_is_left_out(output: str):
+    """Below the first mode left out: against a plant of all modes."""
+    modes = lab_modes()
+    kept = modes.kind.index("flexible") + 2
+    hz = modes.frequency_hz[kept] * np.array([0.2, 0.35])
+    ports = {"inputs": ["push"], "outputs": [output]}
+    full = evaluate_plant(build_plant(modes, count=len(modes.omega), **ports), hz).H
+    cut = evaluate_plant(build_plant(modes, count=kept, static=True, **ports), hz)
+    completed = complete_response(modes, cut, count=kept, **ports).H
+    np.testing.assert_array_less(np.abs(completed - full), 0.2 * np.abs(cut.H - full))

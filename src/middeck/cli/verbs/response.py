@@ -80,19 +80,23 @@ def verb(
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case, solve_case
     from middeck.structure.plants.modal_plant import build_plant
-    from middeck.structure.plants.residual import compare_static_gain
+    from middeck.structure.plants.residual import compare_static_gain, complete_response
     from middeck.systems.response import evaluate_plant
 
     modes = solve_case(article, environment, overrides, count, load_case, standstill=True)
     u, y = options.separate_names(inputs), options.separate_names(outputs)
     with reading(find_case(article, environment)[0]):
         plant = build_plant(modes, inputs=u, outputs=y, count=count, static=static)
-        gain = compare_static_gain(modes, inputs=u, outputs=y, count=count) if static else None
+        response = evaluate_plant(plant, np.array(frequency_hz))
+        gain = None
+        if static:
+            response = complete_response(modes, response, inputs=u, outputs=y, count=count)
+            gain = compare_static_gain(modes, inputs=u, outputs=y, count=count)
     document = {
         "schema": "middeck.response/1",
         "article": modes.equilibrium.model.structure.title,
         "environment": modes.equilibrium.environment.title,
-        **describe(evaluate_plant(plant, np.array(frequency_hz))),
+        **describe(response),
         **({} if gain is None else {"static_gain": describe_gain(gain)}),
         "warnings": modes.warnings,
     }
@@ -153,6 +157,11 @@ def describe_gain(gain: StaticGainComparison) -> dict[str, Any]:
     return {"frequency_hz": gain.frequency_hz, "pairs": pairs}
 
 
+def _share(missing: float) -> str:
+    """Of a pair that is not coupled there is none."""
+    return f"{missing:.1e}" if missing == missing else "-"
+
+
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     import numpy as np
 
@@ -171,7 +180,13 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     if "static_gain" in document:
         gain = document["static_gain"]
         rows = [
-            [p["input"], p["output"], f"{p['full']:.6e}", f"{p['kept']:.6e}", f"{p['missing']:.1e}"]
+            [
+                p["input"],
+                p["output"],
+                f"{p['full']:.6e}",
+                f"{p['kept']:.6e}",
+                _share(p["missing"]),
+            ]
             for p in gain["pairs"]
         ]
         title = f"undamped gain at {gain['frequency_hz']:.3g} Hz, without and with the modes left out"

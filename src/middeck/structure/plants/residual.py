@@ -9,6 +9,7 @@ coordinates as there are rigid modes are held, which costs the balanced forces n
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
@@ -26,6 +27,7 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.plants.port_rows import input_rows, output_rows
+from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 # Residual of a solution, over the size of its terms, above which it is not one.
@@ -100,20 +102,21 @@ def compare_static_gain(
 ) -> StaticGainComparison:
     """Error of low-frequency gains without the modes beyond ``count``, without and with the residual.
 
-    At 0 Hz; where there are rigid modes, at a tenth of the lowest frequency that is not zero, or at
-    ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes, for wheels that spin and where
-    `residual_flexibility` does, `NumericalError` at a resonance.
+    At 0 Hz; where there are rigid modes, or rates and accelerations are read, at a tenth of the lowest
+    frequency that is not zero, or at ``frequency_hz``. Raises `ConfigError` for 0 Hz with rigid modes, for
+    wheels that spin and where `residual_flexibility` does, `NumericalError` at a resonance.
     """
     if modes.equilibrium.environment.spins:
         raise ConfigError(
             "wheels spin, whose momentum the comparison of static gains leaves out",
             hint="leave the comparison out, or set the speeds to zero",
         )
-    frequency_hz = _low_frequency(modes) if frequency_hz is None else frequency_hz
+    drive, read = input_rows(modes.equilibrium, inputs), output_rows(modes.equilibrium, outputs)
+    if frequency_hz is None:
+        frequency_hz = _low_frequency(modes, moving=bool(np.any(read.rate) or np.any(read.acceleration)))
     if modes.kind[:1] == ("rigid",) and not frequency_hz > 0.0:
         raise ConfigError("a free structure has no gain at 0 Hz", hint="a frequency_hz above zero")
     omega, count = 2.0 * np.pi * frequency_hz, min(count, len(modes.omega))
-    drive, read = input_rows(modes.equilibrium, inputs), output_rows(modes.equilibrium, outputs)
     K, M, free = _matrices(modes)
     B = free.part(drive.force.T)
     C = free.part((read.position + omega * read.rate - omega**2 * read.acceleration).T).T
@@ -136,6 +139,28 @@ def compare_static_gain(
         truncated_error=np.abs(truncated - full) / scale,
         completed_error=np.abs(completed - full) / scale,
     )
+
+
+def complete_response(
+    modes: Modes,
+    response: FrequencyResponse,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    count: int = 26,
+) -> FrequencyResponse:
+    """What the modes beyond ``count`` add to rates and accelerations in the ``response`` of a static plant.
+
+    Theirs is j omega and -omega^2 times the residual flexibility, which no state space can hold. Raises
+    `ConfigError` where `residual_flexibility` does.
+    """
+    drive, read = input_rows(modes.equilibrium, inputs), output_rows(modes.equilibrium, outputs)
+    jw = 2j * np.pi * response.frequency_hz[:, None, None]
+    rate, acceleration = (
+        residual_flexibility(modes, drive.force, rows, min(count, len(modes.omega)))
+        for rows in (read.rate, read.acceleration)
+    )
+    return dataclasses.replace(response, H=response.H + jw * rate + jw**2 * acceleration)
 
 
 class _Kept(NamedTuple):
@@ -199,10 +224,11 @@ def _check_off_resonance(modes: Modes, omega: float) -> None:
         )
 
 
-def _low_frequency(modes: Modes) -> float:
+def _low_frequency(modes: Modes, moving: bool) -> float:
+    """Zero, where neither rigid modes nor the outputs (rates, accelerations) make gains there meaningless."""
     swings = modes.frequency_hz[modes.omega > 0.0]
     free = len(swings) < len(modes.omega)
-    return float(0.1 * swings.min()) if free and len(swings) else 0.0
+    return float(0.1 * swings.min()) if (free or moving) and len(swings) else 0.0
 
 
 def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
