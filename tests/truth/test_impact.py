@@ -72,6 +72,16 @@ def test_without_good_blows_it_says_which_were_bad():
         )
 
 
+@pytest.mark.parametrize(
+    "noisy", [np.random.default_rng(0).standard_normal, lambda n: np.sin(0.3 * np.arange(n))]
+)
+def test_a_force_without_blows_is_refused_in_words(noisy):
+    two = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
+    record = dataclasses.replace(two, u=noisy(3000)[None, None, :, None])
+    with pytest.raises(DataError, match="no blow was found"):
+        average_blows(record)
+
+
 @pytest.mark.parametrize("ratio", ["h1", "h2"])
 def test_the_average_is_the_response_of_shifted_poles(ratio):
     tau = 0.7

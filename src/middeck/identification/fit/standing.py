@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
 
 from middeck.errors import FitError
 from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
-from middeck.identification.model.measurement_model import natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 from middeck.identification.search.fit_warnings import confounded_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
@@ -56,9 +56,13 @@ def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
 
 
 def standing_of(
-    measured: FrequencyResponse, covariance: ModelCovariance, *, holds: bool
+    measured: FrequencyResponse,
+    covariance: ModelCovariance,
+    *,
+    holds: bool,
+    phase: Iterable[int] = (),
 ) -> tuple[Standing, ...]:
-    """Of each mode; ``holds`` says whether what the fit leaves is noise."""
+    """Of each mode; ``holds`` says whether what the fit leaves is noise, ``phase`` which are a delay's."""
     model, lines = covariance.model, measured.frequency_hz
     significance = mode_significance(covariance)
     f, clear = natural_hz(model), significance >= DOUBTFUL
@@ -70,7 +74,7 @@ def standing_of(
         elif close[m]:
             found.append("unresolved")
         else:
-            found.append("sound" if holds and clear[m] else "doubtful")
+            found.append("sound" if holds and clear[m] and m not in phase else "doubtful")
     return tuple(found)
 
 
@@ -128,6 +132,19 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
             "output or input"
         )
     return found
+
+
+def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
+    """A warning for the pairs that stand for a delay (`stands_for_delay`)."""
+    f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)
+    places = ", ".join(f"{f[m]:.4g} Hz ({zeta[m]:.0%})" for m in sorted(phase, key=lambda m: f[m]))
+    if not places:
+        return []
+    return [
+        f"poles at {places}: no modes, they stand for a delay of about {delay_s * 1e3:.3g} ms, which this "
+        "kind of model does not have; a continuous model has one (--continuous, sampled=False; of rates and "
+        "accelerations with --delay output --relative-degree 1)"
+    ]
 
 
 def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:

@@ -78,14 +78,18 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
     force = u[:, :, 0] - np.median(u[:, :, 0], axis=1, keepdims=True)
     force = force * np.sign(force.flat[np.argmax(np.abs(force))])
     pulses = [_pulses(x, float(force.max())) for x in force]
+    if not any(pulses):
+        raise DataError(
+            "no blow was found: nothing stands out of what the force always does",
+            where=f"input {record.inputs[0].name}",
+            hint="check which channel is the force; middeck identify takes any other excitation",
+        )
     apart = _least_apart(pulses, u.shape[1]) if blow_s is None else blow_s * record.sample_hz
     found = [
         blow
         for e, (x, own) in enumerate(zip(force, pulses, strict=True))
         for blow in _blows(e, x, own, apart, record.sample_hz)
     ]
-    if not found:
-        raise DataError("no blow was found", hint="check which channel is the force")
     found = _judged(found, record.sample_hz)
     found = _overloads(found, record, u, y)
     return tuple(_ringing(found, y))

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from middeck.errors import FitError
 from middeck.identification.fit.fit_response import FitResult, fit_lines, marked
@@ -20,10 +20,12 @@ from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.standing import (
     checked_covariance,
     doubts_of_lines,
+    doubts_of_phase,
     doubts_of_standing,
     standing_of,
     standing_of_delays,
 )
+from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.model.checks import check_record, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
@@ -41,6 +43,7 @@ from middeck.identification.record_fit.spectra import record_data, without_drift
 from middeck.identification.record_fit.tidy import Tidied, tidied
 from middeck.identification.search.fit_warnings import causal_delay, doubts_of_deviations
 from middeck.identification.spectra import estimate_response
+from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.signals.excitation.driven import driven_band
 from middeck.signals.record import Record
@@ -262,8 +265,9 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     wrong += causes.causes_of(measured, data, run, lead, error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
-    standing = standing_of(lines, covariance, holds=not wrong)
-    warnings += doubts_of_standing(covariance, standing)
+    phase = _pairs_for_a_delay(model, covariance, data, run)
+    standing = standing_of(lines, covariance, holds=not wrong, phase=phase[0])
+    warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     return FitResult(
         model=model,
         cost=float(np.mean(np.abs(r) ** 2 / run.variance)),
@@ -278,6 +282,15 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
         lines=fit.lines,
         delay_standing=standing_of_delays(lines, covariance, holds=not wrong),
     )
+
+
+def _pairs_for_a_delay(
+    model: MeasurementModel, covariance: ModelCovariance, data: Data, run: RecordRun
+) -> tuple[Int[np.ndarray, " mode"], float]:
+    """Of a model without delays, pairs that stand for one."""
+    if covariance.structure.with_delay:
+        return np.array([], dtype=int), 0.0
+    return stands_for_delay(model, data.s, data.U, run.residual(data), 1.0 / np.sqrt(run.variance))
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:

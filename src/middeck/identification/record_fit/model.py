@@ -11,7 +11,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import Terms
 from middeck.identification.problem.projection import TransientProjection, as_real
 from middeck.identification.problem.transient import transient_slopes
-from middeck.identification.record_fit.noise import likelier_variance
+from middeck.identification.record_fit.noise import covering_variance
 from middeck.identification.record_fit.search import RecordRun
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
@@ -102,6 +102,6 @@ def _scores_spread(
         rows = R @ own.removed(J[at])
         followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
-        v = likelier_variance(residual[o, None], shape, left.T[None])[0]
+        v = covering_variance(residual[o, None], shape, left.T[None])[0]
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
     return spread

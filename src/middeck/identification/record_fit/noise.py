@@ -24,6 +24,8 @@ Noise = Literal["output", "motion"]
 HALF, SHARE = 15, 0.1
 # No line is quieter than this share of the average: rounding, filters and what no model follows.
 QUIETEST = 1e-6
+# Turns of the search for both kinds of noise at once, and the least of their sum over the median power.
+TURNS, LEAST = 10, 0.01
 
 
 def noise_variance(
@@ -56,6 +58,53 @@ def likelier_variance(
     """By the kind of noise that makes the residual likelier."""
     both = noise_variance(residual, None, left), noise_variance(residual, shape, left)
     return min(both, key=lambda v: negative_log_likelihood(residual, v))
+
+
+def covering_variance(
+    residual: Complex[np.ndarray, "output line column"],
+    shape: Float[np.ndarray, " line"],
+    left: Float[np.ndarray, "output line column"],
+) -> Float[np.ndarray, "output line column"]:
+    """The likelier, or on each line that of sensors and forces together where it is more.
+
+    A fit follows the few lines of a narrow peak, so that what is left there does not tell how strong the
+    forces are; the flanks of the peak above the noise of sensors do.
+    """
+    found = likelier_variance(residual, shape, left)
+    return np.maximum(found, _variance_of_both(residual, shape, left))
+
+
+def _variance_of_both(
+    residual: Complex[np.ndarray, "output line column"],
+    shape: Float[np.ndarray, " line"],
+    left: Float[np.ndarray, "output line column"],
+) -> Float[np.ndarray, "output line column"]:
+    """v = a + b / |A|^2 with a and b smooth over lines, by Fisher's scoring of each in turn."""
+    half = max(1, min(HALF, int(SHARE * len(shape))))
+    rows: list[np.ndarray] = []
+    for power, share in zip(np.mean(np.abs(residual) ** 2, axis=2), np.mean(left, axis=2), strict=True):
+        a, b = np.full_like(power, np.median(power)), np.zeros_like(power)
+        least = LEAST * np.median(power) + np.finfo(float).tiny
+        for _ in range(TURNS):
+            v = a + b / shape + least
+            b = _scored(power - share * a, share, 1.0 / shape, v, half)
+            v = a + b / shape + least
+            a = _scored(power - share * b / shape, share, np.ones_like(v), v, half)
+        rows.append(a + b / shape)
+    return np.repeat(np.array(rows)[:, :, None], residual.shape[2], axis=2)
+
+
+def _scored(
+    rest: Float[np.ndarray, " line"],
+    share: Float[np.ndarray, " line"],
+    by: Float[np.ndarray, " line"],
+    v: Float[np.ndarray, " line"],
+    half: int,
+) -> Float[np.ndarray, " line"]:
+    """Size of a part of the power that goes with ``by``, from neighbouring lines of variance ``v``."""
+    x = by / v
+    known = _average(share * x**2, half)
+    return np.maximum(_average(rest / v * x, half), 0.0) / np.maximum(known, np.finfo(float).tiny)
 
 
 def denominator(
