@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 import pytest
-from campaign_functions import quantity, some_cases, troubled
 
+from campaign_functions import quantity, some_cases, troubled
 from middeck.campaign import run_campaign
 from middeck.errors import ConfigError, DataError
 from repeats import LONG, repeats
@@ -36,7 +36,9 @@ def _rows(ledger):
     try:
         if not base.execute("select count(*) from sqlite_master").fetchone()[0]:
             return []
-        return base.execute("select case_index, fault, body, digest from result order by case_index").fetchall()
+        return base.execute(
+            "select case_index, fault, body, digest from result order by case_index"
+        ).fetchall()
     finally:
         base.close()
 
@@ -152,7 +154,12 @@ def _change_a_digit(path):
 
 @pytest.mark.parametrize(
     ("spoil", "said"),
-    [(_shorten, "damaged"), (_other_text, "damaged"), (_other_base, "no ledger"), (_change_a_digit, "case [0-3]")],
+    [
+        (_shorten, "damaged"),
+        (_other_text, "damaged"),
+        (_other_base, "no ledger"),
+        (_change_a_digit, "case [0-3]"),
+    ],
 )
 def test_a_foreign_or_damaged_file_is_refused(finished, spoil, said):
     spoil(finished)

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtr
-from scipy.stats import truncnorm
+from scipy.special import log_ndtr, logsumexp, ndtr, ndtri_exp
 
 from middeck.errors import ConfigError
 from middeck.values import record
@@ -78,8 +77,18 @@ def from_normal(distribution: Distribution, z: Float[np.ndarray, " case"]) -> Fl
         case LogNormal(median=median, spread=spread):
             return median * np.exp(spread * z)
         case TruncatedNormal(mean=mean, std=std, low=low, high=high):
-            found = truncnorm.ppf(ndtr(z), (low - mean) / std, (high - mean) / std, loc=mean, scale=std)
-            return np.clip(np.asarray(found, dtype=float), low, high)
+            return _truncated(distribution, z)
+
+
+def _truncated(d: TruncatedNormal, z: np.ndarray) -> np.ndarray:
+    """By logarithms of probabilities, so that a far tail keeps its digits; the upper as the lower."""
+    ends = (d.low - d.mean) / d.std, (d.high - d.mean) / d.std
+    sign = 1.0 if ends[0] + ends[1] <= 0.0 else -1.0
+    low, high = sorted(sign * e for e in ends)
+    shares = np.stack([log_ndtr(-sign * z) + log_ndtr(low), log_ndtr(sign * z) + log_ndtr(high)])
+    # log_ndtr(-inf) is -inf: a side without an end.
+    found = ndtri_exp(np.minimum(np.asarray(logsumexp(shares, axis=0)), 0.0))
+    return np.clip(d.mean + sign * d.std * found, d.low, d.high)
 
 
 def _require(fits: bool, distribution: Distribution, allowed: str) -> None:

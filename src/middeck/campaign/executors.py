@@ -159,16 +159,20 @@ def _on_pool(
             except BaseException:
                 executor.shutdown(wait=False, cancel_futures=True)
                 raise
-        for case in running.values():
-            yield case.index, *_alone(path, case, given)
+        if running:
+            yield from _one_by_one(path, list(running.values()), given)
 
 
-def _alone(path: str, case: Case, given: str) -> tuple[bool, str]:
-    with _spawned(1) as executor:
-        try:
-            return executor.submit(_work, path, case, given).result()
-        except BrokenProcessPool:
-            return True, DIED
+def _one_by_one(path: str, cases: Sequence[Case], given: str) -> Generator[tuple[int, bool, str], None, None]:
+    """A death is then known to be that of its case."""
+    rest = list(cases)
+    while rest:
+        with contextlib.suppress(BrokenProcessPool), _spawned(1) as executor:
+            while rest:
+                outcome = executor.submit(_work, path, rest[0], given).result()
+                yield rest.pop(0).index, *outcome
+        if rest:
+            yield rest.pop(0).index, True, DIED
 
 
 def _spawned(workers: int) -> ProcessPoolExecutor:

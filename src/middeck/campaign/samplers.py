@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from middeck.campaign.cases import Case, case_seed
 from middeck.campaign.distributions import Distribution, Uniform, from_normal
@@ -36,12 +35,13 @@ class Parameter:
 class Group:
     """Parameters that move together: rank correlation by a normal copula.
 
-    ``correlation``: of the normal numbers behind them, one for all pairs or a matrix. 1: all at the same
+    ``correlation``: of the normal numbers behind each pair, unless a ``matrix`` is given. 1: all at the same
     quantile; -1 (of two): at opposite ones.
     """
 
     names: tuple[str, ...]
-    correlation: float | Float[np.ndarray, "member member"] = 1.0
+    correlation: float = 1.0
+    matrix: Float[np.ndarray, "member member"] | None = None
 
 
 def monte_carlo(
@@ -65,6 +65,8 @@ def latin_hypercube(
     A correlation below 1 in a group leaves the strata of its first member alone exact.
     """
     _check(parameters, count)
+    from scipy.stats import qmc  # a second of import that no worker needs
+
     points = qmc.LatinHypercube(len(parameters), **_stream(seed)).random(count)
     return _cases(parameters, points, seed, groups)
 
@@ -79,6 +81,8 @@ def sobol(
             f"{count} Sobol points of {len(parameters)} parameters",
             hint=f"a power of two, as {1 << (count - 1).bit_length()}, and at most {MOST_SOBOL} parameters",
         )
+    from scipy.stats import qmc  # a second of import that no worker needs
+
     points = qmc.Sobol(len(parameters), scramble=True, **_stream(seed)).random_base2(count.bit_length() - 1)
     return _cases(parameters, points, seed, groups)
 
@@ -169,10 +173,7 @@ def _mixing(parameters: Sequence[Parameter], groups: Sequence[Group]) -> Float[n
 def _factor(group: Group) -> np.ndarray:
     """Cholesky's factor, also of a singular matrix."""
     size = len(group.names)
-    R = np.full((size, size), group.correlation) if np.ndim(group.correlation) == 0 else group.correlation
-    R = np.array(R, dtype=float)
-    if np.ndim(group.correlation) == 0:
-        np.fill_diagonal(R, 1.0)
+    R = np.eye(size) + group.correlation * (1.0 - np.eye(size)) if group.matrix is None else group.matrix
     L = np.zeros((size, size))
     fits = R.shape == L.shape and bool(
         np.all(R == R.T) and np.all(np.diag(R) == 1.0) and np.all(abs(R) <= 1.0)
