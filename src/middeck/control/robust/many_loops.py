@@ -125,7 +125,7 @@ def _middle(poles: np.ndarray) -> float:
     top = float(size.max())
     if not top > 0.0:
         return 1.0
-    decay = np.maximum(np.abs(poles.real), 1e-6 * size)
+    decay = np.maximum(np.abs(np.real(poles)), 1e-6 * size)
     kept = size > 1e-6 * top
     tried = np.geomspace(size[kept].min(), top, 60)
     gain = (tried[:, None] * decay / (tried[:, None] + size) ** 2)[:, kept]
@@ -141,7 +141,7 @@ def _squared(A: np.ndarray, B: np.ndarray, p: float) -> tuple[np.ndarray, np.nda
     except np.linalg.LinAlgError:  # a pole at p
         return np.zeros(len(A), bool), np.zeros(A.shape)
     power = np.eye(n) + 2.0 * p * inverse
-    Z, X = np.sqrt(2.0 * p) * (inverse @ B), None
+    columns, total = np.sqrt(2.0 * p) * (inverse @ B), None
     feigned = eps * np.linalg.norm(shifted, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
     size = np.linalg.norm(power, axis=(1, 2))
     peak, proved_at = np.maximum(size, 1.0), np.full(len(A), np.inf)
@@ -152,16 +152,18 @@ def _squared(A: np.ndarray, B: np.ndarray, p: float) -> tuple[np.ndarray, np.nda
             # Loops that grow keep the others waiting no longer than their own powers stay finite.
             if not np.any((size > (GONE if B.shape[2] else PROVED)) & (size < 1.0 / GONE)):
                 break
-            if X is None and 2 * Z.shape[2] <= n:
-                Z = np.concatenate([Z, power @ Z], axis=2)
+            if total is None and 2 * columns.shape[2] <= n:
+                columns = np.concatenate([columns, power @ columns], axis=2)
             else:
-                X = Z @ np.swapaxes(Z, 1, 2) if X is None else X
-                X = X + power @ X @ np.swapaxes(power, 1, 2)
+                total = columns @ np.swapaxes(columns, 1, 2) if total is None else total
+                total = total + power @ total @ np.swapaxes(power, 1, 2)
             power = power @ power
             size = np.linalg.norm(power, axis=(1, 2))
             peak = np.fmax(peak, size)
         proved = feigned * peak**2 * proved_at < DOUBT
-    return proved & (size < GONE if B.shape[2] else True), Z @ np.swapaxes(Z, 1, 2) if X is None else X
+    return proved & (size < GONE if B.shape[2] else True), columns @ np.swapaxes(
+        columns, 1, 2
+    ) if total is None else total
 
 
 def _residuals(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> np.ndarray:
