@@ -37,7 +37,7 @@ def rows(options: Any) -> list[dict]:
         made.append(row(CASE, "time over python-control's", "ratio", ours / float(answer["seconds"]), 0.25))
         both = np.isfinite(answer["rms"])
         made.append(row(CASE, "largest difference of rms", "relative",
-                        np.abs(found.rms[:SHARE] / answer["rms"] - 1.0)[both].max()))  # fmt: skip
+                        np.abs(found.rms[:SHARE][both] / answer["rms"][both] - 1.0).max()))  # fmt: skip
     return made
 
 
