@@ -331,6 +331,16 @@ def your_python_control_plant(names: Names) -> None:
     np.testing.assert_allclose(names["back"](2j * np.pi * names["hz"]), names["theirs"], rtol=1e-6)
 
 
+def a_campaign_of_many_cases(names: Names) -> None:
+    case = names["cases"][3]
+    assert abs(case["stiffness"] / 1000.0 - 1.0) < 0.25
+    loops, omega = names["loops"], names["omega"]
+    damping = np.array([c["damping"] for c in names["cases"]])
+    # Of q' = w r, r' = -w q - 2 z w r + noise: E q^2 = 1 / (4 z w).
+    np.testing.assert_allclose(loops.rms[:, 0], (4.0 * damping * omega) ** -0.5, rtol=1e-10)
+    assert not loops.alone.any()
+
+
 PROMISES: dict[str, Callable[[Names], None]] = {
     "README.md": readme,
     "docs/tutorials/first-steps.md": first_steps,
@@ -348,6 +358,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/clamp-it-load-it.md": clamp_it_load_it,
     "docs/how-to/spinning-wheels.md": spinning_wheels,
     "docs/how-to/correlate-with-a-test.md": correlate_with_a_test,
+    "docs/how-to/a-campaign-of-many-cases.md": a_campaign_of_many_cases,
     "docs/how-to/find-what-matters.md": find_what_matters,
     "docs/how-to/gimbals-and-friction.md": gimbals_and_friction,
     "docs/how-to/design-a-controller.md": design_a_controller,
