@@ -125,6 +125,17 @@ def test_an_article_is_recovered_from_exact_modes():
     np.testing.assert_allclose(list(found.factors.values()), np.exp(found.estimate.x))
 
 
+def test_factors_hold_what_belongs_to_the_article():
+    """Two unknowns of one parameter multiply; an amount and a suspension have no factor."""
+    again = dataclasses.replace(MODULUS, name="again")
+    added = Unknown(name="offset", parameters=("node.top.cg.x",), spread=1e-3, added=True)
+    seen = survey_of(modes_of(mast(EI=1.05), clamped()), MeasurementNoise(1e-3, 0.02))
+    found = refine(mast(), [seen], (MODULUS, again, added))
+    assert list(found.factors) == ["members.E"]
+    assert found.factors["members.E"] == pytest.approx(1.05, rel=5e-3)
+    assert found.left_out == (added,)
+
+
 def test_modes_that_change_places_are_told_apart_by_their_shapes():
     """The truth bends more easily about the other axis: frequencies alone fit the wrong one as well."""
     bound = bind((SPLIT,), mast(), clamped())
@@ -254,5 +265,7 @@ def test_surveys_that_cannot_be():
     far = dataclasses.replace(seen.measured, frequency_hz=1e4 * seen.measured.frequency_hz)
     with pytest.raises(ConfigError, match="resembles"):
         refine(mast(), [dataclasses.replace(seen, measured=far)], [MODULUS])
+    with pytest.raises(ConfigError, match="of the environment together"):
+        Unknown(name="a", parameters=("members.E", "environment.bounce_hz"), spread=0.1)
     with pytest.raises(ConfigError, match=r"spread of 0\.0"):
         Unknown(name="a", parameters=("members.E",), spread=0.0)

@@ -52,14 +52,24 @@ class Refined:
 
     @property
     def factors(self) -> dict[str, float]:
-        """Of the article's parameters by name, as the ``[factors]`` of its file take them."""
-        x = np.array([u.mean for u in self.unknowns]) + self.estimate.x
-        return {
-            name: float(np.exp(value))
-            for unknown, value in zip(self.unknowns, x, strict=True)
-            for name in unknown.parameters
-            if not unknown.added and not name.startswith(ENVIRONMENT)
-        }
+        """Of the article's parameters by name, as the ``[factors]`` of its file take them.
+
+        What is added, and what belongs to an environment, has no place there (`left_out`).
+        """
+        factors: dict[str, float] = {}
+        for unknown, value in zip(self.unknowns, self.estimate.x, strict=True):
+            if unknown in self.left_out:
+                continue
+            for name in unknown.parameters:
+                factors[name] = factors.get(name, 1.0) * float(np.exp(unknown.mean + value))
+        return factors
+
+    @property
+    def left_out(self) -> tuple[Unknown, ...]:
+        """Unknowns that ``factors`` of an article cannot hold."""
+        return tuple(
+            u for u in self.unknowns if u.added or any(n.startswith(ENVIRONMENT) for n in u.parameters)
+        )
 
 
 def refine(

@@ -34,7 +34,8 @@ class Unknown:
             is ``added``, of what is added to each of them, in its unit.
         mean: Of x; zero is the article as it is.
 
-    Raises `ConfigError` for a spread that is not positive, or no parameter.
+    Raises `ConfigError` for a spread that is not positive, for no parameter, or for some of the article and
+    some of the environment.
 
     >>> Unknown(name="stiffness", parameters=("members.E",), spread=0.1).spread
     0.1
@@ -53,8 +54,15 @@ class Unknown:
                 where=f"unknown {self.name!r}",
                 hint="a positive standard deviation, e.g. 0.1 for 10 % of a factor",
             )
-        if not self.parameters:
-            raise ConfigError("no parameter", where=f"unknown {self.name!r}", hint="e.g. members.E")
+        of_environment = {name.startswith(ENVIRONMENT) for name in self.parameters}
+        if not self.parameters or len(of_environment) > 1:
+            raise ConfigError(
+                "parameters of the article and of the environment together"
+                if self.parameters
+                else "no parameter",
+                where=f"unknown {self.name!r}",
+                hint="one or more of the article, as members.E, or of the environment",
+            )
 
 
 @record

@@ -107,6 +107,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             "of_the_refined_model_hz": predicted.modes.frequency_hz[predicted.index],
             "seen": predicted.seen,
         },
+        "not_in_the_article": [u.name for u in refined.left_out],
         "warnings": findings(refined),
     }
 
@@ -170,5 +171,11 @@ def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Tabl
             ["mode", "frequency [Hz]", "95 % [Hz]", "seen on the ground [%]"],
             rows,
         ),
-        *(["", f"wrote {output}"] if output else []),
+        *(["", f"wrote {output}{_without(document)}"] if output else []),
     ]
+
+
+def _without(document: dict[str, Any]) -> str:
+    """What the reader must still put where it belongs."""
+    names = document["not_in_the_article"]
+    return f"; not in it, as no factor of an article: {', '.join(names)}" if names else ""
