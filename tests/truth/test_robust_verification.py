@@ -177,6 +177,15 @@ def test_growth_with_a_delay_is_that_of_the_lambert_function():
         assert (found > 0.0) == (k > np.pi / 2.0)
 
 
+@pytest.mark.parametrize("hz", [1e-6, 1.0, 1e4, 1e9])
+def test_a_root_on_the_axis_does_not_grow_by_the_rounding_of_its_frequency(hz: float):
+    delayed, law = integrator_loop(0.0, 0.3)
+    omega = 2.0 * np.pi * hz
+    for growth, grows in ((1e-16 * omega, False), (1e-9 * omega + 1e-6, True)):
+        poles = np.array([-0.3, growth + 1j * omega, growth - 1j * omega])
+        assert (exact_growth([remove_delays(delayed)], law, [poles])[0] > 0.0) == grows
+
+
 def test_rms_with_a_delay_is_that_of_quadrature_with_the_exact_one():
     plant = reference_plant()
     law = design_lqg(without_delays(plant), WEIGHTS, AUTHORITY)

@@ -21,7 +21,7 @@ from middeck.realtime.linear_view import linearise_rig
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.stability import growth_limit, growth_rates
+from middeck.systems.stability import growth_limits, growth_rates, none_grows
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -75,7 +75,7 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
     fastest = fastest_pole(view, compensator)
     found = RigLoop(
         percent=percent,
-        stable=fastest.real <= growth_limit(view.plant.period_s),
+        stable=none_grows(np.array([fastest]), view.plant.period_s),
         growth_hz=abs(fastest.imag) / (2.0 * np.pi),
         growth_rad_s=fastest.real,
     )
@@ -89,10 +89,10 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
 
 
 def fastest_pole(view: RigView, compensator: Compensator) -> complex:
-    """The pole of the sampled loop [rad/s] that grows fastest or decays slowest."""
+    """The pole of the sampled loop [rad/s] that grows farthest beyond rounding, or decays slowest."""
     (outputs, inputs), plant = view.H.shape[1:], view.plant.sampled
     rates = growth_rates(feedback(plant, _placed(view, compensator), range(inputs), range(outputs)))
-    return complex(rates[int(np.argmax(np.real(rates)))])
+    return complex(rates[int(np.argmax(np.real(rates) - growth_limits(rates, view.plant.period_s)))])
 
 
 def _placed(view: RigView, compensator: Compensator) -> SampledStateSpace:

@@ -15,7 +15,7 @@ from jaxtyping import Bool
 from middeck.systems.inert_modes import inert_modes
 from middeck.systems.modal import select_modes
 from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.stability import GROWTH_LIMIT, none_grows
+from middeck.systems.stability import growth_limits, none_grows
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
@@ -44,7 +44,8 @@ def partition_modes(plant: Plant) -> ModePartition:
     if modal is None:
         return _partition_states(plant, remove_delays(plant).system)
     # An unstable mode stays for verdict and design to name.
-    inert = inert_modes(modal) & ~(-modal.zeta * modal.omega > GROWTH_LIMIT)
+    grows = -modal.zeta * modal.omega > growth_limits(1j * modal.omega)
+    inert = inert_modes(modal) & ~grows
     names = tuple(name for name, out in zip(modal.names, inert, strict=True) if out)
     active = dataclasses.replace(plant, dynamics=select_modes(modal, ~inert)) if names else plant
     return ModePartition(active, names)

@@ -6,8 +6,6 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
-from middeck.systems.stability import GROWTH_LIMIT
-
 TRUSTED = 1e-8
 """Relative residual up to which a covariance from eigenvectors is used; otherwise by a Schur form."""
 DOUBLINGS = 60
@@ -75,8 +73,3 @@ def row_rms(
     square = np.einsum("prs,pst,prt->pr", rows[finite], X[finite], rows[finite])
     found[finite] = np.sqrt(np.maximum(square, 0.0))
     return found
-
-
-def settled(growing: Float[np.ndarray, " loop"]) -> np.ndarray:
-    """Which growth rates count as stable."""
-    return growing <= GROWTH_LIMIT

@@ -10,6 +10,7 @@ from jaxtyping import Complex, Float
 from middeck.control.h2.closed_cost import Law
 from middeck.control.law.partition import partition_modes
 from middeck.systems.plant import Plant, remove_delays
+from middeck.systems.stability import growth_limits
 
 RIGHTMOST, NEWTON_STEPS = 6, 3
 DECIDES = 30.0
@@ -20,7 +21,7 @@ NEAR = 1e-3
 def exact_growth(
     plants: Sequence[Plant], law: Law, poles: Sequence[Complex[np.ndarray, " state"]]
 ) -> Float[np.ndarray, " plant"]:
-    """Largest real part of each loop's roots, ``poles`` being those with approximated delays.
+    """Largest growth of each loop's roots beyond their `growth_limits`; ``poles`` have approximated delays.
 
     The poles furthest right are carried by Newton steps on det(I - K(s) G(s)) to roots with the exact delay.
     Where that determinant has no root nearby (a pole that the loop does not move) the pole itself counts.
@@ -30,14 +31,18 @@ def exact_growth(
 
 def _growth(plant: Plant, law: Law, values: np.ndarray) -> float:
     if not plant.delayed:
-        return float(np.real(values).max(initial=-np.inf))
+        return _beyond(values)
     upper = values[np.imag(values) >= 0.0]
     upper = upper[np.argsort(-np.real(upper))]
     # Skip roots so far left that exp(-s tau) overflows: they do not decide stability.
     count = np.count_nonzero(-np.real(upper[:RIGHTMOST]) * plant.delay_s.max(initial=0.0) < DECIDES)
     lead, rest = upper[:count], upper[count:]
     roots = np.concatenate([_corrected(plant, law, lead), rest])
-    return float(np.real(roots).max(initial=-np.inf))
+    return _beyond(roots)
+
+
+def _beyond(roots: Complex[np.ndarray, " root"]) -> float:
+    return float((np.real(roots) - growth_limits(roots)).max(initial=-np.inf))
 
 
 def _corrected(plant: Plant, law: Law, poles: Complex[np.ndarray, " pole"]) -> Complex[np.ndarray, " pole"]:

@@ -15,7 +15,7 @@ from middeck.control.law.compensator import Compensator, idle_compensator, locat
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg import LQGWeights
-from middeck.control.robust.batch import continuous_covariances, row_rms, settled
+from middeck.control.robust.batch import continuous_covariances, row_rms
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.control.robust.exact_family import family_law, measure_in_family
 from middeck.control.robust.sampled_loops import sampled_outcomes
@@ -159,7 +159,7 @@ def _approximated(
     # A root at zero drifts, driven by noise or not; its side of the axis is rounding.
     drifts = np.array([not all_decay(v) for v in values], dtype=bool)
     rms[drifts] = control[drifts] = np.inf
-    stable = settled(exact_growth(plants, law, values))
+    stable = exact_growth(plants, law, values) <= 0.0
     found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
     for i, plant in enumerate(plants):
         if not plant.delayed:
