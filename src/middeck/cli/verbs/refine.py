@@ -47,7 +47,7 @@ Examples:
 def verb(
     article: str, refinement: str, environment: str, count: int, output: str | None, as_json: bool
 ) -> None:
-    """Refine ARTICLE on ground tests, and predict its modes in orbit.
+    """Refine ARTICLE on ground tests; predict orbit.
 
     REFINEMENT names the surveys, the parameters that may change, and how well these are known before:
     docs/reference/files.md. The answer is the most probable article, with the deviations of its numbers; the
