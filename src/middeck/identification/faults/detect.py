@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from middeck.errors import DataError
 from middeck.identification.faults.against import compare_with_reference
 from middeck.identification.faults.levels import (
     find_coarse_steps,
@@ -35,6 +36,10 @@ LOCAL = ("clipping", "dropout", "spike", "held", "duplicate")
 SEVERITIES = ("unusable", "serious", "note")
 
 
+# Of the largest sample of a channel: beyond these, squares and their products are no numbers.
+LEAST, MOST = 1e-100, 1e100
+
+
 def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
     """What is wrong with ``record``, worst first; empty for a clean one.
 
@@ -50,6 +55,8 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     joined, feedback and long delays. docs/explanation/records-and-faults.md says how, with rates of detection
     and false alarm.
 
+    Raises `DataError` for samples so large or so small that their squares are no numbers.
+
     >>> rng = np.random.default_rng(0)
     >>> u, y = rng.standard_normal((1, 1, 500, 1)), rng.standard_normal((1, 1, 500, 1))
     >>> y[0, 0, 200] = 40.0
@@ -58,6 +65,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     >>> [(f.channel, f.kind, f.samples) for f in detect_faults(record)]
     [('tip', 'spike', ((200, 201),))]
     """
+    _check_size(record)
     found: list[Fault] = []
     struck = any(is_impact(_filled(x)) for x in _channels(record.u) if not is_dead(_filled(x)))
     driven = [] if struck else [_driven(u) for u in record.u]
@@ -120,3 +128,15 @@ def _channel_faults(
     # A period with a hole or a spike differs from the others by that.
     local = {"gap", "dropout", "spike"} & {f.kind for f in found}
     return found + (find_transient(x, period) if periodic and not local else [])
+
+
+def _check_size(record: Record) -> None:
+    for ports, x in ((record.inputs, record.u), (record.outputs, record.y)):
+        for port, channel in zip(ports, np.moveaxis(x, 3, 0), strict=True):
+            size = float(np.nanmax(np.abs(channel), initial=0.0))
+            if size != 0.0 and not LEAST < size < MOST:
+                raise DataError(
+                    f"samples of no more than {size:.3g}" if size < 1.0 else f"samples of up to {size:.3g}",
+                    where=f"channel {port.name}",
+                    hint=f"from {LEAST:.0e} to {MOST:.0e}: what is its unit?",
+                )
