@@ -196,6 +196,18 @@ def test_gravity_is_taken_out():
     assert np.all(predicted.seen > 0.9)
 
 
+def test_measured_damping_goes_with_the_shape():
+    """Modes of other ranks: the survey saw the third and the first; what it did not see has the article's."""
+    seen = survey_of(modes_of(mast(), clamped()), MeasurementNoise(1e-4, 0.01), chosen=(2, 0))
+    damped = dataclasses.replace(seen.measured, damping=np.array([0.03, 0.002]))
+    found = refine(mast(), [dataclasses.replace(seen, measured=damped)], (MODULUS,))
+    zeta = predict_modes(found, clamped(gravity=0.0), count=4).damping
+    assert zeta[[0, 2]] == pytest.approx([0.002, 0.03], rel=0.05)
+    assert zeta[3] == pytest.approx(
+        modes_of(mast(), clamped()).equilibrium.model.structure.damping.flexible, rel=0.05
+    )
+
+
 def test_what_the_surveys_do_not_see_is_named():
     """An axial stiffness moves no bending; mass and modulus move the first pair alike."""
     idle = Unknown(name="axial", parameters=("member.mast.EA",), spread=0.1)

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.refine import Refined, shared_with
 from middeck.updating.surveys import Survey, set_up, solve_at
 from middeck.updating.unknowns import bind, product_slopes
@@ -29,6 +30,8 @@ class Prediction:
         modes, index: Of the refined model, and which of its modes these are.
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
         log_std: Standard deviation of the logarithms, all told.
+        damping: What the first survey measured, by what each mode has of the shapes that it saw; of the rest,
+            and where the survey states none, the article's.
         seen: Part of each shape that the surveys saw.
     """
 
@@ -36,6 +39,7 @@ class Prediction:
     index: Int[np.ndarray, " mode"]
     log_shift: Float[np.ndarray, " mode"]
     log_std: Float[np.ndarray, " mode"]
+    damping: Float[np.ndarray, " mode"]
     seen: Float[np.ndarray, " mode"]
 
     @property
@@ -78,5 +82,14 @@ def predict_modes(
         index=index,
         log_shift=share @ found.d,
         log_std=np.sqrt(np.einsum("ij,ij->i", spread, spread) + rest + CARRIED**2),
+        damping=_damping(modes, index, share, first.survey.measured.damping[first.pairs[:, 1]]),
         seen=share.sum(axis=1),
     )
+
+
+def _damping(modes: Modes, index: np.ndarray, share: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
+    own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
+    known = share * np.isfinite(measured)
+    part = np.minimum(known.sum(axis=1), 1.0)
+    return known @ np.nan_to_num(measured) + (1.0 - part) * own

@@ -105,6 +105,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             "frequency_hz": predicted.frequency_hz,
             "interval_95_hz": predicted.interval_hz,
             "of_the_refined_model_hz": predicted.modes.frequency_hz[predicted.index],
+            "damping": predicted.damping,
             "seen": predicted.seen,
         },
         "not_in_the_article": [u.name for u in refined.left_out],
@@ -157,9 +158,15 @@ def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Tabl
     ]
     p = document["predicted"]
     rows = [
-        [name, f"{hz:.4f}", f"{low:.4f} to {high:.4f}", f"{100.0 * min(seen, 1.0):.0f}"]
-        for name, hz, (low, high), seen in zip(
-            p["name"], p["frequency_hz"], p["interval_95_hz"], p["seen"], strict=True
+        [
+            name,
+            f"{hz:.4f}",
+            f"{low:.4f} to {high:.4f}",
+            f"{100.0 * zeta:.2f}",
+            f"{100.0 * min(seen, 1.0):.0f}",
+        ]
+        for name, hz, (low, high), zeta, seen in zip(
+            p["name"], p["frequency_hz"], p["interval_95_hz"], p["damping"], p["seen"], strict=True
         )
     ]
     return [
@@ -168,7 +175,7 @@ def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Tabl
         *(block for table in surveys for block in (table, "")),
         Table(
             f"predicted in {document['environment']}",
-            ["mode", "frequency [Hz]", "95 % [Hz]", "seen on the ground [%]"],
+            ["mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen on the ground [%]"],
             rows,
         ),
         *(["", f"wrote {output}{_without(document)}"] if output else []),
