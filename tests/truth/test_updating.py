@@ -19,6 +19,7 @@ from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
+from middeck.updating.choice import weigh_unknowns
 from middeck.updating.findings import findings, together, unseen
 from middeck.updating.orbit import predict_modes
 from middeck.updating.posterior import Linear, estimate
@@ -218,6 +219,23 @@ def test_what_the_surveys_do_not_see_is_named():
     told = " ".join(findings(found))
     assert "2 measured modes for 3 unknowns" in told
     assert "modulus and top together" in told
+
+
+def test_unknowns_are_weighed_before_they_are_refined():
+    """A modulus, the same again as half of it, and what moves nothing; the modulus is what is wrong."""
+    idle = Unknown(name="axial", parameters=("member.mast.EA",), spread=0.1)
+    bending = Unknown(
+        name="bending", parameters=("member.mast.EI_y", "member.mast.EI_z", "member.mast.GJ"), spread=0.05
+    )
+    seen = survey_of(modes_of(mast(EI=1.05), clamped(gravity=0.0)), MeasurementNoise(1e-3, 0.02))
+    found = weigh_unknowns(mast(), [seen], (MODULUS, bending, TOP, idle))
+    assert found.weak == (3,)
+    assert found.alike == ((0, 1),)
+    assert found.strength[0] == pytest.approx(2.0 * found.strength[1], rel=1e-3)
+    assert found.alignment[0] > 0.98
+    assert abs(found.alignment[2]) < 0.9
+    assert "as bending" in found.reason(0)
+    assert found.reason(2) == ""
 
 
 def test_what_no_unknown_can_fit_is_an_error_of_the_model():

@@ -108,6 +108,16 @@ def refine(
     )
 
 
+def compare_at_first(
+    structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]
+) -> tuple[Compared, ...]:
+    """Every survey beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
+    _check_names(surveys, unknowns)
+    x = np.array([u.mean for u in unknowns])
+    places = _places(structure, surveys, unknowns)
+    return tuple(compare(solve_at(*p, x), s, p[2]) for p, s in zip(places, surveys, strict=True))
+
+
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
     """Of the modes that the measured ones were at first; where one was none, not a number."""
     hz = dict.fromkeys(compared.pairs[:, 1].tolist(), np.nan)

@@ -11,6 +11,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    from middeck.updating.choice import Choice
     from middeck.updating.orbit import Prediction
     from middeck.updating.refine import Refined
 
@@ -42,10 +43,19 @@ Examples:
     show_default=True,
     help="How many modes to predict.",
 )
+@click.option(
+    "--choose", is_flag=True, help="Weigh the unknowns and stop: which the surveys see, which alike."
+)
 @options.written("-o", "--output", "output", endings=(".toml",), help="Write the refined article.")
 @options.printing
 def verb(
-    article: str, refinement: str, environment: str, count: int, output: str | None, as_json: bool
+    article: str,
+    refinement: str,
+    environment: str,
+    count: int,
+    choose: bool,
+    output: str | None,
+    as_json: bool,
 ) -> None:
     """Refine ARTICLE on ground tests; predict orbit.
 
@@ -59,6 +69,7 @@ def verb(
     from middeck.cli.cases import find_case
     from middeck.files.documents import load_setup
     from middeck.files.refinements import load_refinement, refined_text, write_article
+    from middeck.updating.choice import weigh_unknowns
     from middeck.updating.orbit import predict_modes
     from middeck.updating.posterior import USUAL
     from middeck.updating.refine import refine
@@ -66,6 +77,12 @@ def verb(
     files = find_case(article, environment)
     structure, there = load_setup(*files)
     asked = load_refinement(refinement, files[0])
+    if choose:
+        with reading(files[0], refinement):
+            weighed = weigh_unknowns(structure, asked.surveys, asked.unknowns, asked.model_error or USUAL)
+        weights = describe_choice(weighed)
+        show(as_json, weights, _choice_table(weights))
+        return
     with reading(files[0], refinement):
         refined = refine(structure, asked.surveys, asked.unknowns, asked.model_error or USUAL)
         predicted = predict_modes(refined, there, count=count)
@@ -111,6 +128,32 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
         "not_in_the_article": [u.name for u in refined.left_out],
         "warnings": findings(refined),
     }
+
+
+def describe_choice(choice: Choice) -> dict[str, Any]:
+    """The JSON document of ``--choose``."""
+    return {
+        "schema": "middeck.refine-choice/1",
+        "unknowns": [
+            {
+                "name": u.name,
+                "strength": choice.strength[k],
+                "alignment": choice.alignment[k],
+                "reason": choice.reason(k),
+            }
+            for k, u in enumerate(choice.unknowns)
+        ],
+        "cosine": choice.cosine,
+    }
+
+
+def _choice_table(document: dict[str, Any]) -> Table:
+    rows = [
+        [u["name"], f"{u['strength']:.3g}", f"{u['alignment']:+.2f}", u["reason"]]
+        for u in document["unknowns"]
+    ]
+    headers = ["unknown", "moves by [deviations]", "with the error", "left out or merged?"]
+    return Table("what one prior deviation of each does to the surveys", headers, rows)
 
 
 def _survey(refined: Refined, k: int) -> dict[str, Any]:
