@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.updating.refine import Refined
-from middeck.updating.surveys import left_open
+from middeck.updating.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
 KEPT = 0.9
@@ -17,6 +17,8 @@ FAR = 2.5
 PART = 0.35
 # A model error this many times the noise of the test counts.
 ABOVE = 2.0
+# Pairs of close modes that are named.
+NAMED = 3
 SORTS = ("suspension", "flexible")
 
 
@@ -52,12 +54,17 @@ def findings(refined: Refined) -> tuple[str, ...]:
             for c in refined.compared
             for j in c.unpaired
         ),
-        *(
-            f"{c.survey.name}: the modes of {' and '.join(f'{hz:.4g}' for hz in pair)} Hz are close, and "
-            "no shape says how the model's mix: another answer may fit as well"
-            for c in refined.compared
-            for pair in left_open(c)
-        ),
+        *(_mixing(c) for c in refined.compared if left_open(c)),
+    )
+
+
+def _mixing(compared: Compared) -> str:
+    some = left_open(compared)
+    named = ", ".join(f"{a:.4g} and {b:.4g} Hz" for a, b in some[:NAMED])
+    more = f" and {len(some) - NAMED} more pairs" if len(some) > NAMED else ""
+    return (
+        f"{compared.survey.name}: no shape says how the model's modes mix at {named}{more}, which are close: "
+        "another answer may fit as well"
     )
 
 
