@@ -3,8 +3,9 @@
 M = (A - p I)^-1 (A + p I) has its eigenvalues within the unit circle exactly where A has its own in the left
 half plane, and A X + X A' + B B' = 0 is X = M X M' + 2 p (A - p I)^-1 B B' (A - p I)^-T (Smith 1968, SIAM J.
 Appl. Math. 16). Squaring M doubles the terms of X with products of matrices alone, several times quicker
-than the iterations of an eigenvalue. A norm of a power below one proves stability; what is not proved,
-or whose residual is too large, is decided loop by loop, as one loop alone is.
+than the iterations of an eigenvalue. A norm of a power below one proves stability, a trace above the number
+of states growth; what is not proved, or whose residual is too large, is decided loop by loop, as one loop
+alone is.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ SQUARINGS = 24
 """A pole that decays by 1e-6 of p or more is proved stable."""
 PROVED = 1e-3
 """Norm of a power of M far below one."""
+GROWN = 1e3
+"""Trace of a power of M, over the number of states, far above one."""
 GONE = 1e-8
 """Norm of a power of M whose square adds nothing to X."""
 DOUBT = 0.1
@@ -100,10 +103,11 @@ def measure_many(
     for first in range(0, count, AT_ONCE):
         part = slice(first, first + AT_ONCE)
         F, G, H = A[part] * scale / scale[:, None], B[part] / scale[:, None], C[part] * scale
-        proved, X = _squared(F, G, pole)
-        residual[part] = _residuals(F, G, X)
-        alone[part] = ~proved | ~(residual[part] <= TRUSTED)
-        rms[part] = row_rms(H, np.where(alone[part, None, None], np.inf, X))
+        proved, grown, X = _squared(F, G, pole)
+        residual[part] = np.where(grown, np.nan, _residuals(F, G, X))
+        alone[part] = ~grown & (~proved | ~(residual[part] <= TRUSTED))
+        rms[part] = row_rms(H, np.where((alone[part] | grown)[:, None, None], np.inf, X))
+        stable[part] = ~grown
     for i in np.flatnonzero(alone):
         stable[i], rms[i], residual[i] = _one(A[i], B[i], C[i])
     return ManyLoops(stable=stable, rms=rms, residual=residual, alone=alone)
@@ -132,23 +136,26 @@ def _middle(poles: np.ndarray) -> float:
     return float(tried[np.argmax(gain.min(axis=1))])
 
 
-def _squared(A: np.ndarray, B: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which loops are proved stable, and the X of all."""
+def _squared(A: np.ndarray, B: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which loops are proved stable, which to grow, and the X of all."""
     n, eps = A.shape[1], float(np.finfo(float).eps)
     shifted = A - p * np.eye(n)
     try:
         inverse = np.linalg.inv(shifted)
     except np.linalg.LinAlgError:  # a pole at p
-        return np.zeros(len(A), bool), np.zeros(A.shape)
+        return np.zeros(len(A), bool), np.zeros(len(A), bool), np.zeros(A.shape)
     power = np.eye(n) + 2.0 * p * inverse
     columns, total = np.sqrt(2.0 * p) * (inverse @ B), None
     feigned = eps * np.linalg.norm(shifted, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
     size = np.linalg.norm(power, axis=(1, 2))
     peak, proved_at = np.maximum(size, 1.0), np.full(len(A), np.inf)
+    grown = np.zeros(len(A), bool)
     most = int(np.clip(np.log2(p / GROWTH_LIMIT) - 3.0, 0, SQUARINGS))
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(most + 1):
             proved_at[(size < PROVED) & np.isinf(proved_at)] = 2.0**k
+            trace = np.abs(np.einsum("lii->l", power))
+            grown |= (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
             # Loops that grow keep the others waiting no longer than their own powers stay finite.
             if not np.any((size > (GONE if B.shape[2] else PROVED)) & (size < 1.0 / GONE)):
                 break
@@ -161,9 +168,8 @@ def _squared(A: np.ndarray, B: np.ndarray, p: float) -> tuple[np.ndarray, np.nda
             size = np.linalg.norm(power, axis=(1, 2))
             peak = np.fmax(peak, size)
         proved = feigned * peak**2 * proved_at < DOUBT
-    return proved & (size < GONE if B.shape[2] else True), columns @ np.swapaxes(
-        columns, 1, 2
-    ) if total is None else total
+    found = columns @ np.swapaxes(columns, 1, 2) if total is None else total
+    return proved & (size < GONE if B.shape[2] else True), grown & ~proved, found
 
 
 def _residuals(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> np.ndarray:
