@@ -84,7 +84,7 @@ def test_the_estimate_is_that_of_the_dense_formula(seed: int):
     sort, row_sort = rng.integers(0, 2, errors), rng.integers(0, 2, rows)
     problem = Linear(
         y=rng.standard_normal(rows), std=std, J=J, spread=spread, S=S, rest=rng.uniform(0.0, 1.0, rows),
-        sort=sort, row_sort=row_sort,
+        sort=sort, row_sort=row_sort, sorts=2,
     )  # fmt: skip
     found = estimate(problem, 0.01)
     prior = np.diag(np.concatenate([spread, found.tau[sort]]) ** 2)
@@ -95,6 +95,18 @@ def test_the_estimate_is_that_of_the_dense_formula(seed: int):
     np.testing.assert_allclose(np.concatenate([found.x, found.d]), both, rtol=1e-7, atol=1e-9)
     covariance = prior - gain @ A @ prior
     np.testing.assert_allclose(found.root @ found.root.T, covariance, rtol=1e-6, atol=1e-9)
+
+
+def test_an_error_of_a_sort_that_no_row_has_is_what_was_thought_before():
+    """Rows of pendulum modes alone: of flexible ones nothing was learned."""
+    zero = np.zeros(3, dtype=int)
+    problem = Linear(
+        y=np.full(3, 0.02), std=np.full(3, 1e-4), J=np.zeros((3, 1)), spread=np.ones(1), S=np.eye(3),
+        rest=np.zeros(3), sort=zero, row_sort=zero, sorts=2,
+    )  # fmt: skip
+    tau = estimate(problem, 3e-4).tau
+    assert tau[0] > 1e-3
+    assert tau[1] == pytest.approx(3e-4, rel=0.01)
 
 
 @pytest.mark.parametrize("split", [1.01, 1.3, 1.0001])

@@ -14,6 +14,7 @@ from middeck.files.documents import check, find_document, load_setup, read_sourc
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.measured_modes import load_measured_modes
+from middeck.updating.posterior import USUAL
 from middeck.updating.surveys import Survey
 from middeck.updating.unknowns import Unknown
 from middeck.values import record
@@ -46,7 +47,7 @@ class RefinementForm(Form):
     """A refinement of an article."""
 
     schema_: Literal["middeck.refinement/1"] = Field(alias="schema")
-    model_error: Positive | None = None
+    model_error: Positive = USUAL
     survey: Annotated[tuple[SurveyForm, ...], Field(strict=False, min_length=1)]
     unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
 
@@ -57,7 +58,7 @@ class Refinement:
 
     surveys: tuple[Survey, ...]
     unknowns: tuple[Unknown, ...]
-    model_error: float | None
+    model_error: float
 
 
 def load_refinement(path: str | Path, article: str | Path) -> Refinement:

@@ -1,8 +1,8 @@
 """Which unknowns a refinement can find: how far each moves what was measured, and which move it alike.
 
 Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: what
-one prior deviation does, in deviations of the test. Alignment with the first error and orthogonality of the
-columns are the measures by which the parameters of the experiment's flight model were chosen.
+one prior deviation does, in deviations of the test. Columns that are aligned with the first error can take it
+away; columns that are aligned with one another cannot be told apart.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from middeck.updating.refine import Refined
+from middeck.updating.refine import SORTS, Refined
 from middeck.updating.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
@@ -19,7 +19,6 @@ PART = 0.35
 ABOVE = 2.0
 # Pairs of close modes that are named.
 NAMED = 3
-SORTS = ("suspension", "flexible")
 
 
 def unseen(refined: Refined) -> tuple[str, ...]:
@@ -54,12 +53,11 @@ def findings(refined: Refined) -> tuple[str, ...]:
             for c in refined.compared
             for j in c.unpaired
         ),
-        *(_mixing(c) for c in refined.compared if left_open(c)),
+        *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
     )
 
 
-def _mixing(compared: Compared) -> str:
-    some = left_open(compared)
+def _mixing(compared: Compared, some: Sequence[tuple[float, float]]) -> str:
     named = ", ".join(f"{a:.4g} and {b:.4g} Hz" for a, b in some[:NAMED])
     more = f" and {len(some) - NAMED} more pairs" if len(some) > NAMED else ""
     return (
@@ -97,7 +95,7 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
 
 def _of_the_model(refined: Refined) -> Iterator[str]:
     noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
-    for sort, tau in zip(SORTS, refined.estimate.tau, strict=False):
+    for sort, tau in zip(SORTS, refined.estimate.tau, strict=True):
         if tau > ABOVE * noise:
             yield (
                 f"the {sort} modes are off by {100.0 * tau:.2g} % beside the {100.0 * noise:.2g} % that the "

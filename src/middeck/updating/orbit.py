@@ -10,15 +10,13 @@ from jaxtyping import Float, Int
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.updating.refine import Refined, shared_with
-from middeck.updating.surveys import Survey, set_up, solve_at
-from middeck.updating.unknowns import bind, product_slopes
+from middeck.updating.refine import Refined, shared_with, sorts_of
+from middeck.updating.surveys import set_up
+from middeck.updating.unknowns import product_slopes
 from middeck.values import record
 
 # Of ln f: what a model's own error in a mode changes when gravity goes, over and above what shapes say.
 CARRIED = 1e-4
-# A mode of which the tests saw less than this part was not seen.
-SEEN = 0.5
 NORMAL_95 = 1.959964
 
 
@@ -62,21 +60,15 @@ def predict_modes(
 ) -> Prediction:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
     first = refined.compared[0]
-    there = Survey(
-        name="prediction", measured=first.survey.measured, environment=environment, settings=tuple(settings)
-    )
-    both = set_up(refined.structure, there)
-    bound = bind(refined.unknowns, *both)
-    mean = np.array([u.mean for u in refined.unknowns])
+    there = set_up(refined.structure, environment, settings, refined.unknowns)
     found = refined.estimate
-    modes = solve_at(*both, bound, mean + found.x)
+    modes = there.solve(refined.x)
     index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
     share = shared_with(first, modes)[index]
     lam = modes.omega[index] ** 2
-    slope = product_slopes(modes, bound, index, index, lam) / (2.0 * lam[:, None])
+    slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
     spread = np.hstack([slope, share]) @ found.root
-    sort = np.array([modes.kind[i] == "flexible" for i in index]).astype(int)
-    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sort] ** 2
+    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sorts_of(modes, index)] ** 2
     return Prediction(
         modes=modes,
         index=index,

@@ -28,7 +28,14 @@ SWEEPS, GRID = 3, 24
 class Linear:
     """The problem, the mean of the prior taken from y.
 
-    ``sort`` numbers the kind of each d: those of one kind have one tau.
+    Attributes:
+        y: Residuals at the mean of the prior.
+        std: Standard deviation of each by the noise of the test.
+        J: Slopes by the unknowns, of which ``spread`` are the prior deviations.
+        S: What each row shares of each of the model's own errors.
+        rest: What each row has, in squares, of errors that no other row shares.
+        sort, row_sort: Sort of each error, and of the rest of each row, from 0: one sort has one tau.
+        sorts: How many sorts there are, with those that no row has.
     """
 
     y: Float[np.ndarray, " row"]
@@ -39,6 +46,7 @@ class Linear:
     rest: Float[np.ndarray, " row"]
     sort: Int[np.ndarray, " error"]
     row_sort: Int[np.ndarray, " row"]
+    sorts: int
 
 
 @record(kw_only=True)
@@ -57,7 +65,6 @@ class Estimate:
     tau: Float[np.ndarray, " sort"]
     gain: Float[np.ndarray, " direction"]
     direction: Float[np.ndarray, "direction unknown"]
-    misfit: float
 
     @property
     def x_std(self) -> Float[np.ndarray, " unknown"]:
@@ -81,22 +88,11 @@ def estimate(problem: Linear, usual: float = USUAL) -> Estimate:
         sla.solve_triangular(noise, problem.J * problem.spread, lower=True), full_matrices=True
     )
     gain = np.concatenate([gain, np.zeros(n - len(gain))])
-    whole = np.linalg.cholesky(_covariance(problem, tau))
-    misfit = float(np.sum(sla.solve_triangular(whole, problem.y, lower=True) ** 2))
-    return Estimate(
-        x=(scale * z)[:n],
-        d=(scale * z)[n:],
-        root=root,
-        tau=tau,
-        gain=gain,
-        direction=direction,
-        misfit=misfit,
-    )
+    return Estimate(x=(scale * z)[:n], d=(scale * z)[n:], root=root, tau=tau, gain=gain, direction=direction)
 
 
 def most_probable(problem: Linear, usual: float = USUAL) -> Float[np.ndarray, " sort"]:
     """The most probable tau of each sort, lognormal about ``usual`` before."""
-    sorts = int(problem.row_sort.max(initial=-1)) + 1
 
     def surprise(log_tau: np.ndarray) -> float:
         C = np.linalg.cholesky(_covariance(problem, np.exp(log_tau)))
@@ -104,20 +100,16 @@ def most_probable(problem: Linear, usual: float = USUAL) -> Float[np.ndarray, " 
         before = 0.5 * np.sum(((log_tau - np.log(usual)) / np.log(FACTOR)) ** 2)
         return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white + before)
 
-    low, high = np.log(LEAST), np.log(MOST)
-    best = np.full(sorts, low)
-    for _ in range(SWEEPS):
-        for k in range(sorts):
-            grid = np.linspace(low, high, GRID)
-            values = [surprise(np.where(np.arange(sorts) == k, g, best)) for g in grid]
-            i = int(np.argmin(values))
-            a, b = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+    grid = np.linspace(np.log(LEAST), np.log(MOST), GRID)
+    best = np.full(problem.sorts, grid[0])
+    for k in list(range(problem.sorts)) * SWEEPS:
 
-            def along(g: float, k: int = k) -> float:
-                return surprise(np.where(np.arange(sorts) == k, g, best))
+        def along(g: float, k: int = k) -> float:
+            return surprise(np.where(np.arange(problem.sorts) == k, g, best))
 
-            found = opt.minimize_scalar(along, bounds=(a, b), method="bounded", options={"xatol": 1e-3})
-            best[k] = found.x
+        i = int(np.argmin([along(g) for g in grid]))
+        bounds = grid[max(i - 1, 0)], grid[min(i + 1, GRID - 1)]
+        best[k] = opt.minimize_scalar(along, bounds=bounds, method="bounded", options={"xatol": 1e-3}).x
     return np.exp(best)
 
 

@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from middeck.errors import ConfigError, EquilibriumError, NumericalError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
-from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.updating.posterior import USUAL, Estimate, Linear, estimate
-from middeck.updating.surveys import Compared, Survey, compare, pair, set_up, solve_at
-from middeck.updating.unknowns import ENVIRONMENT, Bound, Unknown, bind
+from middeck.updating.surveys import Compared, SetUp, Survey, compare, pair, set_up
+from middeck.updating.unknowns import ENVIRONMENT, Unknown
 from middeck.values import record
 
+# Modes that live of gravity and suspension, and flexible ones, have errors of their own.
+SORTS = ("suspension", "flexible")
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
 SMALL = 0.2
@@ -51,17 +52,22 @@ class Refined:
     converged: bool
 
     @property
+    def x(self) -> Float[np.ndarray, " unknown"]:
+        """The most probable unknowns."""
+        return np.array([u.mean for u in self.unknowns]) + self.estimate.x
+
+    @property
     def factors(self) -> dict[str, float]:
         """Of the article's parameters by name, as the ``[factors]`` of its file take them.
 
         What is added, and what belongs to an environment, has no place there (`left_out`).
         """
         factors: dict[str, float] = {}
-        for unknown, value in zip(self.unknowns, self.estimate.x, strict=True):
+        for unknown, x in zip(self.unknowns, self.x, strict=True):
             if unknown in self.left_out:
                 continue
             for name in unknown.parameters:
-                factors[name] = factors.get(name, 1.0) * float(np.exp(unknown.mean + value))
+                factors[name] = factors.get(name, 1.0) * float(np.exp(x))
         return factors
 
     @property
@@ -87,9 +93,9 @@ def refine(
     places = _places(structure, surveys, unknowns)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     x, history, pace = mean.copy(), [], 1.0
-    modes = first = [solve_at(*place, x) for place in places]
+    modes = first = [place.solve(x) for place in places]
     while True:
-        compared = [compare(m, s, place[2]) for m, s, place in zip(modes, surveys, places, strict=True)]
+        compared = [compare(m, s, place.bound) for m, s, place in zip(modes, surveys, places, strict=True)]
         found = estimate(_linear(compared, x - mean, spread), model_error)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
@@ -115,7 +121,7 @@ def compare_at_first(
     _check_names(surveys, unknowns)
     x = np.array([u.mean for u in unknowns])
     places = _places(structure, surveys, unknowns)
-    return tuple(compare(solve_at(*p, x), s, p[2]) for p, s in zip(places, surveys, strict=True))
+    return tuple(compare(p.solve(x), s, p.bound) for p, s in zip(places, surveys, strict=True))
 
 
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
@@ -125,16 +131,11 @@ def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
     return tuple(hz[j] for j in compared.pairs[:, 1].tolist())
 
 
-def _places(
-    structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]
-) -> list[tuple[Structure, Environment, tuple[Bound, ...]]]:
-    """The article and its environment as each survey had them, and what the unknowns move there."""
-    places = []
-    for survey in surveys:
-        both = set_up(structure, survey)
-        places.append((*both, bind(unknowns, *both)))
+def _places(structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]) -> list[SetUp]:
+    """The article as each survey had it."""
+    places = [set_up(structure, s.environment, s.settings, unknowns) for s in surveys]
     for k, unknown in enumerate(unknowns):
-        if not any(bound[k].parameters for _, _, bound in places):
+        if not any(place.bound[k].parameters for place in places):
             raise ConfigError(
                 f"no survey has {', '.join(unknown.parameters)}",
                 where=f"unknown {unknown.name!r}",
@@ -143,14 +144,12 @@ def _places(
     return places
 
 
-def _moved(
-    places: Sequence[tuple[Structure, Environment, tuple[Bound, ...]]], x: np.ndarray, step: np.ndarray
-) -> tuple[np.ndarray, list[Modes]]:
+def _moved(places: Sequence[SetUp], x: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, list[Modes]]:
     """A step, shorter where the article has no rest state at its end."""
     for _ in range(HALVINGS):
         try:
-            return x + step, [solve_at(*place, x + step) for place in places]
-        except (NumericalError, EquilibriumError):
+            return x + step, [place.solve(x + step) for place in places]
+        except NumericalError:
             step = 0.5 * step
     raise NumericalError(
         "the article has no rest state near the unknowns that fit best",
@@ -178,13 +177,14 @@ def _linear(compared: Sequence[Compared], from_mean: np.ndarray, spread: np.ndar
         spread=spread,
         S=S,
         rest=np.maximum(1.0 - np.sum(S**2, axis=1), 0.0),
-        sort=_sorts(first.modes, first.pairs[:, 0]),
-        row_sort=np.concatenate([_sorts(c.modes, c.rows[:, 1]) for c in compared]),
+        sort=sorts_of(first.modes, first.pairs[:, 0]),
+        row_sort=np.concatenate([sorts_of(c.modes, c.rows[:, 1]) for c in compared]),
+        sorts=len(SORTS),
     )
 
 
-def _sorts(modes: Modes, index: np.ndarray) -> np.ndarray:
-    """Modes that live of gravity and suspension, and flexible ones, have errors of their own."""
+def sorts_of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Int[np.ndarray, " mode"]:
+    """Of each mode, its place in `SORTS`."""
     return np.array([modes.kind[i] == "flexible" for i in index], dtype=int)
 
 

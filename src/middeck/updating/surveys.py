@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,7 +17,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
-from middeck.updating.unknowns import Bound, change, product_slopes
+from middeck.updating.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 
 # Of a shape: a measured mode that has less in common with any of the model's is not paired.
@@ -104,23 +105,33 @@ def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
     )
 
 
-def set_up(structure: Structure, survey: Survey) -> tuple[Structure, Environment]:
-    """The article as the survey had it. Raises `ConfigError` for a setting of no parameter."""
-    both = structure, survey.environment
-    for name, value in survey.settings:
+class SetUp(NamedTuple):
+    """An article in an environment, and what the unknowns move there."""
+
+    structure: Structure
+    environment: Environment
+    bound: tuple[Bound, ...]
+
+    def solve(self, x: Float[np.ndarray, " unknown"]) -> Modes:
+        """The modes with the unknowns at ``x``. Raises `NumericalError` where there is no rest state."""
+        equilibrium = solve_equilibrium(*change(*self, x))
+        if not equilibrium.converged:
+            raise NumericalError("the article has no rest state", where="refinement")
+        return solve_modes(equilibrium)
+
+
+def set_up(
+    structure: Structure,
+    environment: Environment,
+    settings: Sequence[tuple[str, float]],
+    unknowns: Sequence[Unknown],
+) -> SetUp:
+    """The article with ``settings``. Raises `ConfigError` for a setting of no parameter, and as `bind`."""
+    both = structure, environment
+    for name, value in settings:
         (parameter,) = find_parameters(*both, [name])
         both = set_parameter(*both, parameter, value)
-    return both
-
-
-def solve_at(
-    structure: Structure, environment: Environment, bound: Sequence[Bound], x: Float[np.ndarray, " unknown"]
-) -> Modes:
-    """The modes with the unknowns at ``x``. Raises `NumericalError` where there is no rest state."""
-    equilibrium = solve_equilibrium(*change(structure, environment, bound, x))
-    if not equilibrium.converged:
-        raise NumericalError("the article has no rest state", where="refinement")
-    return solve_modes(equilibrium)
+    return SetUp(*both, bind(unknowns, *both))
 
 
 def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:

@@ -71,7 +71,6 @@ def verb(
     from middeck.files.refinements import load_refinement, refined_text, write_article
     from middeck.updating.choice import weigh_unknowns
     from middeck.updating.orbit import predict_modes
-    from middeck.updating.posterior import USUAL
     from middeck.updating.refine import refine
 
     files = find_case(article, environment)
@@ -79,12 +78,12 @@ def verb(
     asked = load_refinement(refinement, files[0])
     if choose:
         with reading(files[0], refinement):
-            weighed = weigh_unknowns(structure, asked.surveys, asked.unknowns, asked.model_error or USUAL)
+            weighed = weigh_unknowns(structure, asked.surveys, asked.unknowns, asked.model_error)
         weights = describe_choice(weighed)
         show(as_json, weights, _choice_table(weights))
         return
     with reading(files[0], refinement):
-        refined = refine(structure, asked.surveys, asked.unknowns, asked.model_error or USUAL)
+        refined = refine(structure, asked.surveys, asked.unknowns, asked.model_error)
         predicted = predict_modes(refined, there, count=count)
     document = describe(refined, predicted)
     if output is not None:
@@ -94,7 +93,8 @@ def verb(
 
 def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
     """The JSON document."""
-    from middeck.updating.findings import SORTS, findings
+    from middeck.updating.findings import findings
+    from middeck.updating.refine import SORTS
 
     found = refined.estimate
     return {
@@ -109,13 +109,13 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
                 "added": u.added,
                 "mean": u.mean,
                 "spread": u.spread,
-                "x": u.mean + x,
+                "x": x,
                 "std": std,
             }
-            for u, x, std in zip(refined.unknowns, found.x, found.x_std, strict=True)
+            for u, x, std in zip(refined.unknowns, refined.x, found.x_std, strict=True)
         ],
         "surveys": [_survey(refined, k) for k in range(len(refined.compared))],
-        "model_error": dict(zip(SORTS, found.tau, strict=False)),
+        "model_error": dict(zip(SORTS, found.tau, strict=True)),
         "environment": predicted.modes.equilibrium.environment.title,
         "predicted": {
             "name": [predicted.modes.name[i] for i in predicted.index],
