@@ -6,6 +6,8 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
+from middeck.systems.stability import all_decay
+
 TRUSTED = 1e-8
 """Relative residual up to which a covariance from eigenvectors is used; otherwise by a Schur form."""
 DOUBLINGS = 60
@@ -14,12 +16,16 @@ DOUBLINGS = 60
 def continuous_covariances(
     A: Float[np.ndarray, "loop state state"], B: Float[np.ndarray, "loop state w"]
 ) -> tuple[Complex[np.ndarray, "loop state"], Float[np.ndarray, "loop state state"]]:
-    """Poles, and the X of A X + X A' + B B' = 0 (``inf`` where unstable)."""
+    """Poles, and the X of A X + X A' + B B' = 0.
+
+    X is ``inf`` where a pole does not decay, as `all_decay` decides: the side of the axis on which a root at
+    zero lies is rounding.
+    """
     values, vectors = np.linalg.eig(A)
     values = values.astype(complex)
     Q = B @ np.swapaxes(B, 1, 2)
     X = np.full(A.shape, np.inf)
-    stable = np.real(values).max(axis=1, initial=-np.inf) < 0.0
+    stable = np.array([all_decay(v) for v in values], dtype=bool)
     if not A.shape[1] or not stable.any():
         return values, X
     X[stable] = _from_eigenvectors(values[stable], vectors[stable].astype(complex), Q[stable])

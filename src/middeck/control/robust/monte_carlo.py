@@ -22,7 +22,6 @@ from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant, remove_delays
-from middeck.systems.stability import all_decay
 from middeck.values import record
 
 
@@ -156,9 +155,6 @@ def _approximated(
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models))
-    # A root at zero drifts, driven by noise or not; its side of the axis is rounding.
-    drifts = np.array([not all_decay(v) for v in values], dtype=bool)
-    rms[drifts] = control[drifts] = np.inf
     stable = exact_growth(plants, law, values) <= 0.0
     found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
     for i, plant in enumerate(plants):

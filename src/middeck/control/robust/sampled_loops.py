@@ -20,7 +20,7 @@ from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant, subsystem
 from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.stability import growth_limit
+from middeck.systems.stability import growth_limits
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -61,7 +61,8 @@ def sampled_outcomes(
             np.array([loops[i].A for i in group]), np.array([loops[i].Q for i in group])
         )
         # A root at z = 1 drifts: its side of the circle is rounding.
-        stable[group] = np.abs(values).max(axis=1) < np.exp(-growth_limit(period) * period)
+        limits = growth_limits(1j * np.angle(values) / period, period)
+        stable[group] = np.all(np.abs(values) < np.exp(-limits * period), axis=1)
         rms[group] = np.linalg.norm(row_rms(np.array([loops[i].outputs for i in group]), X), axis=1)
         moved = row_rms(np.array([loops[i].inputs for i in group]), X)
         noise = np.array([loops[i].input_noise for i in group])
