@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,7 +28,8 @@ class Prediction:
     Attributes:
         modes, index: Of the refined model, and which of its modes these are.
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
-        log_std: Standard deviation of the logarithms, all told.
+        log_root: Of their covariance, as far as it is shared: by unknowns and errors of the refinement.
+        log_rest: Standard deviation of what each mode has beside, alone.
         damping: What the first survey measured, by what each mode has of the shapes that it saw; of the rest,
             and where the survey states none, the article's.
         seen: Part of each shape that the surveys saw.
@@ -36,9 +38,15 @@ class Prediction:
     modes: Modes
     index: Int[np.ndarray, " mode"]
     log_shift: Float[np.ndarray, " mode"]
-    log_std: Float[np.ndarray, " mode"]
+    log_root: Float[np.ndarray, "mode both"]
+    log_rest: Float[np.ndarray, " mode"]
     damping: Float[np.ndarray, " mode"]
     seen: Float[np.ndarray, " mode"]
+
+    @property
+    def log_std(self) -> Float[np.ndarray, " mode"]:
+        """Standard deviation of the logarithms of the frequencies, all told."""
+        return np.hypot(np.linalg.norm(self.log_root, axis=1), self.log_rest)
 
     @property
     def frequency_hz(self) -> Float[np.ndarray, " mode"]:
@@ -50,6 +58,12 @@ class Prediction:
         """95 % intervals [Hz]."""
         half = NORMAL_95 * self.log_std[:, None] * np.array([-1.0, 1.0])
         return self.frequency_hz[:, None] * np.exp(half)
+
+    def below(self, number: int) -> Prediction:
+        """Those that are among the lowest ``number`` modes, rigid ones counted."""
+        kept = self.index < number
+        rows = ("index", "log_shift", "log_root", "log_rest", "damping", "seen")
+        return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
 def predict_modes(
@@ -67,13 +81,13 @@ def predict_modes(
     share = shared_with(first, modes)[index]
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    spread = np.hstack([slope, share]) @ found.root
     rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sorts_of(modes, index)] ** 2
     return Prediction(
         modes=modes,
         index=index,
         log_shift=share @ found.d,
-        log_std=np.sqrt(np.einsum("ij,ij->i", spread, spread) + rest + CARRIED**2),
+        log_root=np.hstack([slope, share]) @ found.root,
+        log_rest=np.sqrt(rest + CARRIED**2),
         damping=_damping(modes, index, share, first.survey.measured.damping[first.pairs[:, 1]]),
         seen=share.sum(axis=1),
     )
