@@ -2,18 +2,20 @@
 
     python benchmarks/prediction.py [--only CASES] [--made DATE]
 
-CASES, of sheet and five, are run alone and the other rows kept. Times are CPU seconds of one process with one
-BLAS thread.
+CASES, of sheet, five, promise and frontier, are run alone and the other rows kept. Times are CPU seconds of
+one process with one BLAS thread.
 """
 
 from __future__ import annotations
 
-from measured import prediction
+from measured import prediction, promise
 from measured.result_file import options_of, write_rows
 
 CASES = {
     "sheet": lambda _: prediction.rows("sheet", range(20)),
     "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
+    "promise": promise.rows,
+    "frontier": promise.frontier_rows,
 }
 
 

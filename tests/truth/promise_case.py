@@ -15,14 +15,15 @@ from middeck.control.robust.monte_carlo import noise_on, uncontrolled_rms
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
 from middeck.systems.plant import Plant, delay_plant, require_modal
 from middeck.updating.draws import LoopSpread
 from middeck.updating.plan import Ladder, Plan, close_inner, weights_of
 from middeck.updating.refine import Refined, refine
+from middeck.updating.surveys import set_up
 
 INPUT, OUTPUT = "pri_rel_z", "pri_in_z"
-DELAY_S, DELAY_STD_S = 0.010, 0.001 / np.sqrt(3.0)
-GAIN_STD = 0.02 / np.sqrt(3.0)
+DELAY_S, DELAY_TOLERANCE_S, GAIN_TOLERANCE = 0.010, 0.001, 0.02
 # Of the local loops, as in studies/mace-1993.toml.
 PD = PDLoops(
     ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z"),
@@ -44,7 +45,7 @@ def plan(
         intensity=np.array([TORQUE_NM / np.sqrt(2.0 * TO_HZ)]),
         noise={"rad": 2e-5},
         inner=PD,
-        loop=LoopSpread(delay_s=DELAY_S, delay_std_s=DELAY_STD_S, gain_std=GAIN_STD, damping_std=0.3),
+        loop=LoopSpread(delay_s=DELAY_S, delay_tolerance_s=DELAY_TOLERANCE_S, gain_tolerance=GAIN_TOLERANCE),
         modes=26,
         draws=draws,
         seed=1993,
@@ -60,6 +61,11 @@ def refined(seed: int, chosen: Sequence[int] = range(20)) -> Refined:
     article, _ = sheet()
     surveys = [survey(seed, k, angles, chosen) for k, angles in enumerate((STRAIGHT, TURNED))]
     return refine(article, surveys, sheet_unknowns(article))
+
+
+def modes_in_orbit(found: Refined) -> Modes:
+    """Of the refined article."""
+    return set_up(found.structure, Environment.orbit(), (), found.unknowns).solve(found.x)
 
 
 def true_plant(seed: int) -> Plant:

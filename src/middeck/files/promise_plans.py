@@ -54,8 +54,8 @@ class LoopForm(Form):
     """What is not known of the loop beside the article."""
 
     delay_s: NotNegative = 0.0
-    delay_std_s: NotNegative = 0.0
-    gain_std: NotNegative = 0.0
+    delay_tolerance_s: NotNegative = 0.0
+    gain_tolerance: NotNegative = 0.0
     damping_std: NotNegative = 0.3
 
 

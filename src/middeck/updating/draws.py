@@ -31,24 +31,26 @@ class LoopSpread:
     """What is not known of the loop beside the article.
 
     Attributes:
-        delay_s: Delay from command to reading of every path [s], and its standard deviation.
-        gain_std: Of each sensor's gain, relative; an angle and its rate share one.
-        damping_std: Of the logarithm of each mode's damping ratio.
+        delay_s: Delay from command to reading of every path [s].
+        delay_tolerance_s: Its tolerance to both sides, all values within as likely.
+        gain_tolerance: Of each sensor's gain, relative, likewise; an angle and its rate share one.
+        damping_std: Of the logarithm of a damping ratio that no survey measured.
     """
 
     delay_s: float = 0.0
-    delay_std_s: float = 0.0
-    gain_std: float = 0.0
+    delay_tolerance_s: float = 0.0
+    gain_tolerance: float = 0.0
     damping_std: float = 0.3
 
     def __post_init__(self) -> None:
-        values = (self.delay_s, self.delay_std_s, self.gain_std, self.damping_std)
-        if not all(np.isfinite(v) and v >= 0.0 for v in values):
+        values = (self.delay_s, self.delay_tolerance_s, self.gain_tolerance, self.damping_std)
+        sound = all(np.isfinite(v) and v >= 0.0 for v in values)
+        if not sound or self.delay_tolerance_s > self.delay_s or self.gain_tolerance >= 1.0:
             raise ConfigError(
-                f"delay {self.delay_s} s +- {self.delay_std_s} s, gain +- {self.gain_std}, damping +- "
-                f"{self.damping_std}",
+                f"delay {self.delay_s} s +- {self.delay_tolerance_s} s, gain +- {self.gain_tolerance}, "
+                f"damping +- {self.damping_std}",
                 where="spread of the loop",
-                hint="zero or positive",
+                hint="zero or positive; a tolerance of the delay within it, of the gain below 1",
             )
 
 
@@ -58,7 +60,7 @@ class DrawnPlants:
 
     Attributes:
         names: Of what was drawn: unknowns, errors of frequency and damping mode by mode, delay, gains.
-        drawn: In deviations from its mean, a row a plant.
+        drawn: In deviations from its mean, those within tolerances in parts of these; a row a plant.
     """
 
     plants: tuple[Plant, ...]
@@ -98,15 +100,15 @@ def draw_plants(
             error.hint = "narrower spreads of the unknowns that the surveys do not see"
             raise
         shift = mean.log_shift + mean.log_root @ n + mean.log_rest * alone
-        zeta = mean.damping * np.exp(loop.damping_std * lossy)
+        zeta = mean.damping * np.exp(mean.damping_std(loop.damping_std) * lossy)
         plant = build(modes)
         sensors = _sensors(plant)
-        late, gains = rng.standard_normal(), rng.standard_normal(len(set(sensors)))
-        gain = dict(zip(dict.fromkeys(sensors), 1.0 + loop.gain_std * gains, strict=True))
+        late, gains = rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0, len(set(sensors)))
+        gain = dict(zip(dict.fromkeys(sensors), 1.0 + loop.gain_tolerance * gains, strict=True))
         modal = _moved(require_modal(plant), mean, modes, shift, zeta)
         modal = _scaled_outputs(modal, np.array([gain[s] for s in sensors]))
         plant = finish(dataclasses.replace(plant, dynamics=modal))
-        delay = max(loop.delay_s + loop.delay_std_s * late, 0.0)
+        delay = loop.delay_s + loop.delay_tolerance_s * late
         plants.append(delay_plant(plant, delay) if delay else plant)
         own = (shift - mean.log_shift) / mean.log_std
         drawn.append(np.concatenate([_in_deviations(refined, n), own, lossy, [late], gains]))

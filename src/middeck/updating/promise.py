@@ -14,6 +14,7 @@ from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_filter, design_lqg
 from middeck.control.robust.monte_carlo import uncontrolled_rms
 from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import delay_plant
 from middeck.updating.bound import bound_db
@@ -46,13 +47,10 @@ class Promise:
     highest: str | None
 
 
-def design_ladder(refined: Refined, plan: Plan) -> dict[str, LQGCompensator]:
-    """The ladder's compensators by name: LQG on the refined article in the plan's first environment."""
+def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
+    """The ladder's compensators by name: LQG on an article of these modes, its delays approximated."""
     if plan.ladder is None:
         return {}
-    modes = set_up(refined.structure, next(iter(plan.environments.values())), (), refined.unknowns).solve(
-        refined.x
-    )
     whole = close_inner(plan, plant_of(plan, modes))
     late = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
     late = group_loop(plan, late, plan.ladder.drives, plan.ladder.reads)
@@ -71,7 +69,8 @@ def promise(refined: Refined, plan: Plan) -> dict[str, Promise]:
     Raises `ConfigError` for ports that the article does not have or units whose noise the plan does not
     state, and as `draw_plants`.
     """
-    ladder = design_ladder(refined, plan)
+    first = next(iter(plan.environments.values()))
+    ladder = design_ladder(set_up(refined.structure, first, (), refined.unknowns).solve(refined.x), plan)
     return {name: _there(refined, plan, place, ladder) for name, place in plan.environments.items()}
 
 
