@@ -240,7 +240,11 @@ from .systems.response import (
 )
 from .systems.sampled_plant import sample_plant as sample_plant
 from .systems.sampling import tustin as tustin
+from .updating.draws import LoopSpread as LoopSpread
 from .updating.orbit import predict_modes as predict_modes
+from .updating.plan import Ladder as Ladder
+from .updating.plan import Plan as Plan
+from .updating.promise import promise as promise
 from .updating.refine import refine as refine
 from .updating.surveys import Survey as Survey
 from .updating.unknowns import Unknown as Unknown

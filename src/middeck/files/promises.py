@@ -73,7 +73,7 @@ class LoopOutcomeForm(Form):
     environment: str
     name: str
     stable: bool
-    db: Finite | None = None
+    rms_db: Finite | None = None
 
 
 class OutcomeForm(Form):
@@ -95,12 +95,15 @@ def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
     form = checked.form
     assert form is not None  # no faults
     for loop in form.compensator:
-        if loop.stable == (loop.db is None):
-            what = "stable, without its dB" if loop.stable else "unstable, with dB"
-            raise DataError(f"{loop.name} is {what}", where=str(path), hint="db of stable loops alone")
+        if loop.stable == (loop.rms_db is None):
+            what = "stable, without its rms_db" if loop.stable else "unstable, with rms_db"
+            raise DataError(f"{loop.name} is {what}", where=str(path), hint="rms_db of stable loops alone")
     return (
         *(Outcome(name=_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
-        *(Outcome(name=_loop(c.environment, c.name), value=c.db, stable=c.stable) for c in form.compensator),
+        *(
+            Outcome(name=_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
+            for c in form.compensator
+        ),
     )
 
 

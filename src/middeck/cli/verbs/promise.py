@@ -15,7 +15,8 @@ EPILOG = """\
 Examples:
   middeck promise articles/mace-simple.toml \\
     data/virtual-survey/promise.toml -o promise.json
-  middeck outcome promise.json data/virtual-survey/outcome.toml
+  middeck promise articles/mace-simple.toml \\
+    data/virtual-survey/promise.toml --date 2026-11-23 --json
 """
 
 
