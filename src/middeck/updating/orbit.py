@@ -59,22 +59,23 @@ def predict_modes(
     count: int = 10,
 ) -> Prediction:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
-    first = refined.compared[0]
     there = set_up(refined.structure, environment, settings, refined.unknowns)
     found = refined.estimate
     modes = there.solve(refined.x)
     index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
-    share = shared_with(first, modes)[index]
+    first = refined.compared[0] if refined.compared else None
+    share = np.zeros((len(index), 0)) if first is None else shared_with(first, modes)[index]
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    spread = np.hstack([slope, share]) @ found.root
+    spread = np.hstack([slope, share]) @ found.root[: slope.shape[1] + share.shape[1]]
     rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sorts_of(modes, index)] ** 2
+    measured = np.zeros(0) if first is None else first.survey.measured.damping[first.pairs[:, 1]]
     return Prediction(
         modes=modes,
         index=index,
-        log_shift=share @ found.d,
+        log_shift=share @ found.d[: share.shape[1]],
         log_std=np.sqrt(np.einsum("ij,ij->i", spread, spread) + rest + CARRIED**2),
-        damping=_damping(modes, index, share, first.survey.measured.damping[first.pairs[:, 1]]),
+        damping=_damping(modes, index, share, measured),
         seen=share.sum(axis=1),
     )
 

@@ -72,7 +72,7 @@ class Estimate:
         return np.sqrt(np.einsum("ij,ij->i", self.root, self.root))[: len(self.x)]
 
 
-def estimate(problem: Linear, usual: float = USUAL) -> Estimate:
+def estimate(problem: Linear, usual: float | Float[np.ndarray, " sort"] = USUAL) -> Estimate:
     """The most probable tau, and x and d with it; ``usual`` is the tau that is thought likely before."""
     tau = most_probable(problem, usual)
     std = _deviations(problem, tau)
@@ -91,7 +91,9 @@ def estimate(problem: Linear, usual: float = USUAL) -> Estimate:
     return Estimate(x=(scale * z)[:n], d=(scale * z)[n:], root=root, tau=tau, gain=gain, direction=direction)
 
 
-def most_probable(problem: Linear, usual: float = USUAL) -> Float[np.ndarray, " sort"]:
+def most_probable(
+    problem: Linear, usual: float | Float[np.ndarray, " sort"] = USUAL
+) -> Float[np.ndarray, " sort"]:
     """The most probable tau of each sort, lognormal about ``usual`` before."""
 
     def surprise(log_tau: np.ndarray) -> float:
