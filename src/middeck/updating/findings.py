@@ -77,8 +77,8 @@ def _of_the_search(refined: Refined) -> Iterator[str]:
     if pairs + readings < len(refined.unknowns):
         beside = f" and {readings} static readings" if readings else ""
         yield (
-            f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: most of what is stated of these "
-            "was thought before; more modes, or set-ups with other angles and masses, would tell more"
+            f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: most of what is stated of "
+            "these was thought before; more modes, or set-ups with other angles and masses, would tell more"
         )
 
 

@@ -67,7 +67,7 @@ class Refined:
     statics: tuple[ComparedStatic, ...]
     estimate: Estimate
     before_hz: tuple[tuple[float, ...], ...]
-    before: tuple[Float[np.ndarray, " gauge"], ...]
+    before: tuple[tuple[float, ...], ...]
     history: tuple[float, ...]
     converged: bool
     fields: ErrorFields | None
@@ -144,7 +144,9 @@ def refine(
         statics=sagged,
         estimate=found,
         before_hz=tuple(_before(old, c) for old, c in zip(first.modes, compared, strict=True)),
-        before=tuple(old.value(t.gauges) for old, t in zip(first.loaded, statics, strict=True)),
+        before=tuple(
+            tuple(old.value(t.gauges).tolist()) for old, t in zip(first.loaded, statics, strict=True)
+        ),
         history=tuple(history),
         converged=history[-1] < SMALL,
         fields=fields,

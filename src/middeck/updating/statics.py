@@ -209,7 +209,7 @@ class ErrorFields(NamedTuple):
 
     @staticmethod
     def of(tests: Sequence[Loaded]) -> ErrorFields:
-        """Of all their rest states, each counting as much as any other: load levels make one of them large."""
+        """Of all their rest states, each counting as much as any other, whatever its load."""
         strains = np.concatenate([test.strains() for test in tests]).T
         size = np.linalg.norm(strains, axis=0)
         U, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)

@@ -94,7 +94,6 @@ def verb(
 def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
     """The JSON document."""
     from middeck.updating.findings import findings
-    from middeck.updating.refine import SORTS
 
     found = refined.estimate
     return {
@@ -115,7 +114,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             for u, x, std in zip(refined.unknowns, refined.x, found.x_std, strict=True)
         ],
         "surveys": [_survey(refined, k) for k in range(len(refined.compared))],
-        "model_error": dict(zip(SORTS, found.tau, strict=True)),
+        "model_error": dict(zip(refined.sorts, found.tau, strict=True)),
         "environment": predicted.modes.equilibrium.environment.title,
         "predicted": {
             "name": [predicted.modes.name[i] for i in predicted.index],
