@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from middeck.updating.refine import MODAL, SORTS, Refined
+from middeck.updating.refine import MODAL, SORTS, Refined, sorts_of
 from middeck.updating.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
@@ -99,7 +99,9 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
     tau = refined.estimate.tau
     if refined.compared:
         noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
-        for sort, size in zip(SORTS[:MODAL], tau[:MODAL], strict=True):
+        seen = {int(k) for c in refined.compared for k in sorts_of(c.modes, c.pairs[:, 0])}
+        for k in sorted(seen):
+            sort, size = SORTS[k], tau[k]
             if size > ABOVE * noise:
                 yield (
                     f"the {sort} modes are off by {100.0 * size:.2g} % beside the {100.0 * noise:.2g} % that "

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
+from middeck.updating.gauges import Gauge
 from middeck.updating.posterior import USUAL, Estimate, Linear, estimate
 from middeck.updating.statics import (
     ComparedStatic,
@@ -23,7 +24,8 @@ from middeck.updating.statics import (
     Loaded,
     StaticSetUp,
     StaticTest,
-    compare_static,
+    compare_statics,
+    gauge_key,
     set_up_static,
 )
 from middeck.updating.surveys import Compared, SetUp, Survey, compare, pair, set_up
@@ -52,8 +54,8 @@ class Refined:
 
     Attributes:
         compared, statics: Each survey and each static test beside the model at the most probable unknowns.
-        estimate: Unknowns, the model's own errors (of the first survey's modes, then of ``fields``), and
-            their covariance, linear about there.
+        estimate: Unknowns, the model's own errors (of the first survey's modes, of ``fields``, of the
+            unloaded readings in the order of ``zeros``), and their covariance, linear about there.
         before_hz: Frequencies of the modes of the mean of the prior that each survey's pairs were then.
         before: What gauges of each static test read of the mean of the prior.
         history: Largest move of an unknown in its own deviations, step by step.
@@ -71,6 +73,11 @@ class Refined:
     history: tuple[float, ...]
     converged: bool
     fields: ErrorFields | None
+
+    @property
+    def zeros(self) -> tuple[tuple[str, ...], ...]:
+        """Unloaded readings: series and `gauge_key` of each."""
+        return _zeros(self.statics)
 
     @property
     def sorts(self) -> tuple[str, ...]:
@@ -194,7 +201,7 @@ class _Places(NamedTuple):
     ) -> tuple[tuple[Compared, ...], tuple[ComparedStatic, ...]]:
         return (
             tuple(compare(m, s, p.bound) for m, s, p in zip(at.modes, surveys, self.surveyed, strict=True)),
-            tuple(compare_static(r, t, p) for r, t, p in zip(at.loaded, statics, self.loaded, strict=True)),
+            compare_statics(at.loaded, statics, self.loaded),
         )
 
 
@@ -285,11 +292,26 @@ def _of_modes(compared: Sequence[Compared]) -> _Errors:
 
 
 def _of_statics(statics: Sequence[ComparedStatic], fields: ErrorFields) -> _Errors:
-    S = np.vstack([fields.slope(c.at, c.test.gauges)[0] / c.length[:, None] for c in statics])
+    by_fields = np.vstack([fields.slope(c.at, c.test.gauges)[0] / c.scale[:, None] for c in statics])
+    zeros = _zeros(statics)
+    by_zeros = np.zeros((len(by_fields), len(zeros)))
+    rows = [(c, gauge) for c in statics for gauge in c.test.gauges]
+    for row, (c, gauge) in enumerate(rows):
+        if c.test.since_unloaded:
+            by_zeros[row, zeros.index(zero_of(c.test, gauge))] = -1.0
     static, reading = SORTS.index("static"), SORTS.index("reading")
-    return _Errors(
-        S, np.concatenate([c.rest for c in statics]), np.full(S.shape[1], static), np.full(len(S), reading)
-    )
+    sort = np.repeat([static, reading], [by_fields.shape[1], len(zeros)])
+    return _Errors(np.hstack([by_fields, by_zeros]), np.ones(len(rows)), sort, np.full(len(rows), reading))
+
+
+def _zeros(statics: Sequence[ComparedStatic]) -> tuple[tuple[str, ...], ...]:
+    counted = [c.test for c in statics if c.test.since_unloaded]
+    return tuple(dict.fromkeys(zero_of(test, gauge) for test in counted for gauge in test.gauges))
+
+
+def zero_of(test: StaticTest, gauge: Gauge) -> tuple[str, ...]:
+    """The unloaded reading from which a gauge counts in a test."""
+    return test.series or test.name, *gauge_key(gauge)
 
 
 def sorts_of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Int[np.ndarray, " mode"]:

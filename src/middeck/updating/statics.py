@@ -5,11 +5,14 @@ a relative error of what they yield, delta e = E e of their strains e. E is d_j 
 the strains of the tests have (orthonormal in strain energy), d_j ~ N(0, tau^2), and as much again, but
 independent, on what is none of these. So load levels of one kind share their error, and a case that strains
 the article otherwise shares what its strain has of theirs.
+
+Beside that each reading has an error of its own, of the rig or of the model, in parts of the full scale of
+its gauge; and so has the reading of the unloaded article, which all readings of one series share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +32,11 @@ from middeck.updating.surveys import set_up
 from middeck.updating.unknowns import Bound, Unknown, bind, change
 from middeck.values import record
 
-# Of the largest singular value: a direction of the strains with less is rounding.
-DEPENDENT = 1e-9
+# Of the largest singular value: strains that the tests have less of are none of theirs. They see nothing of the
+# error there, and to count it as several independent ones would make it small.
+PRESENT = 0.01
+# Of the largest stiffness of an element: less is rounding.
+STIFF = 1e-12
 
 
 @record(kw_only=True)
@@ -42,6 +48,7 @@ class StaticTest:
         load_case: One of the article's by name, or one of the test's own; None is the article by itself.
         since_unloaded: Whether the values are less those in the same set-up without the load case, as gauges
             that are set to zero there read them. Else they are since drawn: without any load or weight.
+        series: Tests of one series count from one unloaded reading, and share its error; its own if empty.
         settings: As of `Survey`.
 
     Raises `ConfigError` for no gauge, another number of values, a value that is not finite, a deviation that
@@ -54,6 +61,7 @@ class StaticTest:
     value: Float[np.ndarray, " gauge"]
     load_case: LoadCase | str | None = None
     since_unloaded: bool = True
+    series: str = ""
     settings: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -97,6 +105,10 @@ class Loaded(NamedTuple):
     def value(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
         """What gauges read."""
         return np.sum([sign * read(rest, gauges) for sign, rest in self.states()], axis=0)
+
+    def lengths(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
+        """As of `lengths`."""
+        return lengths(self.rest, self.unloaded, gauges)
 
     def strains(self) -> Float[np.ndarray, "state whitened"]:
         """Strains of the members, so that their dot product is twice the energy."""
@@ -166,39 +178,59 @@ def _slopes(
 
 @record(kw_only=True)
 class ComparedStatic:
-    """A static test beside the model, each row over the length of the change of which its gauge reads a part.
+    """A static test beside the model, each row in parts of the full scale of its gauge.
 
     Attributes:
         value: What the model reads, in the units of the gauges.
-        length: What rows are divided by, in these units: `lengths`, or the deviation of a gauge if larger.
+        scale: What rows are divided by, in these units, see `full_scales`; no less than a gauge's deviation.
         std: Standard deviation of each residual by its gauge.
-        rest: Square of the part of ``length`` that is of the model's making.
     """
 
     test: StaticTest
     at: Loaded
     value: Float[np.ndarray, " gauge"]
-    length: Float[np.ndarray, " gauge"]
+    scale: Float[np.ndarray, " gauge"]
     residual: Float[np.ndarray, " gauge"]
     std: Float[np.ndarray, " gauge"]
-    rest: Float[np.ndarray, " gauge"]
     slope: Float[np.ndarray, "gauge unknown"]
 
 
-def compare_static(at: Loaded, test: StaticTest, place: StaticSetUp) -> ComparedStatic:
+def compare_statics(
+    at: Sequence[Loaded], tests: Sequence[StaticTest], places: Sequence[StaticSetUp]
+) -> tuple[ComparedStatic, ...]:
     """Residuals and slopes. Raises `ConfigError` for a gauge on what is not there, and as `slopes`."""
+    full = full_scales(at, tests)
+    return tuple(_compare(*one, full) for one in zip(at, tests, places, strict=True))
+
+
+def full_scales(at: Sequence[Loaded], tests: Sequence[StaticTest]) -> dict[tuple[str, str, str], float]:
+    """The longest change in all tests of which each gauge reads a part, in its unit, by `gauge_key`."""
+    full: dict[tuple[str, str, str], float] = {}
+    for loaded, test in zip(at, tests, strict=True):
+        for gauge, own in zip(test.gauges, loaded.lengths(test.gauges).tolist(), strict=True):
+            full[gauge_key(gauge)] = max(own, full.get(gauge_key(gauge), 0.0))
+    return full
+
+
+def gauge_key(gauge: Gauge) -> tuple[str, str, str]:
+    """The same of one gauge in all tests."""
+    return gauge.at, gauge.kind.value, gauge.name
+
+
+def _compare(
+    at: Loaded, test: StaticTest, place: StaticSetUp, full: Mapping[tuple[str, str, str], float]
+) -> ComparedStatic:
     std = np.array([gauge.std for gauge in test.gauges])
-    own = lengths(at.rest, at.unloaded, test.gauges)
-    length, value = np.maximum(own, std), at.value(test.gauges)
+    scale = np.maximum([full[gauge_key(gauge)] for gauge in test.gauges], std)
+    value = at.value(test.gauges)
     return ComparedStatic(
         test=test,
         at=at,
         value=value,
-        length=length,
-        residual=(test.value - value) / length,
-        std=std / length,
-        rest=(own / length) ** 2,
-        slope=place.slope(at, test.gauges) / length[:, None],
+        scale=scale,
+        residual=(test.value - value) / scale,
+        std=std / scale,
+        slope=place.slope(at, test.gauges) / scale[:, None],
     )
 
 
@@ -213,7 +245,7 @@ class ErrorFields(NamedTuple):
         strains = np.concatenate([test.strains() for test in tests]).T
         size = np.linalg.norm(strains, axis=0)
         U, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)
-        return ErrorFields(U[:, s > DEPENDENT * s.max(initial=0.0)])
+        return ErrorFields(U[:, s > PRESENT * s.max(initial=0.0)])
 
     @staticmethod
     def none(at: Loaded) -> ErrorFields:
@@ -239,19 +271,20 @@ class ErrorFields(NamedTuple):
         return out[:, :-1], out[:, -1]
 
 
-def _roots(stiffness: np.ndarray) -> np.ndarray:
-    """L of every L L' = D; no strain without stiffness counts."""
+def _roots(stiffness: np.ndarray, power: float) -> np.ndarray:
+    """The symmetric square roots of D, or of its inverse; a strain without stiffness counts in neither."""
     value, turn = np.linalg.eigh(stiffness)
-    return turn * np.sqrt(np.maximum(value, 0.0))[:, None, :]
+    stiff = value > STIFF * value[:, -1:]
+    root = np.where(stiff, np.where(stiff, value, 1.0) ** power, 0.0)
+    return (turn * root[:, None, :]) @ np.swapaxes(turn, 1, 2)
 
 
 def _whitened(rest: Equilibrium) -> np.ndarray:
     strain, stiffness = member_strains(rest.model, rest.config)
-    return np.einsum("eij,ei->ej", _roots(stiffness), strain).ravel()
+    return np.einsum("eij,ej->ei", _roots(stiffness, 0.5), strain).ravel()
 
 
 def _strains_of(rest: Equilibrium, whitened: np.ndarray) -> np.ndarray:
     """The strains (element, 6, field) that are ``whitened`` (whitened, field)."""
     _, stiffness = member_strains(rest.model, rest.config)
-    back = np.linalg.pinv(np.swapaxes(_roots(stiffness), 1, 2))
-    return back @ whitened.reshape(len(stiffness), 6, -1)
+    return _roots(stiffness, -0.5) @ whitened.reshape(len(stiffness), 6, -1)
