@@ -240,8 +240,11 @@ from .systems.response import (
 )
 from .systems.sampled_plant import sample_plant as sample_plant
 from .systems.sampling import tustin as tustin
+from .updating.deflections import predict_deflections as predict_deflections
+from .updating.gauges import Gauge as Gauge, GaugeKind as GaugeKind
 from .updating.orbit import predict_modes as predict_modes
 from .updating.refine import refine as refine
+from .updating.statics import StaticTest as StaticTest
 from .updating.surveys import Survey as Survey
 from .updating.unknowns import Unknown as Unknown
 

@@ -19,6 +19,7 @@ from middeck.files import (
     boundary_form,
     component_form,
     environment_form,
+    gauge_form,
     link_form,
     refinements,
     study_form,
@@ -77,6 +78,9 @@ FORMS: list[type[Form]] = [
     study_form.MirrorForm,
     refinements.RefinementForm,
     refinements.SurveyForm,
+    gauge_form.StaticForm,
+    gauge_form.GaugeForm,
+    gauge_form.ReadingForm,
     refinements.UnknownForm,
 ]
 
@@ -104,7 +108,7 @@ def test_what_the_paper_page_names_can_be_imported():
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
     forms = (article_form, boundary_form, component_form, environment_form, link_form, study_form)
-    modules = (*forms, refinements)
+    modules = (*forms, gauge_form, refinements)
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
     }

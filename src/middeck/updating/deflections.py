@@ -62,8 +62,8 @@ def predict_deflections(
 ) -> tuple[Deflection, ...]:
     """What ``gauges`` will read under each load case, since unloaded or since drawn.
 
-    Readings of a ``series`` of the static tests count from its unloaded reading. The errors of a model that no
-    static test was refined on are what such models are thought to have. Raises
+    Readings of a ``series`` of the static tests count from its unloaded reading. Errors of a model that was
+    refined on no static test are what such models are thought to have. Raises
     `ConfigError` for a gauge or a load case that cannot be, `NumericalError` where there is no rest state.
     """
     return tuple(

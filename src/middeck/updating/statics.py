@@ -4,7 +4,8 @@ A model's members are wrong by more than their numbers: ribs that slip, a clamp 
 a relative error of what they yield, delta e = E e of their strains e. E is d_j on each of the directions that
 the strains of the tests have (orthonormal in strain energy), d_j ~ N(0, tau^2), and as much again, but
 independent, on what is none of these. So load levels of one kind share their error, and a case that strains
-the article otherwise shares what its strain has of theirs.
+the article otherwise shares what its strain has of theirs. Nothing says that such an error is proportional:
+d_j may change with the size of the strains, which the levels of the tests tell, and grows less sure beyond.
 
 Beside that each reading has an error of its own, of the rig or of the model, in parts of the full scale of
 its gauge; and so has the reading of the unloaded article, which all readings of one series share.
@@ -32,9 +33,14 @@ from middeck.updating.surveys import set_up
 from middeck.updating.unknowns import Bound, Unknown, bind, change
 from middeck.values import record
 
-# Of the largest singular value: strains that the tests have less of are none of theirs. They see nothing of the
-# error there, and to count it as several independent ones would make it small.
+# Of the largest singular value: strains that the tests have less of are none of theirs. They see nothing of
+# the error there, and to count it as several independent ones would make it small.
 PRESENT = 0.01
+# Of an error, what it changes by as strains grow by a factor of e: by as much grows a relative error of a
+# wing's sag, seen as one of what its members yield, where the wing bends far.
+GROWTH = 0.3
+# Of the most of a direction, less is none.
+ROUNDING = 1e-9
 # Of the largest stiffness of an element: less is rounding.
 STIFF = 1e-12
 
@@ -235,9 +241,14 @@ def _compare(
 
 
 class ErrorFields(NamedTuple):
-    """Directions of the strains of some static tests, orthonormal in strain energy, one column each."""
+    """Directions of the strains of some static tests, orthonormal in strain energy, one column each.
 
-    whitened: Float[np.ndarray, "whitened error"]
+    Each has two errors: that at ``most``, the largest part that a test had of it, and how it changes as that
+    part grows, `GROWTH` of an error for every factor of e.
+    """
+
+    whitened: Float[np.ndarray, "whitened direction"]
+    most: Float[np.ndarray, " direction"]
 
     @staticmethod
     def of(tests: Sequence[Loaded]) -> ErrorFields:
@@ -245,12 +256,13 @@ class ErrorFields(NamedTuple):
         strains = np.concatenate([test.strains() for test in tests]).T
         size = np.linalg.norm(strains, axis=0)
         U, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)
-        return ErrorFields(U[:, s > PRESENT * s.max(initial=0.0)])
+        U = U[:, s > PRESENT * s.max(initial=0.0)]
+        return ErrorFields(U, np.abs(U.T @ strains).max(axis=1, initial=0.0))
 
     @staticmethod
     def none(at: Loaded) -> ErrorFields:
         """Of no test, for an article at rest as it is in ``at``."""
-        return ErrorFields(np.zeros((at.strains().shape[1], 0)))
+        return ErrorFields(np.zeros((at.strains().shape[1], 0)), np.zeros(0))
 
     def part(self, at: Loaded) -> float:
         """Part of the strain energy of the load that has the strains of the tests."""
@@ -261,12 +273,14 @@ class ErrorFields(NamedTuple):
     def slope(
         self, at: Loaded, gauges: Sequence[Gauge]
     ) -> tuple[Float[np.ndarray, "gauge error"], Float[np.ndarray, " gauge"]]:
-        """What gauges read by each direction's relative error, and by that of all that has none of them."""
-        out = np.zeros((len(gauges), self.whitened.shape[1] + 1))
+        """What gauges read by each error, all at ``most`` first, and by that of all that has no direction."""
+        out = np.zeros((len(gauges), 2 * len(self.most) + 1))
         for sign, rest in at.states():
             own = _whitened(rest)
-            part = self.whitened * (self.whitened.T @ own)
-            parts = np.column_stack([part, own - part.sum(axis=1)])
+            size = self.whitened.T @ own
+            part = self.whitened * size
+            growth = GROWTH * np.log(np.maximum(np.abs(size), ROUNDING * self.most) / self.most)
+            parts = np.column_stack([part, part * growth, own - part.sum(axis=1)])
             out += sign * slopes(rest, yield_further(rest, _strains_of(rest, parts)), gauges)
         return out[:, :-1], out[:, -1]
 
