@@ -1,19 +1,21 @@
-"""Prediction: the sheet refined on simulated ground surveys, against a truth in orbit that it lacks.
+"""Prediction: the sheet refined on simulated ground surveys, against a truth in orbit that it lacks; hardware
+refined on some of what was measured, against the rest.
 
-    python benchmarks/prediction.py [--only CASES] [--made DATE]
+    python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet and five, are run alone and the other rows kept. Times are CPU seconds of one process with one
-BLAS thread.
+CASES, of sheet, five and Sag, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are
+CPU seconds of one process with one BLAS thread.
 """
 
 from __future__ import annotations
 
-from measured import prediction
+from measured import pazy_promise, prediction
 from measured.result_file import options_of, write_rows
 
 CASES = {
     "sheet": lambda _: prediction.rows("sheet", range(20)),
     "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
+    "Sag": lambda o: pazy_promise.rows(o.data),
 }
 
 

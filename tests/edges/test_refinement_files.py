@@ -92,19 +92,37 @@ name = "ball on the middle"
 environment = "stand"
 series = "bench"
 mass = [{ frame = "n3", mass_kg = 2.0 }]
-reading = [
-    { name = "middle", at = "n3", direction = [0.0, -1.0, 0.0], value_m = 1.0e-3, std_m = 1.0e-5 },
-    { name = "end", at = "n5", kind = "tilt", direction = [0, 1, 0], line = [1, 0, 0], value_deg = 0.1,
-      std_deg = 0.01 },
-    { name = "stand", at = "n1", kind = "force", direction = [0, 1, 0], value_n = 19.0, std_n = 0.1 },
-]
+
+[[static.reading]]
+name = "middle"
+at = "n3"
+direction = [0.0, -1.0, 0.0]
+value_m = 1.0e-3
+std_m = 1.0e-5
+
+[[static.reading]]
+name = "end"
+at = "n5"
+kind = "tilt"
+direction = [0.0, 1.0, 0.0]
+line = [1.0, 0.0, 0.0]
+value_deg = 0.1
+std_deg = 0.01
+
+[[static.reading]]
+name = "stand"
+at = "n1"
+kind = "force"
+direction = [0.0, 1.0, 0.0]
+value_n = 19.0
+std_n = 0.1
 """
 STAND = """
 schema = 1
 name = "stand"
 
 [constants]
-gravity = [0.0, -9.80665, 0.0]
+gravity_m_s2 = 9.80665
 
 [[clamp]]
 node = "n1"
@@ -148,13 +166,13 @@ def test_the_verb_refines_on_modes_and_sag_together(tmp_path: Path, capfd: pytes
     ("old", "new", "what"),
     [
         ("value_m = 1.0e-3", "value_deg = 1.0e-3", "value_m"),
-        (", std_m = 1.0e-5", "", "a shift without std_m"),
+        ("std_m = 1.0e-5", "", "a shift without std_m"),
         ('kind = "tilt"', 'kind = "tild"', "tilt"),
         ('mass = [{ frame = "n3", mass_kg = 2.0 }]', "", "of no load"),
         ('series = "bench"', 'load_case = "ball"', "beside mass of its own"),
         ('at = "n3"', 'at = "n33"', "no node 'n33'"),
         ('at = "n1"', 'at = "n2"', "no clamp or bushing to the ground 'n2'"),
-        ("line = [1, 0, 0]", "line = [0, 1, 0]", "a line along the direction"),
+        ("line = [1.0, 0.0, 0.0]", "line = [0.0, 1.0, 0.0]", "a line along the direction"),
     ],
 )
 def test_static_tests_that_cannot_be(
