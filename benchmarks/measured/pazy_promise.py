@@ -59,7 +59,7 @@ def rows(data: Path) -> list[dict[str, Any]]:
         row(CASE, "kept out, 1.2 to 2 kg, largest error", "points of span", off.max(), 1.0, note=note),
         row(CASE, "the same of the refined article without its static error", "points of span",
             np.abs(article - sag[kept]).max()),
-        row(CASE, "kept out, 95 % intervals that miss", "of 5", np.sum(off > half), 0.0),
+        row(CASE, "kept out, 95 % intervals that miss", "of 5", float(np.sum(off > half)), 0.0),
         row(CASE, "kept out, half-width at 2 kg", "points of span", half[-1]),
         *_numbers(found),
         *_behind(found, span),
