@@ -3,19 +3,20 @@ refined on some of what was measured, against the rest.
 
     python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five and Sag, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are
+CASES, of sheet, five, Sag and Torsion, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are
 CPU seconds of one process with one BLAS thread.
 """
 
 from __future__ import annotations
 
-from measured import pazy_promise, prediction
+from measured import garteur_promise, pazy_promise, prediction
 from measured.result_file import options_of, write_rows
 
 CASES = {
     "sheet": lambda _: prediction.rows("sheet", range(20)),
     "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
     "Sag": lambda o: pazy_promise.rows(o.data),
+    "Torsion": lambda o: garteur_promise.rows(o.data),
 }
 
 

@@ -12,7 +12,7 @@ from middeck.errors import ConfigError
 from middeck.structure.model.article import LoadCase
 from middeck.structure.model.environment import Environment
 from middeck.updating.gauges import Gauge
-from middeck.updating.orbit import NORMAL_95
+from middeck.updating.posterior import NORMAL_95
 from middeck.updating.refine import MODAL, OF_READING, USUAL_STATIC, Refined, zero_of
 from middeck.updating.statics import ErrorFields, check_zero, full_scales, gauge_key, set_up_static
 from middeck.values import record
@@ -85,7 +85,7 @@ def _predict(
     check_zero(case, since_unloaded, f"prediction of load case {name!r}")
     place = set_up_static(refined.structure, environment, settings, case, since_unloaded, refined.unknowns)
     at, found = place.solve(refined.x), refined.estimate
-    tau = found.tau[MODAL:] if refined.statics else USUAL_TAU
+    tau = refined.unseen[MODAL:] if refined.statics else USUAL_TAU
     fields = ErrorFields.none(at) if refined.fields is None else refined.fields
     seen, unseen = fields.slope(at, gauges)
     zeros, known = _zeros_of(refined, gauges, since_unloaded, series)

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.updating.posterior import NORMAL_95
 from middeck.updating.refine import Refined, shared_with, sorts_of
 from middeck.updating.surveys import set_up
 from middeck.updating.unknowns import product_slopes
@@ -17,7 +18,6 @@ from middeck.values import record
 
 # Of ln f: what a model's own error in a mode changes when gravity goes, over and above what shapes say.
 CARRIED = 1e-4
-NORMAL_95 = 1.959964
 
 
 @record(kw_only=True)
@@ -68,7 +68,7 @@ def predict_modes(
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
     spread = np.hstack([slope, share]) @ found.root[: slope.shape[1] + share.shape[1]]
-    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sorts_of(modes, index)] ** 2
+    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * refined.unseen[sorts_of(modes, index)] ** 2
     measured = np.zeros(0) if first is None else first.survey.measured.damping[first.pairs[:, 1]]
     return Prediction(
         modes=modes,

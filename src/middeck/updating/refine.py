@@ -17,7 +17,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
 from middeck.updating.gauges import Gauge
-from middeck.updating.posterior import USUAL, Estimate, Linear, estimate
+from middeck.updating.posterior import USUAL, Estimate, Linear, estimate, unseen_deviations
 from middeck.updating.statics import (
     ComparedStatic,
     ErrorFields,
@@ -61,6 +61,8 @@ class Refined:
         history: Largest move of an unknown in its own deviations, step by step.
         converged: Whether the last was small.
         fields: Strains of the static tests, which have errors of their own; None where there are no tests.
+        unseen: Deviations of the model's own errors that no test saw, one a sort: ``estimate.tau``, and more
+            where the tests say little of it.
     """
 
     structure: Structure
@@ -73,6 +75,7 @@ class Refined:
     history: tuple[float, ...]
     converged: bool
     fields: ErrorFields | None
+    unseen: Float[np.ndarray, " sort"]
 
     @property
     def zeros(self) -> tuple[tuple[str, ...], ...]:
@@ -137,7 +140,8 @@ def refine(
     while True:
         compared, sagged = places.compare(at, surveys, statics)
         fields = ErrorFields.of(at.loaded) if at.loaded else None
-        found = estimate(_linear(compared, sagged, fields, x - mean, spread), usual)
+        problem = _linear(compared, sagged, fields, x - mean, spread)
+        found = estimate(problem, usual)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS:
@@ -157,6 +161,7 @@ def refine(
         history=tuple(history),
         converged=history[-1] < SMALL,
         fields=fields,
+        unseen=unseen_deviations(problem, found.tau, usual),
     )
 
 

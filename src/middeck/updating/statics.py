@@ -255,9 +255,9 @@ class ErrorFields(NamedTuple):
         """Of all their rest states, each counting as much as any other, whatever its load."""
         strains = np.concatenate([test.strains() for test in tests]).T
         size = np.linalg.norm(strains, axis=0)
-        U, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)
-        U = U[:, s > PRESENT * s.max(initial=0.0)]
-        return ErrorFields(U, np.abs(U.T @ strains).max(axis=1, initial=0.0))
+        left, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)
+        present = left[:, s > PRESENT * s.max(initial=0.0)]
+        return ErrorFields(present, np.abs(present.T @ strains).max(axis=1, initial=0.0))
 
     @staticmethod
     def none(at: Loaded) -> ErrorFields:
