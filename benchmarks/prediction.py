@@ -3,8 +3,8 @@ refined on some of what was measured, against the rest.
 
     python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five, Sag and Torsion, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are
-CPU seconds of one process with one BLAS thread.
+CASES, of sheet, five, Sag and Torsion, are run alone and the other rows kept. FOLDER holds pazy_skin_off.
+Times are CPU seconds of one process with one BLAS thread.
 """
 
 from __future__ import annotations
