@@ -28,6 +28,7 @@ FITTED_HZ = {"OOP1": (4.2, 0.1), "OOP2": (29.2, 0.1), "T1": (40.0, 1.0)}
 EVEN = 12.0**-0.5
 HEIGHT_M, TWIST_DEG = 5e-4, 0.1  # how well heights are read; and angles, from two of them
 TRAILING = np.array([0.0553, 0.0, 0.0])
+TRAILING_KG = 3e-3  # before anything is seen, give or take a factor of e
 # Behind the trailing edge, and the masses there.
 BEHIND_M, BEHIND_KG = 0.03, (1.0, 2.0, 3.0)
 # Of such an equivalent beam: 1 % of a frequency, 2 % of a sag, before anything is seen.
@@ -42,7 +43,7 @@ TWIST = md.Gauge(
 def rows(data: Path) -> list[dict[str, Any]]:
     """Errors of what was kept out, coverage, and what is said of other loads."""
     folder = data / "pazy_skin_off"
-    kg, sag = _measured(folder)
+    kg, sag = measured(folder)
     found = refined(folder)
     span = float(found.structure.nodes[-1].position[1])
     kept = kg > TO_KG + 1e-9
@@ -69,7 +70,7 @@ def rows(data: Path) -> list[dict[str, Any]]:
 def refined(folder: Path) -> Refined:
     """On the sag to 1 kg and the three frequencies."""
     wing, hangs = structure(folder), pazy.world(pazy.GRAVITY)
-    kg, sag = _measured(folder)
+    kg, sag = measured(folder)
     span = float(wing.nodes[-1].position[1])
     statics = [
         md.StaticTest(
@@ -83,12 +84,12 @@ def refined(folder: Path) -> Refined:
         for m, s in zip(kg.tolist(), sag.tolist(), strict=True)
         if m <= TO_KG + 1e-9
     ]
-    return md.refine(wing, [_tapped(hangs)], unknowns(), MODEL_ERROR, statics, STATIC_ERROR)
+    return md.refine(wing, [tapped(hangs)], unknowns(), MODEL_ERROR, statics, STATIC_ERROR)
 
 
 def structure(folder: Path) -> Structure:
     """The equivalent beam with some mass at its tip's trailing edge, of 10 g that may have been on."""
-    trailing = AddedMass("trailing", "k16", Body(3e-3, TRAILING, np.zeros((3, 3))))
+    trailing = AddedMass("trailing", "k16", Body(TRAILING_KG, TRAILING, np.zeros((3, 3))))
     return dataclasses.replace(pazy.structure(folder), masses=(trailing,))
 
 
@@ -117,7 +118,7 @@ def behind(kg: float) -> md.LoadCase:
     )
 
 
-def _tapped(hangs: md.Environment) -> md.Survey:
+def tapped(hangs: md.Environment) -> md.Survey:
     hz, digit = np.array(list(FITTED_HZ.values())).T
     measured = MeasuredModes(
         frequency_hz=hz, damping=np.full(len(hz), np.nan), node=(), direction=(),
@@ -126,7 +127,7 @@ def _tapped(hangs: md.Environment) -> md.Survey:
     return md.Survey(name="own weight", measured=measured, environment=hangs)
 
 
-def _measured(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+def measured(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Masses [kg] that were hung, and heights since there were none [% of span]."""
     kg, sag = np.loadtxt(folder / "bending_measured.csv", delimiter=",", skiprows=1)[1:].T
     return kg, sag

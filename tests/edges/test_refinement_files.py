@@ -11,7 +11,9 @@ import pytest
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
 from middeck.files.documents import load_structure
+from middeck.files.measured_modes import load_measured_modes, write_measured_modes
 from middeck.files.refinements import load_refinement, refined_text
+from middeck.structure.correlation.measured_modes import MeasuredModes
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"
@@ -182,3 +184,15 @@ def test_static_tests_that_cannot_be(
     ended = middeck(capfd, "refine", ARTICLE, with_static(tmp_path, STATIC.replace(old, new, 1)))
     assert ended.code == ConfigError.exit_code
     assert what in ended.err
+
+
+def test_frequencies_without_shapes_are_written_and_read(tmp_path: Path):
+    hz = np.array([4.2, 29.2])
+    bare = MeasuredModes(
+        frequency_hz=hz, damping=np.zeros(2), node=(), direction=(), shape=np.zeros((0, 2)),
+        frequency_std_hz=0.01 * hz,
+    )  # fmt: skip
+    write_measured_modes(tmp_path / "bare.json", bare)
+    read = load_measured_modes(tmp_path / "bare.json")
+    np.testing.assert_array_equal(read.frequency_hz, hz)
+    assert read.shape.shape == (0, 2)
