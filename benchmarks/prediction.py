@@ -1,14 +1,15 @@
-"""Prediction: the sheet refined on simulated ground surveys, against a truth in orbit that it lacks.
+"""Prediction: the sheet refined on simulated ground surveys, against a truth in orbit that it lacks; hardware
+refined on some of what was measured, against the rest.
 
-    python benchmarks/prediction.py [--only CASES] [--made DATE]
+    python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five, promise and frontier, are run alone and the other rows kept. Times are CPU seconds of
-one process with one BLAS thread.
+CASES, of sheet, five, promise, frontier, Sag and Torsion, are run alone and the other rows kept. FOLDER holds
+pazy_skin_off. Times are CPU seconds of one process with one BLAS thread.
 """
 
 from __future__ import annotations
 
-from measured import prediction, promise
+from measured import garteur_promise, pazy_promise, prediction, promise
 from measured.result_file import options_of, write_rows
 
 CASES = {
@@ -16,6 +17,8 @@ CASES = {
     "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
     "promise": promise.rows,
     "frontier": promise.frontier_rows,
+    "Sag": lambda o: pazy_promise.rows(o.data),
+    "Torsion": lambda o: garteur_promise.rows(o.data),
 }
 
 

@@ -50,8 +50,8 @@ def outcome() -> str:
     """What comes of promise.toml: the changed article in orbit under the compensators of the ladder."""
     article = ROOT / "articles" / "mace-simple.toml"
     loaded = load_plan(HERE / "promise.toml", article)
-    plan, asked = loaded.plan, loaded.refinement
-    refined = md.refine(loaded.structure, asked.surveys, asked.unknowns, asked.model_error)
+    plan = loaded.plan
+    refined = md.refine(loaded.structure, *loaded.refinement.of_refine)
     orbit = plan.environments["orbit"]
     modes = md.solve_modes(md.solve_equilibrium(md.load_structure(article, CHANGED), orbit))
     there = set_up(refined.structure, orbit, (), refined.unknowns).solve(refined.x)

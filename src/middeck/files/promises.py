@@ -21,7 +21,7 @@ from middeck.updating.findings import findings
 from middeck.updating.outlook import LEVELS, Outlook, draws_needed
 from middeck.updating.plan import Plan
 from middeck.updating.promise import Promise
-from middeck.updating.refine import SORTS, Refined
+from middeck.updating.refine import Refined
 from middeck.updating.score import Outcome, Statement, Verdict, judge, score
 
 PROMISE, COMPARISON = "middeck.promise/1", "middeck.comparison/1"
@@ -191,7 +191,7 @@ def _refined(refined: Refined) -> dict[str, Any]:
     rows = zip(refined.unknowns, refined.x, refined.estimate.x_std, strict=True)
     return {
         "unknowns": [{"name": u.name, "x": _few(x), "std": _few(std)} for u, x, std in rows],
-        "model_error": {s: _few(tau) for s, tau in zip(SORTS, refined.estimate.tau, strict=True)},
+        "model_error": {s: _few(tau) for s, tau in zip(refined.sorts, refined.estimate.tau, strict=True)},
         "warnings": findings(refined),
     }
 
