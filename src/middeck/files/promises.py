@@ -17,7 +17,9 @@ from middeck.files.documents import check, read_source, sha256_of
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form
 from middeck.files.sealed import SEAL, read_sealed, seal
+from middeck.updating.deflections import Deflection
 from middeck.updating.findings import findings
+from middeck.updating.orbit import Prediction
 from middeck.updating.outlook import LEVELS, Outlook, draws_needed
 from middeck.updating.plan import Plan
 from middeck.updating.promise import Promise
@@ -27,6 +29,7 @@ from middeck.updating.score import Outcome, Statement, Verdict, judge, score
 PROMISE, COMPARISON = "middeck.promise/1", "middeck.comparison/1"
 # A mode of which the surveys saw less than half was not seen.
 SEEN = 0.5
+_DEGREE = np.pi / 180.0
 # Digits that are promised: more would hang on the machine.
 DIGITS = 6
 
@@ -35,23 +38,70 @@ def promise_document(
     refined: Refined, plan: Plan, promises: Mapping[str, Promise], *, files: Sequence[Path], date: str
 ) -> dict[str, Any]:
     """The sealed document: what was promised when, on what, by which versions and seed."""
-    return seal(
-        {
-            "schema": PROMISE,
-            "article": refined.structure.title,
-            "date": date,
-            "versions": _versions(),
-            "files": [{"name": file.name, "sha256": sha256_of(file)} for file in files],
-            "seed": plan.seed,
-            "draws": plan.draws,
-            "draws_needed": draws_needed(plan.probability),
-            "probability": plan.probability,
-            "refined": _refined(refined),
-            "not_valid_for": _limits(plan, promises),
-            "shares": LEVELS,
-            "environments": [_environment(name, p, plan) for name, p in promises.items()],
-        }
-    )
+    said = {
+        "seed": plan.seed,
+        "draws": plan.draws,
+        "draws_needed": draws_needed(plan.probability),
+        "probability": plan.probability,
+        "shares": LEVELS,
+        "not_valid_for": _limits(plan, promises),
+        "environments": [_environment(name, p, plan) for name, p in promises.items()],
+    }
+    return seal(_head(refined, files, date) | said)
+
+
+def loads_document(
+    refined: Refined,
+    environment: str,
+    deflections: Sequence[Deflection],
+    modes: Prediction | None,
+    *,
+    files: Sequence[Path],
+    date: str,
+) -> dict[str, Any]:
+    """The sealed document of readings under load cases, and of frequencies beside them."""
+    place = {
+        "name": environment,
+        "modes": [] if modes is None else _modes(modes),
+        "load_cases": [_case(case) for case in deflections],
+    }
+    said = {
+        "not_valid_for": ["contact, yielding and creep: members are elastic at any strain"],
+        "environments": [place],
+    }
+    return seal(_head(refined, files, date) | said)
+
+
+def _head(refined: Refined, files: Sequence[Path], date: str) -> dict[str, Any]:
+    return {
+        "schema": PROMISE,
+        "article": refined.structure.title,
+        "date": date,
+        "versions": _versions(),
+        "files": [{"name": file.name, "sha256": sha256_of(file)} for file in files],
+        "refined": _refined(refined),
+    }
+
+
+def _case(case: Deflection) -> dict[str, Any]:
+    """Readings in SI, angles in degrees for whoever compares them with a table."""
+    return {
+        "name": case.name,
+        "strained_as_in_the_tests": _few(case.seen),
+        "readings": [
+            {
+                "gauge": gauge.name,
+                "at": gauge.at,
+                "unit": "deg" if gauge.unit == "rad" else gauge.unit,
+                "value": _few(case.value[k] / size),
+                "std": _few(case.std[k] / size),
+                "interval_95": [_few(end / size) for end in case.interval[k]],
+                "of_the_refined_article": _few(case.of_the_article[k] / size),
+            }
+            for k, gauge in enumerate(case.gauges)
+            for size in [_DEGREE if gauge.unit == "rad" else 1.0]
+        ],
+    }
 
 
 def read_promise(path: str | Path) -> dict[str, Any]:
@@ -76,12 +126,22 @@ class LoopOutcomeForm(Form):
     rms_db: Finite | None = None
 
 
+class ReadingOutcomeForm(Form):
+    """A gauge as it read, in the unit of the promise: degrees of angles, else SI."""
+
+    environment: str
+    load_case: str
+    gauge: str
+    value: Finite
+
+
 class OutcomeForm(Form):
     """What came of a promise."""
 
     schema_: Literal["middeck.outcome/1"] = Field(alias="schema")
     mode: Annotated[tuple[ModeOutcomeForm, ...], Field(strict=False)] = ()
     compensator: Annotated[tuple[LoopOutcomeForm, ...], Field(strict=False)] = ()
+    reading: Annotated[tuple[ReadingOutcomeForm, ...], Field(strict=False)] = ()
 
 
 def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
@@ -100,6 +160,7 @@ def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
             raise DataError(f"{loop.name} is {what}", where=str(path), hint="rms_db of stable loops alone")
     return (
         *(Outcome(name=_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
+        *(Outcome(name=_reading(r.environment, r.load_case, r.gauge), value=r.value) for r in form.reading),
         *(
             Outcome(name=_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
             for c in form.compensator
@@ -133,7 +194,7 @@ def comparison_document(
 
 def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
     """What a promise says, quantity by quantity."""
-    low, high, cautious = (promise["shares"].index(share) for share in (0.025, 0.975, 0.99))
+    at = {share: k for k, share in enumerate(promise.get("shares", ()))}
 
     def level(value: float | None) -> float:
         return np.inf if value is None else float(value)
@@ -143,15 +204,20 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
         for number, mode in enumerate(place["modes"], start=1):
             ends = mode["interval_95_hz"]
             found.append(Statement(name=_mode(place["name"], number), low=ends[0], high=ends[1]))
-        for loop in place["compensators"]:
+        for case in place.get("load_cases", ()):
+            for reading in case["readings"]:
+                ends = reading["interval_95"]
+                name = _reading(place["name"], case["name"], reading["gauge"])
+                found.append(Statement(name=name, low=ends[0], high=ends[1]))
+        for loop in place.get("compensators", ()):
             db = loop["db"]
             found.append(
                 Statement(
                     name=_loop(place["name"], loop["name"]),
-                    low=level(db[low]),
-                    high=level(db[high]),
+                    low=level(db[at[0.025]]),
+                    high=level(db[at[0.975]]),
                     probability=loop["probability_stable"],
-                    cautious=level(db[cautious]),
+                    cautious=level(db[at[0.99]]),
                 )
             )
     return tuple(found)
@@ -159,6 +225,10 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
 
 def _mode(environment: str, number: int) -> str:
     return f"{environment}: mode {number}"
+
+
+def _reading(environment: str, case: str, gauge: str) -> str:
+    return f"{environment}: {case}: {gauge}"
 
 
 def _loop(environment: str, name: str) -> str:
@@ -212,27 +282,30 @@ def _limits(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
 
 
 def _environment(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
-    modes = promise.modes
     return {
         "name": name,
-        "modes": [
-            {
-                "name": modes.modes.name[i],
-                "frequency_hz": _few(hz),
-                "interval_95_hz": [_few(end) for end in ends],
-                "damping": _few(zeta),
-                "seen": _few(min(seen, 1.0)),
-            }
-            for i, hz, ends, zeta, seen in zip(
-                modes.index, modes.frequency_hz, modes.interval_hz, modes.damping, modes.seen, strict=True
-            )
-        ],
+        "modes": _modes(promise.modes),
         "without_control_rms": [_few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
         if np.all(np.isfinite(promise.rest_rms))
         else None,
         "compensators": [_loop_row(o, promise.bound[o.name], plan) for o in promise.outlooks],
         "highest": promise.highest,
     }
+
+
+def _modes(modes: Prediction) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": modes.modes.name[i],
+            "frequency_hz": _few(hz),
+            "interval_95_hz": [_few(end) for end in ends],
+            "damping": _few(zeta),
+            "seen": _few(min(seen, 1.0)),
+        }
+        for i, hz, ends, zeta, seen in zip(
+            modes.index, modes.frequency_hz, modes.interval_hz, modes.damping, modes.seen, strict=True
+        )
+    ]
 
 
 def _loop_row(outlook: Outlook, bound: tuple[float, float], plan: Plan) -> dict[str, Any]:

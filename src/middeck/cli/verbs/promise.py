@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import options
 from middeck.cli.screen import Table, show
+from middeck.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 EPILOG = """\
 \b
@@ -22,42 +26,84 @@ Examples:
 
 @click.command("promise", cls=options.Verb, epilog=EPILOG)
 @options.article
-@click.argument("plan", metavar="PLAN")
+@click.argument("plan", metavar="[PLAN]", required=False)
+@click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
 @options.written("-o", "--output", "output", endings=(".json",), help="Write the sealed document.")
 @options.printing
-def verb(article: str, plan: str, date: str | None, output: str | None, as_json: bool) -> None:
+def verb(
+    article: str,
+    plan: str | None,
+    load_cases: str | None,
+    date: str | None,
+    output: str | None,
+    as_json: bool,
+) -> None:
     """Promise what compensators will do in orbit.
 
     ARTICLE is refined on the surveys that PLAN names; plants are then drawn from what stays open, and every
     compensator is tried on all of them: docs/reference/files.md. The document says with which probability it
     is stable, how many decibels to expect, what the risk hangs on and how far an ideal compensator is. It
-    carries the hash of its own content and of all files behind it.
+    carries the hash of its own content and of all files behind it. With --load-cases it says what gauges will
+    read of the refined article at rest.
     """
-    from middeck.cli.blame import reading
     from middeck.files.documents import find_document
     from middeck.files.json_output import write_json
-    from middeck.files.promise_plans import load_plan
-    from middeck.files.promises import promise_document
-    from middeck.updating.promise import promise
-    from middeck.updating.refine import refine
 
-    body = find_document(article, "article")
-    loaded = load_plan(plan, body)
-    with reading(body, plan):
-        refined = refine(loaded.structure, *loaded.refinement.of_refine)
-        promised = promise(refined, loaded.plan)
-    document = promise_document(refined, loaded.plan, promised, files=loaded.files, date=options.day(date))
+    if (plan is None) == (load_cases is None):
+        raise ConfigError(
+            "neither a plan nor load cases" if plan is None else "a plan and load cases at once",
+            where="promise",
+            hint="PLAN, or --load-cases FILE",
+        )
+    body, day = find_document(article, "article"), options.day(date)
+    document = _of_loops(body, plan, day) if plan is not None else _at_rest(body, str(load_cases), day)
     if output is not None:
         write_json(output, document)
     warnings = {"warnings": document["refined"]["warnings"]}
     show(as_json, document if as_json else warnings, *_blocks(document, output))
 
 
+def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
+    from middeck.cli.blame import reading
+    from middeck.files.promise_plans import load_plan
+    from middeck.files.promises import promise_document
+    from middeck.updating.promise import promise
+    from middeck.updating.refine import refine
+
+    loaded = load_plan(plan, body)
+    with reading(body, plan):
+        refined = refine(loaded.structure, *loaded.refinement.of_refine)
+        promised = promise(refined, loaded.plan)
+    return promise_document(refined, loaded.plan, promised, files=loaded.files, date=day)
+
+
+def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
+    from middeck.cli.blame import reading
+    from middeck.files.promised_loads import load_promised_loads
+    from middeck.files.promises import loads_document
+    from middeck.updating.deflections import predict_deflections
+    from middeck.updating.orbit import predict_modes
+    from middeck.updating.refine import refine
+
+    asked = load_promised_loads(load_cases, body)
+    with reading(body, load_cases):
+        refined = refine(asked.structure, *asked.refinement.of_refine)
+        deflections = predict_deflections(
+            refined, asked.environment, asked.load_cases, asked.gauges,
+            since_unloaded=asked.since_unloaded, series=asked.series,
+        )  # fmt: skip
+        modes = predict_modes(refined, asked.environment, count=asked.modes) if asked.modes else None
+    return loads_document(refined, asked.environment_name, deflections, modes, files=asked.files, date=day)
+
+
 def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Table]:
     blocks: list[str | Table] = []
     for place in document["environments"]:
-        blocks += [_modes(place), _loops(place, document), _highest(place, document)]
+        blocks += [_modes(place)] if place["modes"] else []
+        if "compensators" in place:
+            blocks += [_loops(place, document), _highest(place, document)]
+        blocks += [_readings(place)] if place.get("load_cases") else []
     blocks += ["", "not valid for", *(f"  {limit}" for limit in document["not_valid_for"])]
     return [*blocks, f"sha256 {document['sha256']}", *([f"wrote {output}"] if output else [])]
 
@@ -76,6 +122,23 @@ def _modes(place: dict[str, Any]) -> Table:
     ]
     headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen on the ground [%]"]
     return Table(f"promised in {place['name']}: modes", headers, rows)
+
+
+def _readings(place: dict[str, Any]) -> Table:
+    rows = [
+        [
+            case["name"],
+            r["gauge"],
+            f"{r['value']:.5g}",
+            "{:.5g} to {:.5g}".format(*r["interval_95"]),
+            r["unit"],
+            f"{100.0 * case['strained_as_in_the_tests']:.0f}",
+        ]
+        for case in place["load_cases"]
+        for r in case["readings"]
+    ]
+    headers = ["load case", "gauge", "reading", "95 %", "unit", "strained as in the tests [%]"]
+    return Table(f"promised in {place['name']}: readings", headers, rows)
 
 
 def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
