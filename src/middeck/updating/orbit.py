@@ -121,13 +121,15 @@ def _damping(
         nothing = np.zeros(len(index))
         return {"damping": own, "damping_seen": nothing, "damping_spread": nothing}
     measured, at = first.survey.measured, first.pairs[:, 1]
-    zeta = measured.damping[at]
-    std = DAMPING_STD * zeta if measured.damping_std is None else measured.damping_std[at]
-    known = share * np.isfinite(zeta)
+    zeta, stated = measured.damping[at], measured.damping_std
+    std = np.full(len(at), np.nan) if stated is None else stated[at]
+    # A ratio of zero is none: files of modes have no other way to say so.
+    there = zeta > 0.0
+    relative = np.divide(std, zeta, out=np.full(len(at), DAMPING_STD), where=there & np.isfinite(std))
+    known = share * there
     seen = np.minimum(known.sum(axis=1), 1.0)
-    relative = np.where(np.isfinite(zeta) & (zeta > 0.0) & np.isfinite(std), std / zeta, DAMPING_STD)
     return {
-        "damping": known @ np.nan_to_num(zeta) + (1.0 - seen) * own,
+        "damping": known @ np.where(there, zeta, 0.0) + (1.0 - seen) * own,
         "damping_seen": seen,
         "damping_spread": known @ relative / np.where(seen > 0.0, known.sum(axis=1), 1.0),
     }
