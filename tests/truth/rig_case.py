@@ -9,8 +9,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-
 import updating_case as case
+
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant

@@ -13,7 +13,7 @@ from middeck.files.atomic import replacing
 from middeck.files.documents import check, find_document, load_setup, read_source
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
-from middeck.files.measured_modes import load_measured_modes
+from middeck.files.survey_files import load_survey_modes
 from middeck.updating.posterior import USUAL
 from middeck.updating.surveys import Survey
 from middeck.updating.unknowns import Unknown
@@ -75,7 +75,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     surveys = tuple(
         Survey(
             name=s.name,
-            measured=load_measured_modes(Path(path).parent / s.modes),
+            measured=load_survey_modes(Path(path).parent / s.modes, article),
             environment=load_setup(article, find_document(s.environment, "environment", beside=path))[1],
             settings=tuple(s.set.items()),
             frequency_std=s.frequency_std,

@@ -1,11 +1,13 @@
 """A fitted record as a modal survey: frequencies, dampings and shapes with their deviations.
 
 A residue of rank one is c b: what the sensors read of the mode, and what the motors do to it. By reciprocity
-b is the shape too, at the motors. So a fit has as many channels as it has outputs and inputs, all of them ports
-of the article, and those at one place and axis on both sides tell how the two scale.
+b is the shape too, at the motors. So a fit has as many channels as it has outputs and inputs, all of them
+ports of the article, and those at one place and axis on both sides tell how the two scale.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -21,8 +23,8 @@ from middeck.structure.correlation.measured_modes import ACTUATOR, SENSOR, Measu
 from middeck.structure.model.article import Actuator, ActuatorKind, Sensor, SensorKind, Structure
 from middeck.structure.plants.port_rows import RATE
 
-# Of a frequency, relative: a mode that is known worse tells an article nothing, a pole that is damped more is a
-# delay's or a filter's, and no frequency of an article is one number to better than the least.
+# Of a frequency, relative: a mode that is known worse tells an article nothing, a pole that is damped more is
+# a delay's or a filter's, and no frequency of an article is one number to better than the least.
 MOST, DAMPED, LEAST = 0.01, 0.3, 1e-5
 # Of a shape's largest channel: cross-talk and axes that are not quite where they are drawn.
 CROSS = 1e-3
@@ -31,22 +33,30 @@ GAIN_STD = 0.01
 
 
 def survey_from_fit(
-    structure: Structure, fit: FitResult | ModelCovariance, *, gain_std: float = GAIN_STD
+    structure: Structure,
+    fitted: FitResult | ModelCovariance,
+    *,
+    standing: Sequence[Standing] = (),
+    gain_std: float = GAIN_STD,
 ) -> MeasuredModes:
     """The modes of a fit whose ports are sensors and actuators of ``structure``, as a survey of them.
 
-    Modes that the fit doubts or does not determine, real poles and poles damped by more than 0.3 are left out,
-    each named in ``warnings``. Of a file there is the covariance alone: its modes are judged by that.
+    Modes that the fit doubts or does not determine, real poles and poles damped by more than 0.3 are left
+    out, each named in ``warnings``.
 
     Args:
-        fit: From torques or forces to angles or travels, or to their rates; with its covariance.
+        fitted: From torques or forces to angles or travels, or to their rates; a fit, or the covariance of
+            its model.
+        standing: Of each mode of the model, where no fit says it; without it the covariance alone judges.
         gain_std: Standard deviation of each port's gain, relative: an error that no fit can see.
 
     Raises `ConfigError` for a port that the article does not have, an accelerometer or a gain deviation that
     is not from 0 to 1; `DataError` for a sampled model and where no mode is left.
     """
-    covariance = fit.covariance if isinstance(fit, FitResult) else fit
-    standing: tuple[Standing, ...] = fit.standing if isinstance(fit, FitResult) else ()
+    if isinstance(fitted, FitResult):
+        covariance, standing = fitted.covariance, fitted.standing
+    else:
+        covariance = fitted
     model = covariance.model
     if not 0.0 <= gain_std < 1.0:
         raise ConfigError(f"gains known to {gain_std}", where="gain_std", hint="relative, such as 0.01")
@@ -84,7 +94,7 @@ def survey_from_fit(
 
 
 def _kept(
-    covariance: ModelCovariance, standing: tuple[Standing, ...], std_hz: np.ndarray
+    covariance: ModelCovariance, standing: Sequence[Standing], std_hz: np.ndarray
 ) -> tuple[list[int], list[str]]:
     """Modes in rising frequency, and why others are left out."""
     model = covariance.model

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.identification.friction.find import JointFriction
-from middeck.identification.friction.slider import joint_angles, slider_torque
+from middeck.identification.friction.slider import joint_angles
 from middeck.signals.ports import port_indices
 from middeck.signals.record import Record
 
@@ -26,10 +26,8 @@ def without_friction(record: Record, found: JointFriction) -> Record:
         raise DataError("the record is not periodic", where="friction", hint="cut its periods first")
     motor = port_indices(record.inputs, found.inputs, "input")
     angle = port_indices(record.outputs, found.outputs, "output")
-    theta = joint_angles(record, angle, found.delay_s, found.band_hz[1])
-    samples, experiments, _ = theta.shape
-    flat = slider_torque(theta.reshape(samples, -1), np.tile(found.slip_angle, experiments))
-    torque = found.slip_torque * flat.reshape(theta.shape)
+    angles = joint_angles(record, angle, found.band_hz[1])
+    torque = found.slip_torque * angles.torques(found.slip_angle, found.delay_s)
     u = record.u.copy()
     u[..., motor] -= np.moveaxis(torque, 0, 1)[:, None]
     scale = _to_one_noise(record)[:, None, None, None]

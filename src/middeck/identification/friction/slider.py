@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.signals.record import Record
+from middeck.values import record as frozen
 
 # The first lap forgets where the slider stood.
 LAPS = 2
@@ -32,15 +33,31 @@ def slider_torque(
     return (angle - out) / slip_angle
 
 
-def joint_angles(
-    record: Record, outputs: list[int], delay_s: float, top_hz: float
-) -> Float[np.ndarray, "sample experiment joint"]:
-    """Mean period of each joint's angle when a command now acts, without what is above ``top_hz``.
+@frozen(kw_only=True)
+class JointAngles:
+    """Mean period of each joint's angle, by its spectrum up to the highest line that counts."""
 
-    The reading comes ``delay_s`` after the command, so that a torque which goes with the angle is, as a
-    command, so much earlier.
-    """
+    spectrum: Complex[np.ndarray, "line experiment joint"]
+    hz: Float[np.ndarray, " line"]
+    samples: int
+
+    def torques(
+        self, slip_angle: Float[np.ndarray, " joint"], delay_s: float
+    ) -> Float[np.ndarray, "sample experiment joint"]:
+        """Friction over slip torque, as commands.
+
+        The reading comes ``delay_s`` after the command, so that a torque which goes with the angle is, as a
+        command, so much earlier.
+        """
+        earlier = self.spectrum * np.exp(2j * np.pi * self.hz * delay_s)[:, None, None]
+        angle = np.asarray(np.fft.irfft(earlier, self.samples, axis=0))
+        flat = angle.reshape(self.samples, -1)
+        return slider_torque(flat, np.tile(slip_angle, angle.shape[1])).reshape(angle.shape)
+
+
+def joint_angles(record: Record, outputs: list[int], top_hz: float) -> JointAngles:
+    """Of a periodic record, without what is above ``top_hz``: noise, most of which is there."""
     y = np.moveaxis(record.y.mean(axis=1)[..., outputs], 1, 0)
     hz = np.fft.rfftfreq(len(y), 1.0 / record.sample_hz)
-    turn = np.where(hz <= top_hz, np.exp(2j * np.pi * hz * delay_s), 0.0)
-    return np.asarray(np.fft.irfft(turn[:, None, None] * np.fft.rfft(y, axis=0), len(y), axis=0))
+    kept = hz <= top_hz * (1.0 + 1e-9)
+    return JointAngles(spectrum=np.fft.rfft(y, axis=0)[kept], hz=hz[kept], samples=len(y))
