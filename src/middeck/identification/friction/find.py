@@ -29,6 +29,8 @@ FIRST = (0.003, 0.01, 0.03, 0.1, 0.3)
 STEPS, SMALL, HALVINGS = 12, 0.05, 6
 # Of the logarithm of a slip angle, for its derivative: friction bends at every turn of the motion.
 NUDGE = 0.02
+# Of the power of an output: a variance that is none.
+ROUNDING = 1e-24
 # Step [s] for the derivative by the delay, and how near one is held that is told.
 LATER_S, TOLD_S = 2e-4, 1e-9
 # No step moves the logarithm of a slip angle by more.
@@ -189,7 +191,7 @@ def _problem(
     Y = np.fft.rfft(record.y, axis=2)[:, :, line]
     U = np.fft.rfft(record.u.mean(axis=1), axis=1)[:, line]
     noise = Y.var(axis=1, ddof=1).mean(axis=1) / periods
-    if not np.all(noise > 0.0):
+    if not np.all(noise > ROUNDING * np.mean(np.abs(Y) ** 2, axis=(1, 2))):
         raise DataError("an output repeats without any noise", where="friction", hint="add a little of it")
     weight = 1.0 / np.sqrt(np.mean(noise / noise.mean(axis=0), axis=1))
     per_output = np.sqrt(np.mean(noise * weight[:, None] ** 2, axis=0))

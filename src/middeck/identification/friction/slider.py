@@ -27,8 +27,8 @@ def slider_torque(
     stands, out = np.zeros(angle.shape[1]), np.empty_like(angle)
     for _ in range(LAPS):
         for a, b, kept in zip(low, high, out, strict=True):
-            np.maximum(stands, a, stands)
-            np.minimum(stands, b, stands)
+            np.maximum(stands, a, out=stands)
+            np.minimum(stands, b, out=stands)
             kept[:] = stands
     return (angle - out) / slip_angle
 

@@ -1,0 +1,157 @@
+"""Friction found in records and taken out of them: its own law, a rig with it, and the linear article behind."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from middeck.errors import ConfigError, DataError, FitError
+from middeck.identification import estimate_response, fit_response, natural_hz
+from middeck.identification.friction import find_friction, without_friction
+from middeck.identification.friction.slider import slider_torque
+from middeck.joints.attachment import JointElements
+from middeck.joints.friction import Friction
+from middeck.realtime.rig import build_rig
+from middeck.realtime.runs import run_open_loop
+from middeck.signals.excitation import Limits, design_multisine
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from repeats import repeats
+
+RATE, DELAY, BAND = 200.0, 0.0131, (0.2, 10.0)
+BEARING = Friction(slip_torque=0.02, stiffness=4.0)
+HZ = np.array([0.9, 1.6, 4.1])
+JOINTS = [("joint", "joint")]
+
+
+@pytest.mark.parametrize("seed", repeats(range(20), 3))
+def test_its_torque_is_that_of_the_bearing_step_by_step(seed: int):
+    rng = np.random.default_rng(seed)
+    angle = np.cumsum(rng.standard_normal((200, 3)), axis=0)
+    angle -= np.linspace(0.0, 1.0, 200)[:, None] * (angle[-1] - angle[0])
+    slip = rng.uniform(0.3, 3.0, 3)
+    found = slider_torque(angle, slip)
+    for series in range(3):
+        bearing, state = Friction(slip_torque=1.0, stiffness=1.0 / slip[series]), 0.0
+        for lap in range(2):
+            for k, now in enumerate(angle[:, series].tolist()):
+                torque, state = bearing.resist(now, state)
+                if lap:
+                    assert found[k, series] == pytest.approx(torque, abs=1e-9)
+
+
+def plant() -> Plant:
+    """Three modes of a bus and a joint: torques on both, angles of both."""
+    psi = np.array([[0.6, 1.1], [0.3, -0.9], [-0.8, 0.5]])
+    return Plant(
+        dynamics=ModalSystem(
+            omega=2.0 * np.pi * HZ,
+            zeta=np.array([0.03, 0.02, 0.01]),
+            psi=psi,
+            phi=psi.T,
+            phi_rate=0.0 * psi.T,
+            names=("a", "b", "c"),
+        ),
+        inputs=(Port("bus", "N m"), Port("joint", "N m")),
+        outputs=(Port("bus", "rad"), Port("joint", "rad")),
+    )
+
+
+def records(joints: list[JointElements], noise: float = 2e-3) -> Record:
+    """Two experiments tell the torques apart, a third at a third of the drive tells friction from the rest."""
+    rng = np.random.default_rng(5)
+    rig = build_rig(plant(), joints=joints, sample_hz=RATE, delay_s=DELAY, substeps=4)
+    drive = design_multisine(BAND, 20.0, RATE, Limits(rms=0.5), rng, inputs=2).u
+    taken: list[Record] = []
+    for u in [*drive, drive[0] / 3.0]:
+        run = run_open_loop(rig, u, periods=3, rng=rng, settle=2)
+        assert run.record is not None
+        y = run.record.y
+        y = y + noise * np.sqrt(np.mean(y**2, axis=(0, 1, 2))) * rng.standard_normal(y.shape)
+        taken.append(dataclasses.replace(run.record, y=y))
+    u, y = (np.concatenate([getattr(r, side) for r in taken]) for side in ("u", "y"))
+    return dataclasses.replace(taken[0], u=u, y=y)
+
+
+@pytest.fixture(scope="module")
+def rubbing() -> Record:
+    return records([JointElements("joint", "joint", (BEARING,))])
+
+
+@pytest.fixture(scope="module")
+def smooth() -> Record:
+    return records([])
+
+
+def test_slip_torque_slip_angle_and_delay_are_found(rubbing: Record):
+    found = find_friction(rubbing, JOINTS, band_hz=BAND)
+    assert found.before > 100.0
+    assert 0.8 < found.after < 1.25
+    # Four deviations, and half a per cent: the slider stands between samples too.
+    within = 4.0 * found.slip_torque_std[0] + 5e-3 * BEARING.slip_torque
+    assert abs(found.slip_torque[0] - BEARING.slip_torque) < within
+    assert found.slip_angle[0] == pytest.approx(BEARING.slip_angle, rel=0.05)
+    assert found.delay_s == pytest.approx(DELAY, abs=3e-4)
+    np.testing.assert_allclose(found.stiffness, found.slip_torque / found.slip_angle)
+    told = find_friction(rubbing, JOINTS, band_hz=BAND, delay_s=DELAY)
+    assert told.delay_s == pytest.approx(DELAY, abs=1e-12)
+    assert told.slip_torque[0] == pytest.approx(found.slip_torque[0], rel=5e-3)
+
+
+def test_behind_the_friction_the_article_is_linear(rubbing: Record):
+    """Modes within four deviations of the truth, where those of the record as taken are far off."""
+
+    def modes_of(record: Record) -> tuple[np.ndarray, np.ndarray]:
+        measured = estimate_response(record, band_hz=BAND)
+        fit = fit_response(measured, states=6, delay="common")
+        order = np.argsort(natural_hz(fit.model))
+        return natural_hz(fit.model)[order], fit.uncertainty.natural_hz[order]
+
+    found = find_friction(rubbing, JOINTS, band_hz=BAND)
+    hz, std = modes_of(without_friction(rubbing, found))
+    assert np.all(np.abs(hz - HZ) < 4.0 * std + 2e-5 * HZ)
+    raw, _ = modes_of(dataclasses.replace(rubbing, u=rubbing.u[:2], y=rubbing.y[:2]))
+    assert np.max(np.abs(raw / HZ - 1.0)) > 20.0 * np.max(np.abs(hz / HZ - 1.0))
+
+
+def test_where_there_is_no_friction_next_to_none_is_found(smooth: Record):
+    found = find_friction(smooth, JOINTS, band_hz=BAND, delay_s=DELAY)
+    assert abs(found.slip_torque[0]) < max(5.0 * found.slip_torque_std[0], 1e-3 * BEARING.slip_torque)
+    assert found.after <= found.before
+    assert found.before == pytest.approx(1.0, abs=0.2)
+
+
+def test_experiments_are_brought_to_one_noise(rubbing: Record):
+    found = find_friction(rubbing, JOINTS, band_hz=BAND)
+    linear = without_friction(rubbing, found)
+    noise = linear.y.std(axis=1, ddof=1).mean(axis=(1, 2))
+    assert noise == pytest.approx(noise[:1].repeat(3), rel=0.1)
+    gain = linear.y[:, 0, :, 0].std(axis=1) / rubbing.y[:, 0, :, 0].std(axis=1)
+    np.testing.assert_allclose(linear.u[..., 0], gain[:, None, None] * rubbing.u[..., 0], rtol=1e-9)
+
+
+def test_what_cannot_tell_friction_is_refused(rubbing: Record):
+    two = dataclasses.replace(rubbing, u=rubbing.u[:2], y=rubbing.y[:2])
+    with pytest.raises(DataError, match="2 experiments for 2 inputs"):
+        find_friction(two, JOINTS, band_hz=BAND)
+    short = dataclasses.replace(rubbing, u=rubbing.u[:, :1], y=rubbing.y[:, :1])
+    with pytest.raises(DataError, match="two or more"):
+        find_friction(short, JOINTS, band_hz=BAND)
+    quiet = dataclasses.replace(rubbing, y=np.broadcast_to(rubbing.y[:, :1], rubbing.y.shape))
+    with pytest.raises(DataError, match="without any noise"):
+        find_friction(quiet, JOINTS, band_hz=BAND)
+    with pytest.raises(ConfigError, match="no output named 'elbow'"):
+        find_friction(rubbing, [("joint", "elbow")], band_hz=BAND)
+    with pytest.raises(ConfigError, match="no joint"):
+        find_friction(rubbing, [], band_hz=BAND)
+    with pytest.raises(ConfigError, match="no line between"):
+        find_friction(rubbing, JOINTS, band_hz=(0.21, 0.22))
+    with pytest.raises(FitError, match="does not drive"):
+        find_friction(dataclasses.replace(rubbing, y=rubbing.y * [1.0, -1.0]), JOINTS, band_hz=BAND)
+    loose = dataclasses.replace(rubbing, periodic=False)
+    with pytest.raises(DataError, match="not periodic"):
+        without_friction(loose, find_friction(rubbing, JOINTS, band_hz=BAND))
