@@ -38,14 +38,19 @@ def true_delay(article: RigArticle) -> float:
 
 
 def take_records(
-    article: RigArticle, rng: np.random.Generator, *, friction: Friction | None = BEARING, weaker: int = 1
+    article: RigArticle,
+    rng: np.random.Generator,
+    *,
+    friction: Friction | None = BEARING,
+    weaker: int = 1,
+    period_s: float = PERIOD_S,
 ) -> Record:
-    """Five experiments of 192 s, and ``weaker`` more at a third of the drive; noise is 1 % of each output."""
+    """Five experiments of three periods, and ``weaker`` more at a third of the drive; 1 % of noise."""
     plant = rig_article_plant(article, inputs=INPUTS, outputs=OUTPUTS)
     joints = [] if friction is None else [JointElements(name, name, (friction,)) for name in GIMBALS]
     rig = build_rig(plant, joints=joints, sample_hz=SAMPLE_HZ, delay_s=true_delay(article))
     limits = [Limits(rms=rms) for rms in TORQUE_NM]
-    drive = design_multisine(BAND_HZ, PERIOD_S, SAMPLE_HZ, limits, rng, inputs=len(INPUTS)).u
+    drive = design_multisine(BAND_HZ, period_s, SAMPLE_HZ, limits, rng, inputs=len(INPUTS)).u
     gains = {} if article.hidden is None else dict(article.hidden.gain)
     gain = np.array([gains.get(name, 1.0) for name in OUTPUTS])
     taken: list[Record] = []

@@ -1,4 +1,4 @@
-"""Friction found in records and taken out of them: its own law, a rig with it, and the linear article behind."""
+"""Friction found in records and taken out of them: its own law, a rig with it, the linear article behind."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def plant() -> Plant:
 
 
 def records(joints: list[JointElements], noise: float = 2e-3) -> Record:
-    """Two experiments tell the torques apart, a third at a third of the drive tells friction from the rest."""
+    """Two experiments tell the torques apart, a third at a third of the drive tells of friction."""
     rng = np.random.default_rng(5)
     rig = build_rig(plant(), joints=joints, sample_hz=RATE, delay_s=DELAY, substeps=4)
     drive = design_multisine(BAND, 20.0, RATE, Limits(rms=0.5), rng, inputs=2).u

@@ -165,7 +165,7 @@ def measure_modes(
     damping = estimate_damping(modes, count=int(index.max(initial=0)) + 1).zeta[index]
     hz = modes.frequency_hz[index]
     model = modes.equilibrium.model
-    at_m = np.array([drawn_at(model, name) for name in node]).reshape(-1, 3)
+    at_m = np.array([drawn_at(model, _body(model, *channel)) for channel in at]).reshape(-1, 3)
     if noise is None:
         return MeasuredModes(
             frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m
@@ -262,6 +262,13 @@ def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
     """Where a node, joint, mesh node or attach point was drawn [m]."""
     frame, offset = _place(model, name)
     return model.drawn.p[frame] + model.drawn.R[frame] @ offset
+
+
+def _body(model: Model, name: str, way: str) -> str:
+    """Of a port the frame on which it is."""
+    structure = model.structure
+    parts = {SENSOR: structure.sensors, ACTUATOR: structure.actuators}.get(way, ())
+    return next((part.frame for part in parts if part.name == name), name)
 
 
 def _place(model: Model, name: str) -> tuple[int, np.ndarray]:
