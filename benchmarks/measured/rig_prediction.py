@@ -1,7 +1,7 @@
 """The frozen case "Updating and promise" from records: rig in 1-g, friction out, fit, survey, refined, orbit.
 
-Twelve records of 192 s a truth, six at each of two gimbal angles, with friction in both gimbal axes and 1 % of
-noise: five that tell the motors apart, one at a third of the drive that tells friction from the structure.
+Twelve records of 192 s a truth, six at each of two gimbal angles, with friction in both gimbal axes and 1 %
+of noise: five that tell the motors apart, one at a third of the drive that tells friction from the structure.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import middeck as md
-from middeck.control.riccati import solve_riccati
+from middeck.control.riccati import newton, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.delay import pade
@@ -206,3 +206,9 @@ def test_states_that_cost_nothing_spoil_no_unit(order: int) -> None:
     assert found.residual < 1e-10
     silent = np.arange(2 + order, 2 + 3 * order)
     assert np.abs(found.X[silent]).max() < 1e-10 * np.abs(found.X).max()
+
+
+def test_the_residual_of_a_step_from_far_away_is_infinite_without_a_warning():
+    far, one = np.full((2, 2), 1e160), np.eye(2)
+    assert newton.residual(far, -one, one, one)[1] == np.inf
+    assert newton.residual(one, -one, one, 3.0 * one)[1] == 0.0

@@ -6,6 +6,7 @@ a node and, in orbit, an umbilical of 0.02 Hz, none of which the refined model h
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,11 +14,12 @@ import numpy as np
 
 import middeck as md
 from middeck.laboratory.article import TUBE_SHEAR, RigArticle, solve_rig_article
-from middeck.laboratory.hidden_errors import draw_hidden_errors
+from middeck.laboratory.hidden_errors import draw_hidden_errors, spread_damping
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.sensitivity.parameters import find_parameters, scale_parameters, set_parameter
 from middeck.updating.surveys import Survey, pair
 from middeck.updating.unknowns import Unknown
@@ -28,6 +30,7 @@ TURNED = (("joint.pri_x.angle", 0.35), ("joint.pri_z.angle", 0.35))
 NOISE = MeasurementNoise(frequency=1e-4, shape=0.02)
 SUSPENSION = 8  # modes below the flexible ones, on the ground and, rigid, in orbit
 UMBILICAL_HZ = 0.02
+DAMPING_STD = 0.05
 
 
 def sheet() -> tuple[Structure, Environment]:
@@ -71,9 +74,21 @@ def placed(article: Structure, settings: Sequence[tuple[str, float]]) -> Structu
 def survey(seed: int, number: int, settings: Sequence[tuple[str, float]], chosen: Sequence[int]) -> Survey:
     """What a modal test of the truth in the laboratory gives."""
     _, lab = sheet()
-    modes = true_modes(seed, lab, settings)
-    seen = measure_modes(modes, chosen=chosen, noise=NOISE, rng=np.random.default_rng([seed, number]))
+    modes, rng = true_modes(seed, lab, settings), np.random.default_rng([seed, number])
+    seen = measure_modes(modes, chosen=chosen, noise=NOISE, rng=rng)
+    zeta = true_damping(seed, modes, max(chosen) + 1)[list(chosen)]
+    seen = dataclasses.replace(
+        seen,
+        damping=zeta * np.exp(DAMPING_STD * rng.standard_normal(len(zeta))),
+        damping_std=DAMPING_STD * zeta,
+    )
     return Survey(name=f"test {number}", measured=seen, environment=lab, settings=tuple(settings))
+
+
+def true_damping(seed: int, modes: Modes, count: int) -> np.ndarray:
+    """Ratios of the lowest modes with the hidden errors."""
+    hidden, model = draw_hidden_errors(sheet()[0], seed), modes.equilibrium.model
+    return estimate_damping(modes, spread_damping(model.structure.damping, modes, hidden.damping, count)).zeta
 
 
 def ten_in_orbit(seed: int) -> MeasuredModes:

@@ -12,7 +12,8 @@ from middeck import __version__
 # In the order of the work.
 VERBS = (
     *("new", "study", "convert", "reduce", "check", "level", "modes", "compare", "budget", "path"),
-    *("sensitivity", "correlate", "refine", "response", "excite", "record", "identify", "impact", "drift"),
+    *("sensitivity", "correlate", "refine", "promise", "outcome"),
+    *("response", "excite", "record", "identify", "impact", "drift"),
     *("design", "qualify"),
 )
 

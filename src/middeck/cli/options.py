@@ -100,6 +100,18 @@ def common(command: F) -> F:
     return change(printing(command))
 
 
+def day(given: str | None) -> str:
+    """A date as it was given, else today's. Raises `ConfigError` for another form than 2026-11-23."""
+    import datetime
+
+    if given is None:
+        return datetime.datetime.now(datetime.UTC).date().isoformat()
+    try:
+        return datetime.date.fromisoformat(given).isoformat()
+    except ValueError:
+        raise ConfigError(f"{given!r} is no date", where="--date", hint="e.g. 2026-11-23") from None
+
+
 article = click.argument("article")
 environment = click.option(
     "--environment",

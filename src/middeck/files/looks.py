@@ -8,6 +8,7 @@ from pathlib import Path
 
 ARTICLE, ENVIRONMENT, STUDY, CHANNELS = "an article", "an environment", "a study", "a file of channels"
 MODEL, LAW, SURVEY = "a fitted model", "a compensator", "the measured modes of a survey"
+PROMISE = "a promise"
 FOLDER, EMPTY, BINARY, TEXT = "a folder", "an empty file", "a binary file", "plain text"
 TABLE, ARCHIVE, ARRAY = "a table of numbers", "an archive of arrays (NPZ)", "one array (NPY)"
 MAT, HDF5, UNIVERSAL = "a MATLAB file", "an HDF5 file", "a universal file"
@@ -15,7 +16,7 @@ JSON, TOML, NOT_UTF8 = "a JSON file", "a TOML file", "text that is not UTF-8"
 PAGE, NUMBERS = "a drawing or a web page", "the numbers of a study"
 
 # What no record looks like, whatever its ending; the reader of the ending speaks of the rest.
-NO_RECORD = (ARTICLE, ENVIRONMENT, STUDY, CHANNELS, TOML, MODEL, LAW, SURVEY, NUMBERS, JSON, PAGE)
+NO_RECORD = (ARTICLE, ENVIRONMENT, STUDY, CHANNELS, TOML, MODEL, LAW, SURVEY, PROMISE, NUMBERS, JSON, PAGE)
 
 HEAD = 65536
 MAGIC = {
@@ -26,7 +27,7 @@ MAGIC = {
     b"\xff\xfe": NOT_UTF8,
     b"\xfe\xff": NOT_UTF8,
 }
-SCHEMAS = {"model": MODEL, "compensator": LAW, "measured-modes": SURVEY}
+SCHEMAS = {"model": MODEL, "compensator": LAW, "measured-modes": SURVEY, "promise": PROMISE}
 PARTS = (
     "node",
     "strut",

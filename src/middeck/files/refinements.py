@@ -52,13 +52,14 @@ class RefinementForm(Form):
     unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
 
 
-@record
+@record(kw_only=True)
 class Refinement:
-    """What `middeck.updating.refine.refine` needs beside an article."""
+    """What `middeck.updating.refine.refine` needs beside an article, and every file that said it."""
 
     surveys: tuple[Survey, ...]
     unknowns: tuple[Unknown, ...]
     model_error: float
+    files: tuple[Path, ...]
 
 
 def load_refinement(path: str | Path, article: str | Path) -> Refinement:
@@ -72,21 +73,24 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     raise_faults(list(checked.faults))
     form = checked.form
     assert form is not None  # no faults
+    modes = [Path(path).parent / s.modes for s in form.survey]
+    environments = [find_document(s.environment, "environment", beside=path) for s in form.survey]
     surveys = tuple(
         Survey(
             name=s.name,
-            measured=load_survey_modes(Path(path).parent / s.modes, article),
-            environment=load_setup(article, find_document(s.environment, "environment", beside=path))[1],
+            measured=load_survey_modes(seen, article),
+            environment=load_setup(article, place)[1],
             settings=tuple(s.set.items()),
             frequency_std=s.frequency_std,
         )
-        for s in form.survey
+        for s, seen, place in zip(form.survey, modes, environments, strict=True)
     )
     unknowns = tuple(
         Unknown(name=u.name, parameters=u.parameters, spread=u.spread, mean=u.mean, added=u.added)
         for u in form.unknown
     )
-    return Refinement(surveys, unknowns, form.model_error)
+    files = dict.fromkeys((Path(path), *modes, *environments))
+    return Refinement(surveys=surveys, unknowns=unknowns, model_error=form.model_error, files=tuple(files))
 
 
 def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:

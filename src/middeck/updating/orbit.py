@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,13 +12,15 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.refine import Refined, shared_with, sorts_of
-from middeck.updating.surveys import set_up
+from middeck.updating.surveys import Compared, set_up
 from middeck.updating.unknowns import product_slopes
 from middeck.values import record
 
 # Of ln f: what a model's own error in a mode changes when gravity goes, over and above what shapes say.
 CARRIED = 1e-4
 NORMAL_95 = 1.959964
+# Of a measured damping ratio whose deviation the test does not state, relative.
+DAMPING_STD = 0.1
 
 
 @record(kw_only=True)
@@ -27,18 +30,33 @@ class Prediction:
     Attributes:
         modes, index: Of the refined model, and which of its modes these are.
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
-        log_std: Standard deviation of the logarithms, all told.
+        log_root: Of their covariance, as far as it is shared: by unknowns and errors of the refinement.
+        log_rest: Standard deviation of what each mode has beside, alone.
         damping: What the first survey measured, by what each mode has of the shapes that it saw; of the rest,
             and where the survey states none, the article's.
+        damping_seen: Part of each damping that was measured.
+        damping_spread: Standard deviation of the logarithm of what was measured.
         seen: Part of each shape that the surveys saw.
     """
 
     modes: Modes
     index: Int[np.ndarray, " mode"]
     log_shift: Float[np.ndarray, " mode"]
-    log_std: Float[np.ndarray, " mode"]
+    log_root: Float[np.ndarray, "mode both"]
+    log_rest: Float[np.ndarray, " mode"]
     damping: Float[np.ndarray, " mode"]
+    damping_seen: Float[np.ndarray, " mode"]
+    damping_spread: Float[np.ndarray, " mode"]
     seen: Float[np.ndarray, " mode"]
+
+    def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
+        """Of the logarithms of the damping ratios, where ``unseen`` is that of what was not measured."""
+        return np.hypot(self.damping_seen * self.damping_spread, (1.0 - self.damping_seen) * unseen)
+
+    @property
+    def log_std(self) -> Float[np.ndarray, " mode"]:
+        """Standard deviation of the logarithms of the frequencies, all told."""
+        return np.hypot(np.linalg.norm(self.log_root, axis=1), self.log_rest)
 
     @property
     def frequency_hz(self) -> Float[np.ndarray, " mode"]:
@@ -50,6 +68,21 @@ class Prediction:
         """95 % intervals [Hz]."""
         half = NORMAL_95 * self.log_std[:, None] * np.array([-1.0, 1.0])
         return self.frequency_hz[:, None] * np.exp(half)
+
+    def below(self, number: int) -> Prediction:
+        """Those that are among the lowest ``number`` modes, rigid ones counted."""
+        kept = self.index < number
+        rows = (
+            "index",
+            "log_shift",
+            "log_root",
+            "log_rest",
+            "damping",
+            "damping_seen",
+            "damping_spread",
+            "seen",
+        )
+        return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
 def predict_modes(
@@ -67,21 +100,29 @@ def predict_modes(
     share = shared_with(first, modes)[index]
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    spread = np.hstack([slope, share]) @ found.root
     rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sorts_of(modes, index)] ** 2
     return Prediction(
         modes=modes,
         index=index,
         log_shift=share @ found.d,
-        log_std=np.sqrt(np.einsum("ij,ij->i", spread, spread) + rest + CARRIED**2),
-        damping=_damping(modes, index, share, first.survey.measured.damping[first.pairs[:, 1]]),
+        log_root=np.hstack([slope, share]) @ found.root,
+        log_rest=np.sqrt(rest + CARRIED**2),
+        **_damping(modes, index, share, first),
         seen=share.sum(axis=1),
     )
 
 
-def _damping(modes: Modes, index: np.ndarray, share: np.ndarray, measured: np.ndarray) -> np.ndarray:
+def _damping(modes: Modes, index: np.ndarray, share: np.ndarray, first: Compared) -> dict[str, np.ndarray]:
     """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
-    known = share * np.isfinite(measured)
-    part = np.minimum(known.sum(axis=1), 1.0)
-    return known @ np.nan_to_num(measured) + (1.0 - part) * own
+    measured, at = first.survey.measured, first.pairs[:, 1]
+    zeta = measured.damping[at]
+    std = DAMPING_STD * zeta if measured.damping_std is None else measured.damping_std[at]
+    known = share * np.isfinite(zeta)
+    seen = np.minimum(known.sum(axis=1), 1.0)
+    relative = np.where(np.isfinite(zeta) & (zeta > 0.0) & np.isfinite(std), std / zeta, DAMPING_STD)
+    return {
+        "damping": known @ np.nan_to_num(zeta) + (1.0 - seen) * own,
+        "damping_seen": seen,
+        "damping_spread": known @ relative / np.where(seen > 0.0, known.sum(axis=1), 1.0),
+    }

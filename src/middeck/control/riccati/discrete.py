@@ -168,9 +168,15 @@ def _closed(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> Float[np.ndarray, "s
 def _residual(
     X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
 ) -> tuple[Float[np.ndarray, "state state"], float]:
-    XA, XB = X @ A, X @ B
-    cross = A.T @ XB
-    linear, quadratic = A.T @ XA, cross @ np.linalg.solve(np.eye(B.shape[1]) + B.T @ XB, cross.T)
-    defect = linear - X - quadratic + Q
-    terms = sum(float(np.linalg.norm(M)) for M in (linear, X, quadratic, Q))
+    """``inf`` for an X whose terms are beyond numbers, as after a Newton step from far away."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        XA, XB = X @ A, X @ B
+        cross, gram = A.T @ XB, np.eye(B.shape[1]) + B.T @ XB
+        if not np.isfinite(gram).all():
+            return X, np.inf
+        linear, quadratic = A.T @ XA, cross @ np.linalg.solve(gram, cross.T)
+        defect = linear - X - quadratic + Q
+        terms = sum(float(np.linalg.norm(M)) for M in (linear, X, quadratic, Q))
+    if not np.isfinite(terms):
+        return defect, np.inf
     return (defect + defect.T) / 2.0, float(np.linalg.norm(defect)) / terms if terms > 0.0 else 0.0

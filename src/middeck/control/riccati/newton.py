@@ -62,11 +62,17 @@ def rounding(A: np.ndarray) -> float:
 def residual(
     X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
 ) -> tuple[Float[np.ndarray, "state state"], float]:
-    """A'X + XA - (XB)(XB)' + Q, and its Frobenius norm relative to the sum of those of its terms."""
-    linear, factor = A.T @ X, X @ B
-    quadratic = factor @ factor.T
-    defect = linear + linear.T - quadratic + Q
-    terms = 2.0 * np.linalg.norm(linear) + np.linalg.norm(quadratic) + np.linalg.norm(Q)
+    """A'X + XA - (XB)(XB)' + Q, and its Frobenius norm relative to the sum of those of its terms.
+
+    ``inf`` for an X whose terms are beyond numbers, as after a Newton step from far away.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        linear, factor = A.T @ X, X @ B
+        quadratic = factor @ factor.T
+        defect = linear + linear.T - quadratic + Q
+        terms = 2.0 * np.linalg.norm(linear) + np.linalg.norm(quadratic) + np.linalg.norm(Q)
+    if not np.isfinite(terms):
+        return defect, np.inf
     return defect, float(np.linalg.norm(defect) / terms) if terms > 0.0 else 0.0
 
 

@@ -15,9 +15,9 @@ from middeck.control.law.compensator import Compensator, idle_compensator, locat
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg import LQGWeights
-from middeck.control.robust.batch import continuous_covariances, row_rms
 from middeck.control.robust.exact_delay import exact_growth
 from middeck.control.robust.exact_family import family_law, measure_in_family
+from middeck.control.robust.many_loops import measure_many
 from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
 from middeck.systems.delay_approximation import approximate_delays
@@ -91,9 +91,8 @@ def outcomes_on(
     reference = np.zeros(0)
     if plants:
         generalize(remove_delays(plants[0]), weights, 1.0)  # it refuses weights that do not fit
-        alone = [_uncontrolled(p, weights) for p in plants]
-        reference = _rms_of(alone, idle_compensator(plants[0]), weights)[1]
-    continuous = _outcomes("continuous", *_rms_of(plants, compensator, weights), reference)
+        reference = uncontrolled_rms(plants, weights)
+    continuous = _outcomes("continuous", *noise_on(plants, compensator, weights), reference)
     sampled = [
         _outcomes(f"{rate:g} Hz", *sampled_outcomes(plants, compensator, weights, rate), reference)
         for rate in rates_hz
@@ -129,10 +128,16 @@ def _uncontrolled(plant: Plant, weights: LQGWeights) -> Plant:
     return dataclasses.replace(plant, delay_s=late)
 
 
-def _rms_of(
+def uncontrolled_rms(plants: Sequence[Plant], weights: LQGWeights) -> Float[np.ndarray, " plant"]:
+    """(E[z' W^2 z])^1/2 of each plant by itself; ``inf`` where it does not decay."""
+    alone = [_uncontrolled(p, weights) for p in plants]
+    return noise_on(alone, idle_compensator(plants[0]), weights)[1] if plants else np.zeros(0)
+
+
+def noise_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stability, rms of the weighted outputs, and of the weighted inputs, continuous."""
+) -> tuple[Bool[np.ndarray, " plant"], Float[np.ndarray, " plant"], Float[np.ndarray, " plant"]]:
+    """Stability, rms of the weighted outputs, and of the weighted inputs, continuous, delays exact."""
     found: list[NoiseOutcome | None] = [None] * len(plants)
     known = family_law(compensator, weights)
     if known is not None:
@@ -186,8 +191,7 @@ def _rms(
     closed = [closed_matrices(m, law) for m, law in zip(models, laws, strict=True)]
     for group in same_shapes([c[0].shape for c in closed]):
         A, B, C = (np.array([closed[i][k] for i in group]) for k in range(3))
-        values, X = continuous_covariances(A, B)
-        each = row_rms(C, X)
+        values, each = np.linalg.eigvals(A).astype(complex), measure_many(A, B, C).rms
         inputs = models[group[0]].B2.shape[1]
         outputs = each.shape[1] - inputs
         for j, i in enumerate(group):

@@ -1,0 +1,136 @@
+"""The frozen case "Updating and promise": decibels and frontier as promised, and the truth beside them."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import middeck as md
+from measured.rows import row
+from middeck.control.law.compensator import Compensator
+from middeck.control.robust.monte_carlo import noise_on
+from middeck.systems.plant import Plant
+from middeck.updating.draws import DrawnPlants, draw_plants
+from middeck.updating.plan import Plan, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise import design_ladder, promise
+
+# The frozen case is shared with the tests.
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))
+case = importlib.import_module("promise_case")
+
+SEEDS, DRAWS = 50, 100
+LADDERS, ALL_DRAWS = 12, 300
+AUTHORITY = 10.0 ** np.array([0.0, 2.0, 4.0, 6.0])
+RUNGS = 10.0 ** np.arange(-2.0, 12.01, 0.125)
+COARSE = 8
+LEAST_DB = -20.0
+TOGETHER = 50  # draws that are decided at once
+
+
+class Came(NamedTuple):
+    """One compensator: promised levels, what came, and the distance to the bound."""
+
+    median: float
+    low: float
+    high: float
+    cautious: float
+    db: float
+    above: float
+
+
+def rows(_: str) -> list[dict[str, Any]]:
+    """Fifty truths, four compensators each."""
+    start = time.process_time()
+    found = [one for seed in range(SEEDS) for one in _compensators(seed)]
+    seconds = (time.process_time() - start) / SEEDS
+    some = [c for c in found if np.isfinite(c.db) and c.db <= LEAST_DB]
+    error = np.array([abs(c.median - c.db) for c in some])
+    missed = 100.0 * np.mean([not c.low <= c.db <= c.high for c in some])
+    title = f"promise, one axis, linear joints, {len(some)} compensators of {SEEDS} truths"
+    return [
+        row(title, "|promised median - truth|, median", "dB", np.median(error), 0.2),
+        row(title, "the same, largest", "dB", error.max()),
+        row(title, "95 % intervals that miss", "%", missed, 10.0),
+        row(title, "pessimism at 99 %, median", "dB", np.median([c.cautious - c.db for c in some]), 0.5),
+        row(title, "above the bound of its effort, median", "dB", np.median([c.above for c in some]), 0.3),
+        row(title, "the same, largest", "dB", max(c.above for c in some)),
+        row(title, f"four by {DRAWS} draws, with refinement and truth", "CPU s", seconds),
+    ]  # fmt: skip
+
+
+def _compensators(seed: int) -> list[Came]:
+    refined, asked = case.refined(seed), case.plan(AUTHORITY, DRAWS, bounded=1)
+    (found,) = promise(refined, asked).values()
+    truth, laws = case.true_plant(seed), design_ladder(case.modes_in_orbit(refined), asked)
+    levels = [[o.level_db(share) for share in (0.5, 0.025, 0.975, 0.99)] for o in found.outlooks]
+    return [
+        Came(*level, case.true_db(truth, law, asked), found.bound[name][0] - found.bound[name][1])
+        for level, (name, law) in zip(levels, laws.items(), strict=True)
+    ]
+
+
+def frontier_rows(_: str) -> list[dict[str, Any]]:
+    """Ladders on the refined model and on the sheet, to authorities at which the truth is unstable."""
+    found = [d for seed in range(LADDERS) for d in _frontiers(seed)]
+    late = np.array([d for d in found if np.isfinite(d)])
+    title = f"frontier, {len(found)} ladders of {LADDERS} truths"
+    return [
+        row(title, "promised above the true one", "%", 100.0 * np.mean(late < 0.0), 2.0),
+        row(title, "promised below the true one, median", "dB", np.median(late), 1.0),
+        row(title, "the same, largest", "dB", late.max(), 3.0),
+        row(title, "without one rung that is promised", "", len(found) - len(late)),
+    ]
+
+
+def _frontiers(seed: int) -> list[float]:
+    """By how many decibels the promised frontier is below the true one, of both ladders."""
+    refined = case.refined(seed)
+    asked = case.plan(RUNGS, ALL_DRAWS)
+    place = next(iter(asked.environments.values()))
+    drawn = draw_plants(
+        refined, place, partial(plant_of, asked), draws=asked.draws,
+        rng=np.random.default_rng(asked.seed), loop=asked.loop, finish=partial(close_inner, asked),
+    )  # fmt: skip
+    truth = case.true_plant(seed)
+    sheet = md.solve_modes(md.solve_equilibrium(case.sheet()[0], place))
+    models = case.modes_in_orbit(refined), sheet
+    return [_distance(design_ladder(modes, asked), drawn, truth, asked) for modes in models]
+
+
+def _distance(laws: Mapping[str, Compensator], drawn: DrawnPlants, truth: Plant, asked: Plan) -> float:
+    ladder = list(laws.values())
+    came = [case.true_db(truth, law, asked) for law in ladder]
+    true = next((k for k, db in enumerate(came) if not np.isfinite(db)), len(ladder)) - 1
+    said = _first_not_promised(ladder, drawn, asked) - 1
+    if said < 0 or true < 0:
+        return 0.0 if said == true else (np.nan if said < 0 else -np.inf)
+    return -1.0 if said > true else came[said] - came[true]
+
+
+def _first_not_promised(ladder: Sequence[Compensator], drawn: DrawnPlants, asked: Plan) -> int:
+    """Coarse rungs up to the first that fails, then all between."""
+    last = -1
+    for k in range(0, len(ladder), COARSE):
+        if not _all_stable(ladder[k], drawn, asked):
+            low, high = last, k
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (middle, high) if _all_stable(ladder[middle], drawn, asked) else (low, middle)
+            return high
+        last = k
+    return len(ladder)
+
+
+def _all_stable(law: Compensator, drawn: DrawnPlants, asked: Plan) -> bool:
+    u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
+    weights = weights_of(asked, law.outputs, law.inputs)
+    plants = [group_loop(asked, plant, u, y) for plant in drawn.plants]
+    parts = [plants[k : k + TOGETHER] for k in range(0, len(plants), TOGETHER)]
+    return all(bool(np.all(noise_on(part, law, weights)[0])) for part in parts)

@@ -1,0 +1,69 @@
+"""``middeck outcome``: what came, beside what was promised."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+EPILOG = """\
+\b
+Examples:
+  middeck outcome promise.json data/virtual-survey/outcome.toml
+  middeck outcome promise.json flown.toml -o comparison.json
+"""
+
+
+@click.command("outcome", cls=options.Verb, epilog=EPILOG)
+@click.argument("promise", metavar="PROMISE.json")
+@click.argument("outcome", metavar="OUTCOME")
+@click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
+@options.written("-o", "--output", "output", endings=(".json",), help="Write the sealed comparison.")
+@options.printing
+def verb(promise: str, outcome: str, date: str | None, output: str | None, as_json: bool) -> None:
+    """Compare what came with a promise.
+
+    OUTCOME has the frequencies and decibels as they came: docs/reference/files.md. The comparison is a
+    document of its own, which names the promise by its hash; a promise that was changed is refused.
+    """
+    from pathlib import Path
+
+    from middeck.cli.blame import reading
+    from middeck.files.json_output import write_json
+    from middeck.files.promises import comparison_document, load_outcomes, read_promise
+
+    promised = read_promise(promise)
+    came = load_outcomes(outcome)
+    with reading(outcome):
+        document = comparison_document(promised, came, outcome_file=Path(outcome), date=options.day(date))
+    if output is not None:
+        write_json(output, document)
+    show(as_json, document, *_blocks(document, output))
+
+
+def _blocks(document: dict[str, Any], output: str | None) -> list[str | Table]:
+    def number(value: float | None) -> str:
+        return "unstable" if value is None else f"{value:.5g}"
+
+    rows = [
+        [
+            v["name"],
+            " to ".join(map(number, v["promised"])),
+            number(v["value"]),
+            "yes" if v["inside"] else "NO",
+            "-" if v["pessimism_db"] is None else f"{v['pessimism_db']:.2f}",
+        ]
+        for v in document["verdicts"]
+    ]
+    s = document["score"]
+    said = [
+        f"promised on   {document['promised_on']}, {document['promise'][:12]}...",
+        f"inside        {100.0 * s['coverage']:.0f} % of {s['count']}",
+        *([] if s["brier"] is None else [f"Brier score   {s['brier']:.4f}"]),
+        *([] if s["pessimism"] is None else [f"pessimism     {s['pessimism']:.2f} dB in the median"]),
+    ]
+    headers = ["quantity", "promised, 95 %", "came", "inside", "pessimism [dB]"]
+    return [*said, Table("outcomes", headers, rows), *(["", f"wrote {output}"] if output else [])]

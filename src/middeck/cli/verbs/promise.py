@@ -1,0 +1,115 @@
+"""``middeck promise``: what compensators will do in orbit, as a sealed document."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+EPILOG = """\
+\b
+Examples:
+  middeck promise articles/mace-simple.toml \\
+    data/virtual-survey/promise.toml -o promise.json
+  middeck outcome promise.json data/virtual-survey/outcome.toml
+"""
+
+
+@click.command("promise", cls=options.Verb, epilog=EPILOG)
+@options.article
+@click.argument("plan", metavar="PLAN")
+@click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
+@options.written("-o", "--output", "output", endings=(".json",), help="Write the sealed document.")
+@options.printing
+def verb(article: str, plan: str, date: str | None, output: str | None, as_json: bool) -> None:
+    """Promise what compensators will do in orbit.
+
+    ARTICLE is refined on the surveys that PLAN names; plants are then drawn from what stays open, and every
+    compensator is tried on all of them: docs/reference/files.md. The document says with which probability it
+    is stable, how many decibels to expect, what the risk hangs on and how far an ideal compensator is. It
+    carries the hash of its own content and of all files behind it.
+    """
+    from middeck.cli.blame import reading
+    from middeck.files.documents import find_document
+    from middeck.files.json_output import write_json
+    from middeck.files.promise_plans import load_plan
+    from middeck.files.promises import promise_document
+    from middeck.updating.promise import promise
+    from middeck.updating.refine import refine
+
+    body = find_document(article, "article")
+    loaded = load_plan(plan, body)
+    asked = loaded.refinement
+    with reading(body, plan):
+        refined = refine(loaded.structure, asked.surveys, asked.unknowns, asked.model_error)
+        promised = promise(refined, loaded.plan)
+    document = promise_document(refined, loaded.plan, promised, files=loaded.files, date=options.day(date))
+    if output is not None:
+        write_json(output, document)
+    warnings = {"warnings": document["refined"]["warnings"]}
+    show(as_json, document if as_json else warnings, *_blocks(document, output))
+
+
+def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Table]:
+    blocks: list[str | Table] = []
+    for place in document["environments"]:
+        blocks += [_modes(place), _loops(place, document), _highest(place, document)]
+    blocks += ["", "not valid for", *(f"  {limit}" for limit in document["not_valid_for"])]
+    return [*blocks, f"sha256 {document['sha256']}", *([f"wrote {output}"] if output else [])]
+
+
+def _modes(place: dict[str, Any]) -> Table:
+    rows = [
+        [
+            str(k),
+            m["name"],
+            f"{m['frequency_hz']:.4f}",
+            "{:.4f} to {:.4f}".format(*m["interval_95_hz"]),
+            f"{100.0 * m['damping']:.2f}",
+            f"{100.0 * m['seen']:.0f}",
+        ]
+        for k, m in enumerate(place["modes"], start=1)
+    ]
+    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen on the ground [%]"]
+    return Table(f"promised in {place['name']}: modes", headers, rows)
+
+
+def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
+    at = {share: k for k, share in enumerate(document["shares"])}
+
+    def level(db: Sequence[float | None], share: float) -> str:
+        value = db[at[share]]
+        return "unstable" if value is None else f"{value:.2f}"
+
+    def distance(bound: dict[str, float | None]) -> str:
+        own, least = bound["own_db"], bound["no_linear_law_below_db"]
+        return "-" if own is None or least is None else f"{own - least:.2f}"
+
+    rows = [
+        [
+            c["name"],
+            f"{100.0 * c['probability_stable']:.1f}",
+            f"{100.0 * c['at_least']:.1f}",
+            *(level(c["db"], share) for share in (0.5, 0.025, 0.975, 0.99)),
+            distance(c["bound"]),
+            c["unstable_mode"] or "-",
+            c["risk"]["of"] or "-",
+        ]
+        for c in place["compensators"]
+    ]
+    headers = ["compensator", "stable [%]", "at least", "median [dB]", "2.5 %", "97.5 %", "99 %",
+               "above the bound [dB]", "would grow", "hangs on"]  # fmt: skip
+    return Table(f"promised in {place['name']}: {document['draws']} draws", headers, rows)
+
+
+def _highest(place: dict[str, Any], document: dict[str, Any]) -> str:
+    asked, needed = f"{100.0 * document['probability']:g} %", document["draws_needed"]
+    if document["draws"] < needed:
+        return f"\n{document['draws']} draws cannot promise {asked}: {needed} that are all stable would"
+    if place["highest"] is None:
+        return f"\nno compensator of the ladder is stable with {asked} (95 % confidence)"
+    return f"\nhighest that is stable with {asked} (95 % confidence): {place['highest']}"

@@ -1,0 +1,155 @@
+"""Plans of promises: documents that say what is promised of a refined article."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from middeck.control.law.classical import PDLoops
+from middeck.files.compensators import load_compensator
+from middeck.files.documents import check, find_document, load_setup, load_structure, read_source
+from middeck.files.faults import raise_faults
+from middeck.files.form import Finite, Form, NotNegative, Positive, whole
+from middeck.files.refinements import Refinement, load_refinement
+from middeck.structure.model.article import Structure
+from middeck.updating.draws import LoopSpread
+from middeck.updating.plan import Ladder, Plan
+from middeck.values import record
+
+Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+Numbers = Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
+# Unit of a port -> key of the noise of its readings.
+NOISE = {
+    "rad": "angle_rad_per_rthz",
+    "rad/s": "rate_rad_per_s_per_rthz",
+    "m": "way_m_per_rthz",
+    "m/s": "speed_m_per_s_per_rthz",
+    "m/s^2": "acceleration_m_per_s2_per_rthz",
+}
+
+
+class PerformanceForm(Form):
+    """What is promised: the weighted rms of sensors under white noise at actuators."""
+
+    outputs: Names
+    weights: Numbers
+    disturbances: Names
+    intensity_per_rthz: Numbers
+
+
+class NoiseForm(Form):
+    """Two-sided noise of readings, by their unit."""
+
+    angle_rad_per_rthz: Positive | None = None
+    rate_rad_per_s_per_rthz: Positive | None = None
+    way_m_per_rthz: Positive | None = None
+    speed_m_per_s_per_rthz: Positive | None = None
+    acceleration_m_per_s2_per_rthz: Positive | None = None
+
+
+class LoopForm(Form):
+    """What is not known of the loop beside the article."""
+
+    delay_s: NotNegative = 0.0
+    delay_tolerance_s: NotNegative = 0.0
+    gain_tolerance: NotNegative = 0.0
+    damping_std: NotNegative = 0.3
+
+
+class InnerForm(Form):
+    """Proportional-derivative loops without delay."""
+
+    loops: Names
+    kp: Numbers
+    kd: Numbers
+
+
+class LadderForm(Form):
+    """LQG of rising authority on the refined article."""
+
+    drives: Names
+    reads: Names
+    log10_authority: Annotated[tuple[Finite, ...], Field(strict=False, min_length=1)]
+
+
+class LawForm(Form):
+    """A compensator in a file beside the plan."""
+
+    name: str
+    file: str
+
+
+class PlanForm(Form):
+    """A plan."""
+
+    schema_: Literal["middeck.promise-plan/1"] = Field(alias="schema")
+    refinement: str
+    environments: Names = ("orbit",)
+    modes: Annotated[int, whole(1, 10000)] = 26
+    draws: Annotated[int, whole(1, 1000000)] = 300
+    bounded: Annotated[int, whole(0, 10000)] = 10
+    seed: Annotated[int, whole(0, 2**63 - 1)] = 0
+    probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.99
+    performance: PerformanceForm
+    noise: NoiseForm
+    loop: LoopForm = LoopForm()
+    inner: InnerForm | None = None
+    ladder: LadderForm | None = None
+    law: Annotated[tuple[LawForm, ...], Field(strict=False)] = ()
+
+
+@record(kw_only=True)
+class LoadedPlan:
+    """An article, a plan for it, the refinement that this stands on, and every file that was read."""
+
+    structure: Structure
+    plan: Plan
+    refinement: Refinement
+    files: tuple[Path, ...]
+
+
+def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
+    """The plan in file ``path`` for the article in file ``article``.
+
+    The refinement and compensators are sought beside it, environments as everywhere. Raises `ConfigError`
+    with all faults of the document, and `DataError` for files that cannot be read.
+    """
+    source = read_source(path)
+    checked = check(source, source.data, {}, PlanForm, lambda _: [])
+    raise_faults(list(checked.faults))
+    form = checked.form
+    assert form is not None  # no faults
+    beside = Path(path).parent
+    found = {name: find_document(name, "environment", beside=path) for name in form.environments}
+    laws = {law.name: beside / law.file for law in form.law}
+    refinement = load_refinement(beside / form.refinement, article)
+    noise = {unit: getattr(form.noise, key) for unit, key in NOISE.items()}
+    p, inner, ladder = form.performance, form.inner, form.ladder
+    plan = Plan(
+        environments={name: load_setup(article, file)[1] for name, file in found.items()},
+        performance=p.outputs,
+        weights=np.array(p.weights),
+        disturbances=p.disturbances,
+        intensity=np.array(p.intensity_per_rthz),
+        noise={unit: value for unit, value in noise.items() if value is not None},
+        inner=None if inner is None else PDLoops(inner.loops, np.array(inner.kp), np.array(inner.kd)),
+        loop=LoopSpread(**form.loop.model_dump()),
+        modes=form.modes,
+        draws=form.draws,
+        seed=form.seed,
+        probability=form.probability,
+        bounded=form.bounded,
+        laws={name: load_compensator(file) for name, file in laws.items()},
+        ladder=None
+        if ladder is None
+        else Ladder(
+            drives=ladder.drives, reads=ladder.reads, authority=10.0 ** np.array(ladder.log10_authority)
+        ),
+    )
+    files = (Path(path), Path(article), *refinement.files, *found.values(), *laws.values())
+    return LoadedPlan(
+        structure=load_structure(article), plan=plan, refinement=refinement, files=tuple(dict.fromkeys(files))
+    )

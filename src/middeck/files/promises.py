@@ -1,0 +1,254 @@
+"""Promises and what came of them: sealed documents."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import scipy
+from pydantic import Field
+
+from middeck import __version__
+from middeck.errors import DataError
+from middeck.files.documents import check, read_source, sha256_of
+from middeck.files.faults import raise_faults
+from middeck.files.form import Finite, Form
+from middeck.files.sealed import SEAL, read_sealed, seal
+from middeck.updating.findings import findings
+from middeck.updating.outlook import LEVELS, Outlook, draws_needed
+from middeck.updating.plan import Plan
+from middeck.updating.promise import Promise
+from middeck.updating.refine import SORTS, Refined
+from middeck.updating.score import Outcome, Statement, Verdict, judge, score
+
+PROMISE, COMPARISON = "middeck.promise/1", "middeck.comparison/1"
+# A mode of which the surveys saw less than half was not seen.
+SEEN = 0.5
+# Digits that are promised: more would hang on the machine.
+DIGITS = 6
+
+
+def promise_document(
+    refined: Refined, plan: Plan, promises: Mapping[str, Promise], *, files: Sequence[Path], date: str
+) -> dict[str, Any]:
+    """The sealed document: what was promised when, on what, by which versions and seed."""
+    return seal(
+        {
+            "schema": PROMISE,
+            "article": refined.structure.title,
+            "date": date,
+            "versions": _versions(),
+            "files": [{"name": file.name, "sha256": sha256_of(file)} for file in files],
+            "seed": plan.seed,
+            "draws": plan.draws,
+            "draws_needed": draws_needed(plan.probability),
+            "probability": plan.probability,
+            "refined": _refined(refined),
+            "not_valid_for": _limits(plan, promises),
+            "shares": LEVELS,
+            "environments": [_environment(name, p, plan) for name, p in promises.items()],
+        }
+    )
+
+
+def read_promise(path: str | Path) -> dict[str, Any]:
+    """The promise in ``path``. Raises `DataError` for another document, or one that was changed."""
+    return read_sealed(path, PROMISE)
+
+
+class ModeOutcomeForm(Form):
+    """A mode as it came."""
+
+    environment: str
+    number: Annotated[int, Field(ge=1)]
+    frequency_hz: Annotated[float, Field(gt=0.0)]
+
+
+class LoopOutcomeForm(Form):
+    """A compensator as it did."""
+
+    environment: str
+    name: str
+    stable: bool
+    db: Finite | None = None
+
+
+class OutcomeForm(Form):
+    """What came of a promise."""
+
+    schema_: Literal["middeck.outcome/1"] = Field(alias="schema")
+    mode: Annotated[tuple[ModeOutcomeForm, ...], Field(strict=False)] = ()
+    compensator: Annotated[tuple[LoopOutcomeForm, ...], Field(strict=False)] = ()
+
+
+def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
+    """Outcomes in file ``path``.
+
+    Raises `ConfigError` with all faults of the document, `DataError` for a stable loop without decibels.
+    """
+    source = read_source(path)
+    checked = check(source, source.data, {}, OutcomeForm, lambda _: [])
+    raise_faults(list(checked.faults))
+    form = checked.form
+    assert form is not None  # no faults
+    for loop in form.compensator:
+        if loop.stable == (loop.db is None):
+            what = "stable, without its dB" if loop.stable else "unstable, with dB"
+            raise DataError(f"{loop.name} is {what}", where=str(path), hint="db of stable loops alone")
+    return (
+        *(Outcome(name=_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
+        *(Outcome(name=_loop(c.environment, c.name), value=c.db, stable=c.stable) for c in form.compensator),
+    )
+
+
+def comparison_document(
+    promise: Mapping[str, Any], outcomes: Sequence[Outcome], *, outcome_file: Path, date: str
+) -> dict[str, Any]:
+    """What came beside ``promise``, which it names by its seal and does not change.
+
+    Raises `DataError` for an outcome of which nothing was promised.
+    """
+    statements = statements_of(promise)
+    verdicts = judge(statements, outcomes)
+    said, came = {s.name: s for s in statements}, {o.name: o for o in outcomes}
+    return seal(
+        {
+            "schema": COMPARISON,
+            "promise": promise[SEAL],
+            "promised_on": promise["date"],
+            "date": date,
+            "versions": _versions(),
+            "outcome": {"name": outcome_file.name, "sha256": sha256_of(outcome_file)},
+            "verdicts": [_row(v, said[v.name], came[v.name]) for v in verdicts],
+            "score": score(verdicts),
+        }
+    )
+
+
+def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
+    """What a promise says, quantity by quantity."""
+    low, high, cautious = (promise["shares"].index(share) for share in (0.025, 0.975, 0.99))
+
+    def level(value: float | None) -> float:
+        return np.inf if value is None else float(value)
+
+    found: list[Statement] = []
+    for place in promise["environments"]:
+        for number, mode in enumerate(place["modes"], start=1):
+            ends = mode["interval_95_hz"]
+            found.append(Statement(name=_mode(place["name"], number), low=ends[0], high=ends[1]))
+        for loop in place["compensators"]:
+            db = loop["db"]
+            found.append(
+                Statement(
+                    name=_loop(place["name"], loop["name"]),
+                    low=level(db[low]),
+                    high=level(db[high]),
+                    probability=loop["probability_stable"],
+                    cautious=level(db[cautious]),
+                )
+            )
+    return tuple(found)
+
+
+def _mode(environment: str, number: int) -> str:
+    return f"{environment}: mode {number}"
+
+
+def _loop(environment: str, name: str) -> str:
+    return f"{environment}: {name}"
+
+
+def _row(verdict: Verdict, said: Statement, came: Outcome) -> dict[str, Any]:
+    return {
+        "name": verdict.name,
+        "promised": [_few(said.low), _few(said.high)],
+        "probability_stable": said.probability,
+        "value": came.value,
+        "stable": came.stable,
+        "inside": verdict.inside,
+        "brier": verdict.brier,
+        "pessimism_db": None if verdict.pessimism is None else _few(verdict.pessimism),
+    }
+
+
+def _versions() -> dict[str, str]:
+    return {
+        "middeck": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+    }
+
+
+def _refined(refined: Refined) -> dict[str, Any]:
+    rows = zip(refined.unknowns, refined.x, refined.estimate.x_std, strict=True)
+    return {
+        "unknowns": [{"name": u.name, "x": _few(x), "std": _few(std)} for u, x, std in rows],
+        "model_error": {s: _few(tau) for s, tau in zip(SORTS, refined.estimate.tau, strict=True)},
+        "warnings": findings(refined),
+    }
+
+
+def _limits(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
+    """What the plants of the promise do not have."""
+    said = ["friction, play and saturation: every plant is linear"]
+    said += [
+        f"{name}: what lies above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes"
+        for name, p in promises.items()
+    ]
+    for name, p in promises.items():
+        names = [p.modes.modes.name[i] for i in p.modes.index]
+        unseen = [mode for mode, seen in zip(names, p.modes.seen, strict=True) if seen < SEEN]
+        if unseen:
+            said.append(f"{name}: modes that no survey saw, by the model alone: {', '.join(unseen)}")
+    return said
+
+
+def _environment(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
+    modes = promise.modes
+    return {
+        "name": name,
+        "modes": [
+            {
+                "name": modes.modes.name[i],
+                "frequency_hz": _few(hz),
+                "interval_95_hz": [_few(end) for end in ends],
+                "damping": _few(zeta),
+                "seen": _few(min(seen, 1.0)),
+            }
+            for i, hz, ends, zeta, seen in zip(
+                modes.index, modes.frequency_hz, modes.interval_hz, modes.damping, modes.seen, strict=True
+            )
+        ],
+        "without_control_rms": [_few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
+        if np.all(np.isfinite(promise.rest_rms))
+        else None,
+        "compensators": [_loop_row(o, promise.bound[o.name], plan) for o in promise.outlooks],
+        "highest": promise.highest,
+    }
+
+
+def _loop_row(outlook: Outlook, bound: tuple[float, float], plan: Plan) -> dict[str, Any]:
+    risk, correlation = outlook.risk
+    effort = float(np.median(outlook.control_rms))
+    return {
+        "name": outlook.name,
+        "given": outlook.name in plan.laws,
+        "probability_stable": outlook.probability_stable,
+        "interval_95": [_few(end) for end in outlook.probability_interval],
+        "at_least": _few(outlook.promised_probability),
+        "db": [_few(outlook.level_db(share)) for share in LEVELS],
+        "control_rms": _few(effort),
+        "bound": {"own_db": _few(bound[0]), "no_linear_law_below_db": _few(bound[1])},
+        "unstable_mode": outlook.unstable_mode or None,
+        "risk": {"of": risk or None, "rank_correlation": _few(correlation)},
+    }
+
+
+def _few(value: float) -> float | None:
+    """To the digits that are promised; None for what is not finite."""
+    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None

@@ -1,0 +1,136 @@
+"""What is promised: where, of which loops, under which disturbance and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.compensator import Compensator
+from middeck.control.lqg import LQGWeights
+from middeck.errors import ConfigError
+from middeck.signals.ports import Port
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.plants.port_rows import RATE
+from middeck.systems.plant import Plant, group_ports, select_ports
+from middeck.updating.draws import LoopSpread
+from middeck.values import record
+
+
+@record(kw_only=True)
+class Ladder:
+    """Compensators designed on the refined article itself, of rising authority.
+
+    Attributes:
+        drives, reads: Actuators and sensors of the designs.
+        authority: 1/rho of the cost E[z' W^2 z + rho u'u].
+    """
+
+    drives: tuple[str, ...]
+    reads: tuple[str, ...]
+    authority: Float[np.ndarray, " level"]
+
+
+@record(kw_only=True)
+class Plan:
+    """What is promised of a refined article.
+
+    Attributes:
+        environments: Where, by name; the first is that of the designs.
+        performance: Sensors whose weighted rms is promised, and their weights.
+        disturbances: Actuators at which white noise acts, and its two-sided intensity [unit/sqrt(Hz)].
+        noise: Of a reading, by its unit [unit/sqrt(Hz)].
+        inner: Loops without delay that are closed on every plant before all else.
+        modes: Kept in each plant.
+        draws, seed: 299 draws that are all stable promise 99 %.
+        probability: Of stability, asked of the highest authority.
+        bounded: Draws on which the bound is computed.
+    """
+
+    environments: Mapping[str, Environment]
+    performance: tuple[str, ...]
+    weights: Float[np.ndarray, " z"]
+    disturbances: tuple[str, ...]
+    intensity: Float[np.ndarray, " w"]
+    noise: Mapping[str, float]
+    inner: PDLoops | None
+    loop: LoopSpread
+    modes: int
+    draws: int
+    seed: int
+    probability: float
+    bounded: int
+    laws: Mapping[str, Compensator]
+    ladder: Ladder | None
+
+    def __post_init__(self) -> None:
+        if not self.environments or not (self.laws or self.ladder):
+            what = "environment" if not self.environments else "compensator"
+            raise ConfigError(f"no {what}", where="promise", hint="one at least")
+        for what, given, names in (
+            ("weights", self.weights, self.performance),
+            ("intensities", self.intensity, self.disturbances),
+        ):
+            if len(given) != len(names) or not names:
+                raise ConfigError(
+                    f"{len(given)} {what} for {len(names)} ports", where="promise", hint="one for each"
+                )
+
+
+def plant_of(plan: Plan, modes: Modes) -> Plant:
+    """The article's plant in modal form, with every port that the plan needs; inner loops still open."""
+    loops = () if plan.inner is None else plan.inner.names
+    laws = tuple(plan.laws.values())
+    drives = [p.name for law in laws for p in law.outputs]
+    reads = [p.name for law in laws for p in law.inputs]
+    if plan.ladder is not None:
+        drives, reads = [*drives, *plan.ladder.drives], [*reads, *plan.ladder.reads]
+    inner = [name for loop in loops for name in (loop, f"{loop}{RATE}")]
+    return build_plant(
+        modes,
+        inputs=_once(*plan.disturbances, *drives, *loops),
+        outputs=_once(*plan.performance, *reads, *inner),
+        count=plan.modes,
+        w=plan.disturbances,
+        z=plan.performance,
+    )
+
+
+def close_inner(plan: Plan, plant: Plant) -> Plant:
+    """``plant`` with the plan's inner loops."""
+    return plant if plan.inner is None else close_inner_loop(plant, plan.inner)
+
+
+def group_loop(plan: Plan, plant: Plant, drives: Sequence[str], reads: Sequence[str]) -> Plant:
+    """``plant`` between disturbances and performance and a compensator's ports: no other is delayed."""
+    ports = select_ports(plant, _once(*plan.disturbances, *drives), _once(*plan.performance, *reads))
+    return group_ports(ports, w=plan.disturbances, u=drives, z=plan.performance, y=reads)
+
+
+def weights_of(plan: Plan, drives: Sequence[Port], reads: Sequence[Port]) -> LQGWeights:
+    """Performance, disturbance and noise of a loop between these ports.
+
+    Raises `ConfigError` for a reading in a unit whose noise the plan does not state.
+    """
+    unknown = [p for p in reads if p.unit not in plan.noise]
+    if unknown:
+        raise ConfigError(
+            f"{unknown[0].name} reads {unknown[0].unit}, and the plan states no noise for it",
+            where="promise",
+            hint=f"noise is stated for {', '.join(plan.noise) or 'nothing'}",
+        )
+    return LQGWeights(
+        output=plan.weights,
+        input=np.ones(len(drives)),
+        disturbed=plan.disturbances,
+        process=np.diag(plan.intensity**2),
+        sensor=np.array([plan.noise[p.unit] ** 2 for p in reads]),
+    )
+
+
+def _once(*names: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))

@@ -1,0 +1,119 @@
+"""What compensators will do where they cannot be tested: distributions over drawn plants."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.delay_order import approximation_order
+from middeck.control.lqg import LQGCompensator, LQGWeights, design_filter, design_lqg
+from middeck.control.robust.monte_carlo import uncontrolled_rms
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.plant import delay_plant
+from middeck.updating.bound import bound_db
+from middeck.updating.draws import DrawnPlants, draw_plants
+from middeck.updating.orbit import Prediction, predict_modes
+from middeck.updating.outlook import Outlook, highest_promised, look_ahead
+from middeck.updating.plan import Plan, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.refine import Refined
+from middeck.updating.surveys import set_up
+from middeck.values import record
+
+
+@record(kw_only=True)
+class Promise:
+    """What is promised of every compensator in one environment.
+
+    Attributes:
+        modes: Frequencies, with their intervals.
+        outlooks: In the order of the plan: compensators given, then those of the ladder.
+        rest_rms: Of the performance without any compensator, by draw.
+        bound: By name, the median over some draws of the decibels of the compensator, and of those that no
+            linear compensator with its effort passes there; ``nan`` where it is unstable.
+        highest: The last of the ladder that is promised stable, and every one before it; None for none.
+    """
+
+    modes: Prediction
+    outlooks: tuple[Outlook, ...]
+    rest_rms: Float[np.ndarray, " draw"]
+    bound: Mapping[str, tuple[float, float]]
+    highest: str | None
+
+
+def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
+    """The ladder's compensators by name: LQG on an article of these modes, its delays approximated."""
+    if plan.ladder is None:
+        return {}
+    whole = close_inner(plan, plant_of(plan, modes))
+    late = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
+    late = group_loop(plan, late, plan.ladder.drives, plan.ladder.reads)
+    model = approximate_delays(late, approximation_order(late))
+    weights = weights_of(plan, driven_ports(model), measured_ports(model))
+    kalman = design_filter(model, weights)
+    return {
+        f"LQG {np.log10(level):g}": design_lqg(model, weights, float(level), kalman=kalman)
+        for level in plan.ladder.authority
+    }
+
+
+def promise(refined: Refined, plan: Plan) -> dict[str, Promise]:
+    """Every compensator of the plan and of its ladder, in every environment.
+
+    Raises `ConfigError` for ports that the article does not have or units whose noise the plan does not
+    state, and as `draw_plants`.
+    """
+    first = next(iter(plan.environments.values()))
+    ladder = design_ladder(set_up(refined.structure, first, (), refined.unknowns).solve(refined.x), plan)
+    return {name: _there(refined, plan, place, ladder) for name, place in plan.environments.items()}
+
+
+def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str, LQGCompensator]) -> Promise:
+    drawn = draw_plants(
+        refined,
+        place,
+        partial(plant_of, plan),
+        draws=plan.draws,
+        rng=np.random.default_rng(plan.seed),
+        loop=plan.loop,
+        finish=partial(close_inner, plan),
+    )
+    laws = {**plan.laws, **ladder}
+    seen = {name: _seen_by(law, drawn, plan) for name, law in laws.items()}
+    anyone, weights = next(iter(seen.values()))  # whose ports do not matter without a compensator
+    alone = uncontrolled_rms(anyone.plants, weights)
+    outlooks = tuple(look_ahead(name, law, *seen[name], alone) for name, law in laws.items())
+    some = dataclasses.replace(drawn, plants=drawn.plants[: plan.bounded], drawn=drawn.drawn[: plan.bounded])
+    best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
+    return Promise(
+        modes=predict_modes(refined, place, count=plan.modes).below(plan.modes),
+        outlooks=outlooks,
+        rest_rms=alone,
+        bound={name: _bound(law, *_seen_by(law, some, plan)) for name, law in laws.items()},
+        highest=None if best is None else best.name,
+    )
+
+
+def _seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPlants, LQGWeights]:
+    """The plants between the ports of this loop alone, grouped for it, and its weights."""
+    u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
+    plants = tuple(group_loop(plan, plant, u, y) for plant in drawn.plants)
+    return dataclasses.replace(drawn, plants=plants), weights_of(plan, law.outputs, law.inputs)
+
+
+def _bound(law: Compensator, some: DrawnPlants, weights: LQGWeights) -> tuple[float, float]:
+    """Medians; ``nan`` without an authority near which to look."""
+    authority = getattr(law, "authority", None)
+    if authority is None or not some.plants:
+        return np.nan, np.nan
+    both = bound_db(some.plants, law, weights, float(authority))
+    if not np.all(np.isfinite(both)):
+        return np.nan, np.nan
+    own, least = np.median(both, axis=0).tolist()
+    return own, least

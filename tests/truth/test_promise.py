@@ -1,0 +1,161 @@
+"""Promises: bounds against optima, probabilities against counts, draws against the linear estimate."""
+
+import dataclasses
+
+import numpy as np
+import promise_case as case
+import pytest
+from scipy.stats import binomtest
+from updating_case import DAMPING_STD
+
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import approximation_order
+from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.noise import measure_noise_rms
+from middeck.errors import ConfigError
+from middeck.structure.model.environment import Environment
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.own_plant import make_plant
+from middeck.systems.plant import Plant, delay_plant, require_modal
+from middeck.systems.statespace import StateSpace
+from middeck.updating.bound import bound_db
+from middeck.updating.draws import DrawnPlants, LoopSpread, draw_plants
+from middeck.updating.orbit import predict_modes
+from middeck.updating.outlook import Outlook, highest_promised, look_ahead, probability_interval
+from middeck.updating.plan import plant_of, weights_of
+from middeck.updating.promise import design_ladder, promise
+from middeck.updating.refine import Refined
+
+WEIGHTS = LQGWeights(output=[1.0], input=[1.0], disturbed=("f",), process=[[1.0]], sensor=[1e-4])
+
+
+def oscillator(frequency: float, delay_s: float = 0.0) -> Plant:
+    plant = make_plant(
+        [[0.0, 1.0], [-(frequency**2), -0.04 * frequency]], [[0.0], [1.0]], [[1.0, 0.0]],
+        inputs=["f"], outputs=["x"], w=["f"], u=["f"], z=["x"], y=["x"],
+    )  # fmt: skip
+    return delay_plant(plant, delay_s) if delay_s else plant
+
+
+def gained(k: float) -> Plant:
+    """k / (s + 1), which the law below closes to s^2 + 11 s + 10 - 10 k: stable below k = 1."""
+    return make_plant(
+        [[-1.0]], [[k]], [[1.0]], inputs=["f"], outputs=["x"], w=["f"], u=["f"], z=["x"], y=["x"]
+    )
+
+
+LAG = Compensator(StateSpace([[-10.0]], [[10.0]], [[1.0]], [[0.0]]), gained(1.0).outputs, gained(1.0).inputs)
+
+
+STILL = dataclasses.replace(LAG, dynamics=StateSpace([[-1.0]], [[0.0]], [[0.0]], [[0.0]]))
+
+
+@pytest.fixture(scope="module")
+def refined() -> Refined:
+    return case.refined(0)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.1])
+def test_the_best_compensator_of_a_plant_is_at_its_bound(delay_s: float):
+    plant = oscillator(2.0, delay_s)
+    model = approximate_delays(plant, approximation_order(plant))
+    best = design_lqg(model, WEIGHTS, 30.0)
+    ((own, least),) = bound_db([plant], best, WEIGHTS, 30.0)
+    assert least <= own + 1e-9
+    assert own == pytest.approx(least, abs=1e-3)
+
+
+def test_no_compensator_passes_the_bound_and_one_of_its_effort_comes_near():
+    """A law for another frequency: the least rms at its effort is searched among optima of this plant."""
+    plant, other = oscillator(2.0), design_lqg(oscillator(2.6), WEIGHTS, 3.0)
+    ((own, least),) = bound_db([plant], other, WEIGHTS, 3.0)
+    effort = measure_noise_rms(plant, other, WEIGHTS).control_rms
+    tried = [
+        measure_noise_rms(plant, design_lqg(plant, WEIGHTS, a), WEIGHTS)
+        for a in np.geomspace(0.03, 300.0, 150)
+    ]
+    at = int(np.argmin([abs(t.control_rms - effort) for t in tried]))
+    alone = measure_noise_rms(plant, STILL, WEIGHTS).rms
+    optimum = 20.0 * np.log10(tried[at].rms / alone)
+    assert least == pytest.approx(optimum, abs=0.1)
+    assert optimum < own
+
+
+def test_a_compensator_that_is_unstable_has_no_bound():
+    assert np.isnan(bound_db([gained(1.5)], LAG, WEIGHTS, 1.0)[0, 1])
+
+
+def test_probabilities_are_counted_and_the_risk_is_named():
+    rng = np.random.default_rng(3)
+    k, idle = rng.uniform(0.2, 1.2, 400), rng.standard_normal(400)
+    drawn = DrawnPlants(tuple(gained(x) for x in k), ("idle", "gain"), np.stack([idle, k], axis=1))
+    alone = np.array([measure_noise_rms(p, STILL, WEIGHTS).rms for p in drawn.plants])
+    found = look_ahead("lag", LAG, drawn, WEIGHTS, alone)
+    np.testing.assert_array_equal(found.stable, k < 1.0)
+    assert found.risk[0] == "gain"
+    assert found.risk[1] > 0.95
+    assert found.level_db(0.99) == np.inf
+    assert found.level_db(0.5) == pytest.approx(np.median(found.db), abs=0.05)
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 10), (3, 10), (10, 10), (297, 300)])
+def test_intervals_of_probabilities_are_those_of_clopper_and_pearson(count: int, of: int):
+    exact = binomtest(count, of).proportion_ci(0.95, "exact")
+    assert probability_interval(count, of) == pytest.approx((exact.low, exact.high), abs=1e-9)
+
+
+def outlook(name: str, stable: int, of: int = 300) -> Outlook:
+    held = np.arange(of) < stable
+    return Outlook(
+        name=name, stable=held, db=np.where(held, -20.0, np.inf), control_rms=np.ones(of),
+        unstable_mode="", risk=("", 0.0),
+    )  # fmt: skip
+
+
+def test_a_ladder_ends_below_the_first_that_is_not_promised():
+    ladder = [outlook("a", 300), outlook("b", 300), outlook("c", 295), outlook("d", 300)]
+    best = highest_promised(ladder)
+    assert best is not None
+    assert best.name == "b"
+    assert highest_promised([outlook("few", 20, 20)]) is None
+
+
+def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
+    """Its covariance, although some unknowns keep nearly all of their spread."""
+    asked = case.plan([1.0], 100)
+    drawn = draw_plants(
+        refined, Environment.orbit(), lambda modes: plant_of(asked, modes), draws=100,
+        rng=np.random.default_rng(1), loop=LoopSpread(gain_tolerance=0.01),
+    )  # fmt: skip
+    predicted = predict_modes(refined, Environment.orbit(), count=10)
+    logs = np.log([np.sort(require_modal(p).omega)[8:18] for p in drawn.plants])
+    expected = np.sort(2.0 * np.pi * predicted.frequency_hz)
+    assert np.abs(logs.mean(axis=0) - np.log(expected)).max() < 4.0 * predicted.log_std.max() / np.sqrt(100)
+    np.testing.assert_allclose(logs.std(axis=0), predicted.log_std, rtol=0.3)
+    zeta = np.log([require_modal(p).zeta[8:18] for p in drawn.plants])
+    np.testing.assert_allclose(zeta.std(axis=0), DAMPING_STD, rtol=0.3)
+    assert drawn.drawn.shape == (100, len(drawn.names))
+    np.testing.assert_allclose(drawn.drawn.std(axis=0), 1.0, atol=0.35)
+
+
+def test_what_is_promised_comes(refined: Refined):
+    """Against a truth with a finer mesh, shear, misplaced mass, an umbilical, its own delay and gains."""
+    asked = case.plan([1e1, 1e5], 20, bounded=1)
+    (found,) = promise(refined, asked).values()
+    truth = case.true_plant(0)
+    for one, law in zip(
+        found.outlooks, design_ladder(case.modes_in_orbit(refined), asked).values(), strict=True
+    ):
+        came = case.true_db(truth, law, asked)
+        assert abs(one.level_db(0.5) - came) < 0.3
+        assert one.level_db(0.01) - 0.1 <= came <= one.level_db(0.99) + 0.1
+        own, least = found.bound[one.name]
+        assert 0.0 <= own - least < 0.3
+
+
+def test_a_reading_whose_noise_is_not_stated_is_refused():
+    asked = case.plan([1.0], 1)
+    plant = case.true_plant(0)
+    rate = [p for p in plant.outputs if p.name == "bus_x_rate"]
+    with pytest.raises(ConfigError, match="rad/s"):
+        weights_of(asked, plant.inputs[:1], rate)
