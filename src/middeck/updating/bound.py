@@ -9,6 +9,7 @@ rho effort^2 of K, for every rho: weak duality, exact at the best rho because th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 import scipy.optimize as opt
@@ -53,5 +54,6 @@ def _one(late: Plant, law: Compensator, weights: LQGWeights, authority: float) -
         return own.control_rms**2 / level - design_lqg(plant, weights, level, kalman=kalman).cost
 
     ends = np.log(authority) + np.log(AROUND) * np.array([-1.0, 1.0])
-    best = opt.minimize_scalar(surplus, bounds=tuple(ends), method="bounded", options={"xatol": CLOSE})
-    return decibels(own.rms, alone), decibels(np.sqrt(max(-best.fun, 0.0)), alone)
+    found = opt.minimize_scalar(surplus, bounds=tuple(ends), method="bounded", options={"xatol": CLOSE})
+    least = -float(cast("Any", found).fun)
+    return decibels(own.rms, alone), decibels(np.sqrt(max(least, 0.0)), alone)

@@ -10,6 +10,8 @@ deviations (Bjorck 1996, "Numerical methods for least squares problems", 2.7).
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import scipy.linalg as sla
 import scipy.optimize as opt
@@ -109,7 +111,8 @@ def most_probable(problem: Linear, usual: float = USUAL) -> Float[np.ndarray, " 
 
         i = int(np.argmin([along(g) for g in grid]))
         bounds = grid[max(i - 1, 0)], grid[min(i + 1, GRID - 1)]
-        best[k] = opt.minimize_scalar(along, bounds=bounds, method="bounded", options={"xatol": 1e-3}).x
+        found = opt.minimize_scalar(along, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+        best[k] = cast("Any", found).x
     return np.exp(best)
 
 
