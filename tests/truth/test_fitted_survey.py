@@ -20,8 +20,11 @@ from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import MeasuredModes, measure_modes, sensor_rows
 from middeck.structure.model.article import Sensor, SensorKind, Structure
 from middeck.structure.modes.solve import Modes
+from middeck.updating.findings import findings
 from middeck.updating.fitted_survey import survey_from_fit
-from middeck.updating.surveys import pair
+from middeck.updating.refine import refine
+from middeck.updating.surveys import Survey, pair
+from middeck.updating.unknowns import Unknown
 
 SEED = 0
 # Uniform within 2 %.
@@ -122,6 +125,20 @@ def test_ports_and_models_that_are_no_survey_are_refused(fit: FitResult):
     sampled = dataclasses.replace(fit.model, sample_hz=100.0)
     with pytest.raises(DataError, match="sampled model"):
         survey_from_fit(article, dataclasses.replace(fit.covariance, model=sampled))
+
+
+def test_it_is_refined_and_what_was_left_out_is_said(survey: MeasuredModes):
+    """One unknown is refined; modes of other frequencies are not paired."""
+    article, lab = case.sheet()
+    modulus = Unknown(name="E", parameters=("members.E",), spread=0.1)
+    placed = Survey(name="rig", measured=survey, environment=lab, settings=case.TURNED)
+    found = refine(article, [placed], [modulus])
+    assert found.converged
+    assert len(found.compared[0].pairs) >= 12
+    assert any(said.startswith("rig: the pole at") for said in findings(found))
+    far = dataclasses.replace(survey, frequency_hz=1e-3 * survey.frequency_hz)
+    with pytest.raises(ConfigError, match="no measured mode resembles"):
+        refine(article, [dataclasses.replace(placed, measured=far)], [modulus])
 
 
 def test_a_model_file_is_a_survey(fit: FitResult, tmp_path: Path):
