@@ -65,7 +65,7 @@ def rows_of(title: str, outcomes: Sequence[Outcome], *, level: bool) -> list[dic
     count = len(outcomes)
     share = np.array([_rms(o.refined) / _rms(o.sheet) for o in outcomes])
     by_ratio = [_rms(o.ratio) / _rms(o.sheet) for o in outcomes]
-    missed = 100.0 * np.mean([np.abs(o.refined) > NORMAL_95 * o.std for o in outcomes])
+    missed = float(100.0 * np.mean([np.abs(o.refined) > NORMAL_95 * o.std for o in outcomes]))
     half = float(np.median([NORMAL_95 * o.std for o in outcomes]))
     errors = [_rms(o.refined) for o in outcomes]
 
