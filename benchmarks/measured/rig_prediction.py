@@ -24,7 +24,8 @@ from middeck.updating.surveys import Survey
 case = prediction.case
 rig_case = importlib.import_module("rig_case")
 
-SEEDS = 50
+# A truth takes two minutes.
+SEEDS = 35
 # Two for each of the sheet's modes in the band, then more where the fit has to doubt what it finds.
 STATES = (36, 38, 40)
 ENOUGH = 14
