@@ -1,15 +1,16 @@
-"""Prediction: the sheet refined on simulated ground surveys, against a truth in orbit that it lacks.
+"""Prediction: the sheet refined on simulated ground surveys, against a truth in orbit that it lacks; hardware
+refined on some of what was measured, against the rest.
 
-    python benchmarks/prediction.py [--only CASES] [--made DATE]
+    python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five, rig, promise and frontier, are run alone and the other rows kept. Times are CPU seconds
-of one process with one BLAS thread. Sheet and five are refined on modal surveys of the truth, rig on records
-of it, which take an hour.
+CASES, of sheet, five, rig, promise, frontier, Sag and Torsion, are run alone and the other rows kept. FOLDER
+holds pazy_skin_off. Times are CPU seconds of one process with one BLAS thread. Sheet and five are refined on
+modal surveys of the truth, rig on records of it, which take an hour.
 """
 
 from __future__ import annotations
 
-from measured import prediction, promise, rig_prediction
+from measured import garteur_promise, pazy_promise, prediction, promise, rig_prediction
 from measured.result_file import options_of, write_rows
 
 CASES = {
@@ -18,6 +19,8 @@ CASES = {
     "rig": lambda _: rig_prediction.rows(),
     "promise": promise.rows,
     "frontier": promise.frontier_rows,
+    "Sag": lambda o: pazy_promise.rows(o.data),
+    "Torsion": lambda o: garteur_promise.rows(o.data),
 }
 
 

@@ -118,7 +118,7 @@ def structure(folder: Path) -> Structure:
         for name in ("keypoints.csv", "stiffness_skin0.csv", "inertia_skin0.csv")
     )
     nodes = tuple(
-        Node(f"k{i}", x, 0.0, _body(lump[1:]))
+        Node(f"k{i}", x, 0.0, body(lump[1:]))
         for i, (x, lump) in enumerate(zip(points, inertia, strict=True), 1)
     )
     members = tuple(
@@ -126,7 +126,7 @@ def structure(folder: Path) -> Structure:
             name=f"m{i}",
             start=a.name,
             end=b.name,
-            section=coupled_section(_matrix(line[1:]), rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0),
+            section=coupled_section(matrix(line[1:]), rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0),
             elements=ELEMENTS,
             up=np.array([-1.0, 0.0, 0.0]),
         )
@@ -136,14 +136,14 @@ def structure(folder: Path) -> Structure:
                      actuators=(), sensors=(), damping=Damping())  # fmt: skip
 
 
-def _matrix(line: np.ndarray) -> np.ndarray:
+def matrix(line: np.ndarray) -> np.ndarray:
     K = np.diag(line[:4])
     for value, (i, j) in zip(line[4:], COUPLINGS, strict=True):
         K[i, j] = K[j, i] = value
     return K
 
 
-def _body(lump: np.ndarray) -> Body:
+def body(lump: np.ndarray) -> Body:
     mass, x, y, z, xx, yy, zz, xy, xz, yz = lump.tolist()
     return Body(mass, np.array([x, y, z]), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
 

@@ -15,7 +15,8 @@ import middeck as md
 from measured.rows import row
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit import NORMAL_95, predict_modes
+from middeck.updating.orbit import predict_modes
+from middeck.updating.posterior import NORMAL_95
 from middeck.updating.refine import refine
 from middeck.updating.surveys import Survey, pair
 

@@ -1,4 +1,4 @@
-"""Write mace-simple-lab.json: python data/virtual-survey/make.py (README.md says what it is)."""
+"""Write survey and outcome of this folder: python data/virtual-survey/make.py (README.md tells of them)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,13 @@ from pathlib import Path
 import numpy as np
 
 import middeck as md
+from middeck.control.robust.monte_carlo import outcomes_on
 from middeck.files.measured_modes import write_measured_modes
+from middeck.files.promise_plans import load_plan
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
+from middeck.updating.plan import close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise import design_ladder
+from middeck.updating.surveys import set_up
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -41,5 +46,32 @@ def rounded(measured: MeasuredModes) -> MeasuredModes:
     return dataclasses.replace(measured, **{n: np.round(getattr(measured, n), 6) for n in names})
 
 
+def outcome() -> str:
+    """What comes of promise.toml: the changed article in orbit under the compensators of the ladder."""
+    article = ROOT / "articles" / "mace-simple.toml"
+    loaded = load_plan(HERE / "promise.toml", article)
+    plan = loaded.plan
+    refined = md.refine(loaded.structure, *loaded.refinement.of_refine)
+    orbit = plan.environments["orbit"]
+    modes = md.solve_modes(md.solve_equilibrium(md.load_structure(article, CHANGED), orbit))
+    there = set_up(refined.structure, orbit, (), refined.unknowns).solve(refined.x)
+    whole = md.delay_plant(close_inner(plan, plant_of(plan, modes)), plan.loop.delay_s)
+    first = modes.kind.index("flexible")
+    lines = ['schema = "middeck.outcome/1"']
+    for number, hz in enumerate(modes.frequency_hz[first : first + FLEXIBLE], start=1):
+        lines += ["", "[[mode]]", 'environment = "orbit"', f"number = {number}", f"frequency_hz = {hz:.4f}"]
+    for name, law in design_ladder(there, plan).items():
+        (flown,) = outcomes_on(
+            [group_loop(plan, whole, plan.ladder.drives, plan.ladder.reads)],
+            law,
+            weights_of(plan, law.outputs, law.inputs),
+        )
+        stable = bool(flown.stable[0])
+        lines += ["", "[[compensator]]", 'environment = "orbit"', f'name = "{name}"']
+        lines += [f"stable = {str(stable).lower()}", *([f"rms_db = {flown.db[0]:.2f}"] if stable else [])]
+    return "\n".join(lines) + "\n"
+
+
 if __name__ == "__main__":
     write_measured_modes(HERE / "mace-simple-lab.json", rounded(survey()))
+    (HERE / "outcome.toml").write_text(outcome(), encoding="utf-8")

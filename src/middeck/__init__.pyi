@@ -242,9 +242,16 @@ from .systems.response import (
 )
 from .systems.sampled_plant import sample_plant as sample_plant
 from .systems.sampling import tustin as tustin
+from .updating.draws import LoopSpread as LoopSpread
+from .updating.deflections import predict_deflections as predict_deflections
+from .updating.gauges import Gauge as Gauge, GaugeKind as GaugeKind
 from .updating.fitted_survey import survey_from_fit as survey_from_fit
 from .updating.orbit import predict_modes as predict_modes
+from .updating.plan import Ladder as Ladder
+from .updating.plan import Plan as Plan
+from .updating.promise import promise as promise
 from .updating.refine import refine as refine
+from .updating.statics import StaticTest as StaticTest
 from .updating.surveys import Survey as Survey
 from .updating.unknowns import Unknown as Unknown
 

@@ -7,6 +7,7 @@ fail says so: ``# exit code 2``. What a page promises in words is held here, not
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import tomllib
@@ -70,6 +71,14 @@ def your_own_article(names: Names) -> None:
     """A swinging, stable article with one more rigid-body mode than six."""
     assert names["modes"].kind.count("suspension") == 7
     assert "payload pendulum paddle" in names["modes"].name
+
+
+def promise_what_will_happen(names: Names) -> None:
+    comparison = json.loads(Path("comparison.json").read_text())
+    assert comparison["promise"] == json.loads(Path("promise.json").read_text())["sha256"]
+    assert comparison["score"]["coverage"] > 0.8
+    assert [o.name for o in names["promised"].outlooks] == ["LQG 0", "LQG 3"]
+    assert all(-60.0 < o.level_db(0.5) < -20.0 for o in names["promised"].outlooks)
 
 
 def refine_on_ground_tests(names: Names) -> None:
@@ -348,6 +357,7 @@ PROMISES: dict[str, Callable[[Names], None]] = {
     "docs/how-to/your-reduced-component.md": component,
     "docs/how-to/your-own-article.md": your_own_article,
     "docs/how-to/refine-on-ground-tests.md": refine_on_ground_tests,
+    "docs/how-to/promise-what-will-happen.md": promise_what_will_happen,
     "docs/how-to/your-own-record.md": your_own_record,
     "docs/how-to/from-a-record-to-a-plant.md": from_a_record_to_a_plant,
     "docs/how-to/impact-test.md": impact_test,

@@ -19,7 +19,10 @@ from middeck.files import (
     boundary_form,
     component_form,
     environment_form,
+    gauge_form,
     link_form,
+    promise_plans,
+    promises,
     refinements,
     study_form,
 )
@@ -77,7 +80,20 @@ FORMS: list[type[Form]] = [
     study_form.MirrorForm,
     refinements.RefinementForm,
     refinements.SurveyForm,
+    gauge_form.StaticForm,
+    gauge_form.GaugeForm,
+    gauge_form.ReadingForm,
     refinements.UnknownForm,
+    promise_plans.PlanForm,
+    promise_plans.PerformanceForm,
+    promise_plans.NoiseForm,
+    promise_plans.LoopForm,
+    promise_plans.InnerForm,
+    promise_plans.LadderForm,
+    promise_plans.LawForm,
+    promises.OutcomeForm,
+    promises.ModeOutcomeForm,
+    promises.LoopOutcomeForm,
 ]
 
 
@@ -104,7 +120,7 @@ def test_what_the_paper_page_names_can_be_imported():
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
     forms = (article_form, boundary_form, component_form, environment_form, link_form, study_form)
-    modules = (*forms, refinements)
+    modules = (*forms, gauge_form, refinements, promise_plans, promises)
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
     }

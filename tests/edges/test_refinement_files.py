@@ -11,7 +11,9 @@ import pytest
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
 from middeck.files.documents import load_structure
+from middeck.files.measured_modes import load_measured_modes, write_measured_modes
 from middeck.files.refinements import load_refinement, refined_text
+from middeck.structure.correlation.measured_modes import MeasuredModes
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"
@@ -84,3 +86,113 @@ def test_a_survey_is_sought_beside_its_document():
     asked = load_refinement(SURVEY / "refine.toml", ARTICLE)
     assert [s.name for s in asked.surveys] == ["virtual survey"]
     assert [u.name for u in asked.unknowns] == ["modulus", "centre node", "end nodes"]
+
+
+STATIC = """
+[[static]]
+name = "ball on the middle"
+environment = "stand"
+series = "bench"
+mass = [{ frame = "n3", mass_kg = 2.0 }]
+
+[[static.reading]]
+name = "middle"
+at = "n3"
+direction = [0.0, -1.0, 0.0]
+value_m = 1.0e-3
+std_m = 1.0e-5
+
+[[static.reading]]
+name = "end"
+at = "n5"
+kind = "tilt"
+direction = [0.0, 1.0, 0.0]
+line = [1.0, 0.0, 0.0]
+value_deg = 0.1
+std_deg = 0.01
+
+[[static.reading]]
+name = "stand"
+at = "n1"
+kind = "force"
+direction = [0.0, 1.0, 0.0]
+value_n = 19.0
+std_n = 0.1
+"""
+STAND = """
+schema = 1
+name = "stand"
+
+[constants]
+gravity_m_s2 = 9.80665
+
+[[clamp]]
+node = "n1"
+"""
+
+
+def with_static(folder: Path, static: str = STATIC) -> Path:
+    """The refinement of the virtual survey with a static test beside it."""
+    (folder / "stand.toml").write_text(STAND)
+    (folder / "mace-simple-lab.json").write_bytes((SURVEY / "mace-simple-lab.json").read_bytes())
+    text = (SURVEY / "refine.toml").read_text()
+    file = folder / "refine.toml"
+    file.write_text(text.replace("[[survey]]", f"{static}\n[[survey]]", 1))
+    return file
+
+
+def test_static_tests_are_read_with_the_units_of_their_keys(tmp_path: Path):
+    (test,) = load_refinement(with_static(tmp_path), ARTICLE).statics
+    assert test.series == "bench"
+    assert [g.unit for g in test.gauges] == ["m", "rad", "N"]
+    np.testing.assert_allclose(test.value, [1e-3, np.radians(0.1), 19.0])
+    np.testing.assert_allclose([g.std for g in test.gauges], [1e-5, np.radians(0.01), 0.1])
+    assert test.load_case is not None
+    assert not isinstance(test.load_case, str)
+    assert test.load_case.masses[0].body.mass == 2.0
+
+
+def test_the_verb_refines_on_modes_and_sag_together(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    ended = middeck(capfd, "refine", ARTICLE, with_static(tmp_path), "--json", "--count", 1)
+    assert ended.code == 0, ended.err
+    found = json.loads(ended.out)
+    (test,) = found["statics"]
+    assert test["gauge"] == ["middle", "end", "stand"]
+    assert set(found["model_error"]) == {"suspension", "flexible", "static", "reading"}
+    shown = middeck(capfd, "refine", ARTICLE, tmp_path / "refine.toml", "--count", 1)
+    assert "static tests" in shown.out
+    assert middeck(capfd, "refine", ARTICLE, tmp_path / "refine.toml", "--choose").code == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("value_m = 1.0e-3", "value_deg = 1.0e-3", "value_m"),
+        ("std_m = 1.0e-5", "", "a shift without std_m"),
+        ('kind = "tilt"', 'kind = "tild"', "tilt"),
+        ('mass = [{ frame = "n3", mass_kg = 2.0 }]', "", "of no load"),
+        ('series = "bench"', 'load_case = "ball"', "beside mass of its own"),
+        ('at = "n3"', 'at = "n33"', "no node 'n33'"),
+        ('at = "n1"', 'at = "n2"', "no clamp or bushing to the ground 'n2'"),
+        ("line = [1.0, 0.0, 0.0]", "line = [0.0, 1.0, 0.0]", "a line along the direction"),
+    ],
+)
+def test_static_tests_that_cannot_be(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], old: str, new: str, what: str
+):
+    assert old in STATIC
+    ended = middeck(capfd, "refine", ARTICLE, with_static(tmp_path, STATIC.replace(old, new, 1)))
+    assert ended.code == ConfigError.exit_code
+    assert what in ended.err
+
+
+def test_frequencies_without_shapes_are_written_and_read(tmp_path: Path):
+    hz = np.array([4.2, 29.2])
+    bare = MeasuredModes(
+        frequency_hz=hz, damping=np.zeros(2), node=(), direction=(), shape=np.zeros((0, 2)),
+        frequency_std_hz=0.01 * hz,
+    )  # fmt: skip
+    write_measured_modes(tmp_path / "bare.json", bare)
+    read = load_measured_modes(tmp_path / "bare.json")
+    np.testing.assert_array_equal(read.frequency_hz, hz)
+    assert read.shape.shape == (0, 2)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.integrate as integrate
 import updating_case as case
+from scipy.stats import norm
 
 import middeck as md
 import structure_builders as build
@@ -22,7 +23,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.updating.choice import weigh_unknowns
 from middeck.updating.findings import findings, together, unseen
 from middeck.updating.orbit import predict_modes
-from middeck.updating.posterior import Linear, estimate
+from middeck.updating.posterior import Linear, estimate, unseen_deviations
 from middeck.updating.refine import refine
 from middeck.updating.surveys import Survey, compare
 from middeck.updating.unknowns import Unknown, bind, change
@@ -107,6 +108,31 @@ def test_an_error_of_a_sort_that_no_row_has_is_what_was_thought_before():
     tau = estimate(problem, 3e-4).tau
     assert tau[0] > 1e-3
     assert tau[1] == pytest.approx(3e-4, rel=0.01)
+
+
+def test_an_error_that_few_saw_is_wider_than_the_most_probable():
+    """Of a sort without rows: the 97.5 % quantile of a normal whose deviation is lognormal by a factor of 3.
+
+    With 200 rows tau is known, and nothing is added.
+    """
+    zero = np.zeros(3, dtype=int)
+    few = Linear(
+        y=np.full(3, 0.02), std=np.full(3, 1e-4), J=np.zeros((3, 1)), spread=np.ones(1), S=np.eye(3),
+        rest=np.zeros(3), sort=zero, row_sort=zero, sorts=2,
+    )  # fmt: skip
+    log = np.linspace(-8.0, 8.0, 4001)
+    weight = norm.pdf(log, scale=np.log(3.0))
+    held = [float(weight @ (2.0 * norm.cdf(q / np.exp(log)) - 1.0) / weight.sum()) for q in (5.0, 6.0)]
+    assert held[0] < 0.95 < held[1]
+    assert 5.0 < unseen_deviations(few, estimate(few, 3e-4).tau, 3e-4)[1] * 1.959964 / 3e-4 < 6.0
+    noise, none = 1e-3 * np.random.default_rng(0).standard_normal(200), np.zeros(200, dtype=int)
+    many = dataclasses.replace(
+        few, y=noise, std=np.full(200, 1e-5), J=np.zeros((200, 1)), S=np.eye(200), rest=np.zeros(200),
+        sort=none, row_sort=none, sorts=1,
+    )  # fmt: skip
+    tau = estimate(many, 3e-4).tau
+    assert tau[0] == pytest.approx(1e-3, rel=0.1)
+    assert unseen_deviations(many, tau, 3e-4)[0] == pytest.approx(tau[0], rel=0.01)
 
 
 @pytest.mark.parametrize("split", [1.01, 1.3, 1.0001])

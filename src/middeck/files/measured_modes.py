@@ -42,6 +42,8 @@ def load_measured_modes(path: str | Path) -> MeasuredModes:
     values |= {k: _numbers(data[k], f"{path}, {k}") for k in OPTIONAL if data.get(k) is not None}
     shape = _shape(data["shape"], f"{path}, shape")
     names = {k: _texts(data[k], f"{path}, {k}") for k in ("node", "direction")}
+    if not shape.size and not names["node"]:  # frequencies alone: no rows, which JSON cannot give a width
+        shape = np.zeros((0, len(values["frequency_hz"])))
     try:
         return MeasuredModes(**values, **names, shape=shape)  # pyright: ignore[reportArgumentType]
     except DataError as error:

@@ -63,8 +63,8 @@ class InnerForm(Form):
     """Proportional-derivative loops without delay."""
 
     loops: Names
-    kp: Numbers
-    kd: Numbers
+    kp_nm_per_rad: Numbers
+    kd_nms_per_rad: Numbers
 
 
 class LadderForm(Form):
@@ -135,7 +135,9 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
         disturbances=p.disturbances,
         intensity=np.array(p.intensity_per_rthz),
         noise={unit: value for unit, value in noise.items() if value is not None},
-        inner=None if inner is None else PDLoops(inner.loops, np.array(inner.kp), np.array(inner.kd)),
+        inner=None
+        if inner is None
+        else PDLoops(inner.loops, np.array(inner.kp_nm_per_rad), np.array(inner.kd_nms_per_rad)),
         loop=LoopSpread(**form.loop.model_dump()),
         modes=form.modes,
         draws=form.draws,

@@ -21,7 +21,7 @@ from middeck.updating.findings import findings
 from middeck.updating.outlook import LEVELS, Outlook, draws_needed
 from middeck.updating.plan import Plan
 from middeck.updating.promise import Promise
-from middeck.updating.refine import SORTS, Refined
+from middeck.updating.refine import Refined
 from middeck.updating.score import Outcome, Statement, Verdict, judge, score
 
 PROMISE, COMPARISON = "middeck.promise/1", "middeck.comparison/1"
@@ -73,7 +73,7 @@ class LoopOutcomeForm(Form):
     environment: str
     name: str
     stable: bool
-    db: Finite | None = None
+    rms_db: Finite | None = None
 
 
 class OutcomeForm(Form):
@@ -95,12 +95,15 @@ def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
     form = checked.form
     assert form is not None  # no faults
     for loop in form.compensator:
-        if loop.stable == (loop.db is None):
-            what = "stable, without its dB" if loop.stable else "unstable, with dB"
-            raise DataError(f"{loop.name} is {what}", where=str(path), hint="db of stable loops alone")
+        if loop.stable == (loop.rms_db is None):
+            what = "stable, without its rms_db" if loop.stable else "unstable, with rms_db"
+            raise DataError(f"{loop.name} is {what}", where=str(path), hint="rms_db of stable loops alone")
     return (
         *(Outcome(name=_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
-        *(Outcome(name=_loop(c.environment, c.name), value=c.db, stable=c.stable) for c in form.compensator),
+        *(
+            Outcome(name=_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
+            for c in form.compensator
+        ),
     )
 
 
@@ -188,7 +191,7 @@ def _refined(refined: Refined) -> dict[str, Any]:
     rows = zip(refined.unknowns, refined.x, refined.estimate.x_std, strict=True)
     return {
         "unknowns": [{"name": u.name, "x": _few(x), "std": _few(std)} for u, x, std in rows],
-        "model_error": {s: _few(tau) for s, tau in zip(SORTS, refined.estimate.tau, strict=True)},
+        "model_error": {s: _few(tau) for s, tau in zip(refined.sorts, refined.estimate.tau, strict=True)},
         "warnings": findings(refined),
     }
 

@@ -1,4 +1,4 @@
-"""Documents of a refinement: surveys on the ground, and what may be changed to fit them; refined articles."""
+"""Documents of a refinement: tests on the ground, and what may be changed to fit them; refined articles."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from middeck.files.atomic import replacing
 from middeck.files.documents import check, find_document, load_setup, read_source
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
+from middeck.files.gauge_form import StaticForm, build_case, build_gauge, static_findings, value_of
 from middeck.files.survey_files import load_survey_modes
 from middeck.updating.posterior import USUAL
+from middeck.updating.refine import USUAL_STATIC
+from middeck.updating.statics import StaticTest
 from middeck.updating.surveys import Survey
 from middeck.updating.unknowns import Unknown
 from middeck.values import record
@@ -48,7 +52,9 @@ class RefinementForm(Form):
 
     schema_: Literal["middeck.refinement/1"] = Field(alias="schema")
     model_error: Positive = USUAL
-    survey: Annotated[tuple[SurveyForm, ...], Field(strict=False, min_length=1)]
+    static_error: Positive = USUAL_STATIC
+    survey: Annotated[tuple[SurveyForm, ...], Field(strict=False)] = ()
+    static: Annotated[tuple[StaticForm, ...], Field(strict=False)] = ()
     unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
 
 
@@ -59,7 +65,16 @@ class Refinement:
     surveys: tuple[Survey, ...]
     unknowns: tuple[Unknown, ...]
     model_error: float
+    statics: tuple[StaticTest, ...]
+    static_error: float
     files: tuple[Path, ...]
+
+    @property
+    def of_refine(
+        self,
+    ) -> tuple[tuple[Survey, ...], tuple[Unknown, ...], float, tuple[StaticTest, ...], float]:
+        """Arguments of `refine` and `weigh_unknowns` after the article."""
+        return self.surveys, self.unknowns, self.model_error, self.statics, self.static_error
 
 
 def load_refinement(path: str | Path, article: str | Path) -> Refinement:
@@ -69,12 +84,13 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     the document, and `DataError` for modes that cannot be read.
     """
     source = read_source(path)
-    checked = check(source, source.data, {}, RefinementForm, lambda _: [])
+    checked = check(source, source.data, {}, RefinementForm, static_findings)
     raise_faults(list(checked.faults))
     form = checked.form
     assert form is not None  # no faults
     modes = [Path(path).parent / s.modes for s in form.survey]
     environments = [find_document(s.environment, "environment", beside=path) for s in form.survey]
+    rests = [find_document(t.environment, "environment", beside=path) for t in form.static]
     surveys = tuple(
         Survey(
             name=s.name,
@@ -85,12 +101,32 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         )
         for s, seen, place in zip(form.survey, modes, environments, strict=True)
     )
+    statics = tuple(
+        StaticTest(
+            name=t.name,
+            environment=load_setup(article, place)[1],
+            gauges=tuple(build_gauge(r) for r in t.reading),
+            value=np.array([value_of(r) for r in t.reading]),
+            load_case=build_case(t),
+            since_unloaded=t.since == "unloaded",
+            series=t.series,
+            settings=tuple(t.set.items()),
+        )
+        for t, place in zip(form.static, rests, strict=True)
+    )
     unknowns = tuple(
         Unknown(name=u.name, parameters=u.parameters, spread=u.spread, mean=u.mean, added=u.added)
         for u in form.unknown
     )
-    files = dict.fromkeys((Path(path), *modes, *environments))
-    return Refinement(surveys=surveys, unknowns=unknowns, model_error=form.model_error, files=tuple(files))
+    files = dict.fromkeys((Path(path), *modes, *environments, *rests))
+    return Refinement(
+        surveys=surveys,
+        unknowns=unknowns,
+        model_error=form.model_error,
+        statics=statics,
+        static_error=form.static_error,
+        files=tuple(files),
+    )
 
 
 def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:

@@ -14,7 +14,8 @@ from jaxtyping import Float
 
 from middeck.structure.model.article import Structure
 from middeck.updating.posterior import USUAL
-from middeck.updating.refine import compare_at_first
+from middeck.updating.refine import USUAL_STATIC, compare_at_first
+from middeck.updating.statics import ComparedStatic, StaticTest
 from middeck.updating.surveys import Survey
 from middeck.updating.unknowns import Unknown
 from middeck.values import record
@@ -56,14 +57,20 @@ class Choice:
 
 
 def weigh_unknowns(
-    structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown], model_error: float = USUAL
+    structure: Structure,
+    surveys: Sequence[Survey],
+    unknowns: Sequence[Unknown],
+    model_error: float = USUAL,
+    statics: Sequence[StaticTest] = (),
+    static_error: float = USUAL_STATIC,
 ) -> Choice:
-    """The choice at the mean of the prior; noise and ``model_error`` together are the unit.
+    """The choice at the mean of the prior; noise and the errors of the model together are the unit.
 
     Raises `ConfigError` as `refine`.
     """
-    compared = compare_at_first(structure, surveys, unknowns)
-    std = np.hypot(np.concatenate([c.std for c in compared]), model_error)
+    compared = compare_at_first(structure, surveys, unknowns, statics)
+    usual = [static_error if isinstance(c, ComparedStatic) else model_error for c in compared]
+    std = np.concatenate([np.hypot(c.std, error) for c, error in zip(compared, usual, strict=True)])
     spread = np.array([u.spread for u in unknowns])
     columns = np.vstack([c.slope for c in compared]) * spread / std[:, None]
     error = np.concatenate([c.residual for c in compared]) / std

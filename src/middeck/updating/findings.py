@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from middeck.updating.refine import SORTS, Refined
+from middeck.updating.refine import MODAL, SORTS, Refined, sorts_of
 from middeck.updating.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
@@ -74,10 +74,12 @@ def _of_the_search(refined: Refined) -> Iterator[str]:
             "deviation; narrower spreads or fewer unknowns may help"
         )
     pairs = sum(len(c.pairs) for c in refined.compared)
-    if pairs < len(refined.unknowns):
+    readings = sum(len(c.value) for c in refined.statics)
+    if pairs + readings < len(refined.unknowns):
+        beside = f" and {readings} static readings" if readings else ""
         yield (
-            f"{pairs} measured modes for {len(refined.unknowns)} unknowns: most of what is stated of these "
-            "was thought before; more modes, or set-ups with other angles and masses, would tell more"
+            f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: most of what is stated of "
+            "these was thought before; more modes, or set-ups with other angles and masses, would tell more"
         )
 
 
@@ -95,10 +97,32 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
 
 
 def _of_the_model(refined: Refined) -> Iterator[str]:
-    noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
-    for sort, tau in zip(SORTS, refined.estimate.tau, strict=True):
-        if tau > ABOVE * noise:
-            yield (
-                f"the {sort} modes are off by {100.0 * tau:.2g} % beside the {100.0 * noise:.2g} % that the "
-                "test states, whatever the unknowns: an error of the model, carried into what is predicted"
-            )
+    tau = refined.estimate.tau
+    if refined.compared:
+        noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
+        seen = {int(k) for c in refined.compared for k in sorts_of(c.modes, c.pairs[:, 0])}
+        for k in sorted(seen):
+            sort, size = SORTS[k], tau[k]
+            if size > ABOVE * noise:
+                yield (
+                    f"the {sort} modes are off by {100.0 * size:.2g} % beside the {100.0 * noise:.2g} % that "
+                    "the test states, whatever the unknowns: an error of the model, carried into what is "
+                    "predicted"
+                )
+    if refined.statics:
+        yield from _of_statics(refined, *tau[MODAL:].tolist())
+
+
+def _of_statics(refined: Refined, shared: float, own: float) -> Iterator[str]:
+    noise = float(np.median(np.concatenate([c.std for c in refined.statics])))
+    if shared > ABOVE * noise:
+        yield (
+            f"under load the members yield otherwise than the refined numbers say by {100.0 * shared:.2g} %, "
+            f"beside the {100.0 * noise:.2g} % that the gauges state: an error of the model, shared by load "
+            "cases that strain them alike and carried into what is predicted"
+        )
+    if own > ABOVE * noise:
+        yield (
+            f"static readings scatter by {100.0 * own:.2g} %, beside the {100.0 * noise:.2g} % that the "
+            "gauges state: of the rig or of the model, carried into every prediction"
+        )

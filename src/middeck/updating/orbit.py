@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.updating.posterior import NORMAL_95
 from middeck.updating.refine import Refined, shared_with, sorts_of
 from middeck.updating.surveys import Compared, set_up
 from middeck.updating.unknowns import product_slopes
@@ -18,7 +19,6 @@ from middeck.values import record
 
 # Of ln f: what a model's own error in a mode changes when gravity goes, over and above what shapes say.
 CARRIED = 1e-4
-NORMAL_95 = 1.959964
 # Of a measured damping ratio whose deviation the test does not state, relative.
 DAMPING_STD = 0.1
 
@@ -92,29 +92,34 @@ def predict_modes(
     count: int = 10,
 ) -> Prediction:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
-    first = refined.compared[0]
     there = set_up(refined.structure, environment, settings, refined.unknowns)
     found = refined.estimate
     modes = there.solve(refined.x)
     index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
-    share = shared_with(first, modes)[index]
+    first = refined.compared[0] if refined.compared else None
+    share = np.zeros((len(index), 0)) if first is None else shared_with(first, modes)[index]
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * found.tau[sorts_of(modes, index)] ** 2
+    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * refined.unseen[sorts_of(modes, index)] ** 2
     return Prediction(
         modes=modes,
         index=index,
-        log_shift=share @ found.d,
-        log_root=np.hstack([slope, share]) @ found.root,
+        log_shift=share @ found.d[: share.shape[1]],
+        log_root=np.hstack([slope, share]) @ found.root[: slope.shape[1] + share.shape[1]],
         log_rest=np.sqrt(rest + CARRIED**2),
         **_damping(modes, index, share, first),
         seen=share.sum(axis=1),
     )
 
 
-def _damping(modes: Modes, index: np.ndarray, share: np.ndarray, first: Compared) -> dict[str, np.ndarray]:
+def _damping(
+    modes: Modes, index: np.ndarray, share: np.ndarray, first: Compared | None
+) -> dict[str, np.ndarray]:
     """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
+    if first is None:
+        nothing = np.zeros(len(index))
+        return {"damping": own, "damping_seen": nothing, "damping_spread": nothing}
     measured, at = first.survey.measured, first.pairs[:, 1]
     zeta = measured.damping[at]
     std = DAMPING_STD * zeta if measured.damping_std is None else measured.damping_std[at]

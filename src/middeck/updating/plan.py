@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -57,15 +58,15 @@ class Plan:
     disturbances: tuple[str, ...]
     intensity: Float[np.ndarray, " w"]
     noise: Mapping[str, float]
-    inner: PDLoops | None
-    loop: LoopSpread
-    modes: int
-    draws: int
-    seed: int
-    probability: float
-    bounded: int
-    laws: Mapping[str, Compensator]
-    ladder: Ladder | None
+    inner: PDLoops | None = None
+    loop: LoopSpread = dataclasses.field(default_factory=LoopSpread)
+    modes: int = 26
+    draws: int = 300
+    seed: int = 0
+    probability: float = 0.99
+    bounded: int = 10
+    laws: Mapping[str, Compensator] = dataclasses.field(default_factory=dict[str, Compensator])
+    ladder: Ladder | None = None
 
     def __post_init__(self) -> None:
         if not self.environments or not (self.laws or self.ladder):

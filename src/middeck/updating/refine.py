@@ -1,4 +1,4 @@
-"""Refine an article on modes measured on the ground: the most probable unknowns, and what stays open.
+"""Refine an article on tests on the ground, of modes and of sag: the most probable unknowns, what stays open.
 
 Gauss-Newton on analytic slopes, the model's own errors found anew at every step (`posterior`): far from the
 answer they are large, which keeps the steps small.
@@ -7,20 +7,37 @@ answer they are large, which keeps the steps small.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
-from middeck.updating.posterior import USUAL, Estimate, Linear, estimate
+from middeck.updating.gauges import Gauge
+from middeck.updating.posterior import USUAL, Estimate, Linear, estimate, unseen_deviations
+from middeck.updating.statics import (
+    ComparedStatic,
+    ErrorFields,
+    Loaded,
+    StaticSetUp,
+    StaticTest,
+    compare_statics,
+    gauge_key,
+    set_up_static,
+)
 from middeck.updating.surveys import Compared, SetUp, Survey, compare, pair, set_up
 from middeck.updating.unknowns import ENVIRONMENT, Unknown
 from middeck.values import record
 
-# Modes that live of gravity and suspension, and flexible ones, have errors of their own.
-SORTS = ("suspension", "flexible")
+# Modes that live of gravity and suspension, and flexible ones, have errors of their own; static tests one
+# that they share as far as they strain the members alike, and one of each reading.
+SORTS = ("suspension", "flexible", "static", "reading")
+MODAL = 2
+# Relative errors of a beam model's sag and, over them, of each reading, that are thought likely before.
+USUAL_STATIC, OF_READING = 0.02, 0.25
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
 SMALL = 0.2
@@ -33,23 +50,42 @@ SHRINKS = 0.7
 
 @record(kw_only=True)
 class Refined:
-    """An article refined on surveys.
+    """An article refined on surveys and static tests.
 
     Attributes:
-        compared: Each survey beside the model at the most probable unknowns.
-        estimate: Unknowns, the model's own errors, and their covariance, linear about there.
+        compared, statics: Each survey and each static test beside the model at the most probable unknowns.
+        estimate: Unknowns, the model's own errors (of the first survey's modes, of ``fields``, of the
+            unloaded readings in the order of ``zeros``), and their covariance, linear about there.
         before_hz: Frequencies of the modes of the mean of the prior that each survey's pairs were then.
+        before: What gauges of each static test read of the mean of the prior.
         history: Largest move of an unknown in its own deviations, step by step.
         converged: Whether the last was small.
+        fields: Strains of the static tests, which have errors of their own; None where there are no tests.
+        unseen: Deviations of the model's own errors that no test saw, one a sort: ``estimate.tau``, and more
+            where the tests say little of it.
     """
 
     structure: Structure
     unknowns: tuple[Unknown, ...]
     compared: tuple[Compared, ...]
+    statics: tuple[ComparedStatic, ...]
     estimate: Estimate
     before_hz: tuple[tuple[float, ...], ...]
+    before: tuple[tuple[float, ...], ...]
     history: tuple[float, ...]
     converged: bool
+    fields: ErrorFields | None
+    unseen: Float[np.ndarray, " sort"]
+
+    @property
+    def zeros(self) -> tuple[tuple[str, ...], ...]:
+        """Unloaded readings: series and `gauge_key` of each."""
+        return _zeros(self.statics)
+
+    @property
+    def sorts(self) -> tuple[str, ...]:
+        """Of the model's own errors, one ``estimate.tau`` each."""
+        return SORTS[: len(self.estimate.tau)]
 
     @property
     def x(self) -> Float[np.ndarray, " unknown"]:
@@ -79,49 +115,68 @@ class Refined:
 
 
 def refine(
-    structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown], model_error: float = USUAL
+    structure: Structure,
+    surveys: Sequence[Survey],
+    unknowns: Sequence[Unknown],
+    model_error: float = USUAL,
+    statics: Sequence[StaticTest] = (),
+    static_error: float = USUAL_STATIC,
 ) -> Refined:
     """The most probable unknowns. ``structure`` is the article as drawn, whatever they are.
 
     ``model_error`` is what the frequencies of a model of this sort are thought to be wrong by, in parts of
-    one, whatever its numbers: what the surveys show takes its place, the less the fewer modes they have.
+    one, whatever its numbers, ``static_error`` what its members yield: what the tests show takes their place,
+    the less the fewer there are.
 
-    Raises `ConfigError` for no survey, an unknown that no survey has, names given twice, or a survey without
+    Raises `ConfigError` for no test, an unknown that no test has, names given twice, or a survey without
     any mode in common; `NumericalError` where the article has no rest state at the mean of the prior.
     """
-    _check_names(surveys, unknowns)
-    places = _places(structure, surveys, unknowns)
+    _check_names(surveys, statics, unknowns)
+    places = _places(structure, surveys, statics, unknowns)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
+    usual = np.array([model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics))
     x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
-    modes = first = [place.solve(x) for place in places]
+    at = first = places.solve(x)
     while True:
-        compared = [compare(m, s, place.bound) for m, s, place in zip(modes, surveys, places, strict=True)]
-        found = estimate(_linear(compared, x - mean, spread), model_error)
+        compared, sagged = places.compare(at, surveys, statics)
+        fields = ErrorFields.of(at.loaded) if at.loaded else None
+        problem = _linear(compared, sagged, fields, x - mean, spread)
+        found = estimate(problem, usual)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS:
             break
         size, pace = step / spread, _pace(pace, step / spread, last)
-        x, modes, last = *_moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size)))), size
+        x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))))
+        last = size
     return Refined(
         structure=structure,
         unknowns=tuple(unknowns),
-        compared=tuple(compared),
+        compared=compared,
+        statics=sagged,
         estimate=found,
-        before_hz=tuple(_before(old, c) for old, c in zip(first, compared, strict=True)),
+        before_hz=tuple(_before(old, c) for old, c in zip(first.modes, compared, strict=True)),
+        before=tuple(
+            tuple(old.value(t.gauges).tolist()) for old, t in zip(first.loaded, statics, strict=True)
+        ),
         history=tuple(history),
         converged=history[-1] < SMALL,
+        fields=fields,
+        unseen=unseen_deviations(problem, found.tau, usual),
     )
 
 
 def compare_at_first(
-    structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]
-) -> tuple[Compared, ...]:
-    """Every survey beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
-    _check_names(surveys, unknowns)
-    x = np.array([u.mean for u in unknowns])
-    places = _places(structure, surveys, unknowns)
-    return tuple(compare(p.solve(x), s, p.bound) for p, s in zip(places, surveys, strict=True))
+    structure: Structure,
+    surveys: Sequence[Survey],
+    unknowns: Sequence[Unknown],
+    statics: Sequence[StaticTest] = (),
+) -> tuple[Compared | ComparedStatic, ...]:
+    """Every test beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
+    _check_names(surveys, statics, unknowns)
+    places = _places(structure, surveys, statics, unknowns)
+    compared, sagged = places.compare(places.solve(np.array([u.mean for u in unknowns])), surveys, statics)
+    return (*compared, *sagged)
 
 
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
@@ -131,17 +186,50 @@ def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
     return tuple(hz[j] for j in compared.pairs[:, 1].tolist())
 
 
-def _places(structure: Structure, surveys: Sequence[Survey], unknowns: Sequence[Unknown]) -> list[SetUp]:
-    """The article as each survey had it."""
-    places = [set_up(structure, s.environment, s.settings, unknowns) for s in surveys]
+class _At(NamedTuple):
+    """The article as every test had it, at some unknowns."""
+
+    modes: list[Modes]
+    loaded: list[Loaded]
+
+
+class _Places(NamedTuple):
+    """The set-ups of the surveys and of the static tests."""
+
+    surveyed: list[SetUp]
+    loaded: list[StaticSetUp]
+
+    def solve(self, x: np.ndarray) -> _At:
+        return _At([place.solve(x) for place in self.surveyed], [place.solve(x) for place in self.loaded])
+
+    def compare(
+        self, at: _At, surveys: Sequence[Survey], statics: Sequence[StaticTest]
+    ) -> tuple[tuple[Compared, ...], tuple[ComparedStatic, ...]]:
+        return (
+            tuple(compare(m, s, p.bound) for m, s, p in zip(at.modes, surveys, self.surveyed, strict=True)),
+            compare_statics(at.loaded, statics, self.loaded),
+        )
+
+
+def _places(
+    structure: Structure,
+    surveys: Sequence[Survey],
+    statics: Sequence[StaticTest],
+    unknowns: Sequence[Unknown],
+) -> _Places:
+    surveyed = [set_up(structure, s.environment, s.settings, unknowns) for s in surveys]
+    loaded = [
+        set_up_static(structure, t.environment, t.settings, t.load_case, t.since_unloaded, unknowns)
+        for t in statics
+    ]
     for k, unknown in enumerate(unknowns):
-        if not any(place.bound[k].parameters for place in places):
+        if not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
             raise ConfigError(
                 f"no survey has {', '.join(unknown.parameters)}",
                 where=f"unknown {unknown.name!r}",
                 hint="`middeck sensitivity` lists the parameters",
             )
-    return places
+    return _Places(surveyed, loaded)
 
 
 def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
@@ -153,11 +241,11 @@ def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
     return 0.5 * pace if swings else min(1.0, 2.0 * pace)
 
 
-def _moved(places: Sequence[SetUp], x: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, list[Modes]]:
+def _moved(places: _Places, x: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, _At]:
     """A step, shorter where the article has no rest state at its end."""
     for _ in range(HALVINGS):
         try:
-            return x + step, [place.solve(x + step) for place in places]
+            return x + step, places.solve(x + step)
         except NumericalError:
             step = 0.5 * step
     raise NumericalError(
@@ -167,10 +255,41 @@ def _moved(places: Sequence[SetUp], x: np.ndarray, step: np.ndarray) -> tuple[np
     )
 
 
-def _linear(compared: Sequence[Compared], from_mean: np.ndarray, spread: np.ndarray) -> Linear:
-    """The surveys as one linear problem about the present unknowns."""
-    J = np.vstack([c.slope for c in compared])
-    y = np.concatenate([c.residual for c in compared]) + J @ from_mean
+class _Errors(NamedTuple):
+    """Of the model, in rows: what each shares of errors (`Linear.S`) and their sorts."""
+
+    S: np.ndarray
+    rest: np.ndarray
+    sort: np.ndarray
+    row_sort: np.ndarray
+
+
+def _linear(
+    compared: Sequence[Compared],
+    statics: Sequence[ComparedStatic],
+    fields: ErrorFields | None,
+    from_mean: np.ndarray,
+    spread: np.ndarray,
+) -> Linear:
+    """The tests as one linear problem about the present unknowns."""
+    tests = (*compared, *statics)
+    J = np.vstack([c.slope for c in tests])
+    parts = [_of_modes(compared)] if compared else []
+    parts += [] if fields is None else [_of_statics(statics, fields)]
+    return Linear(
+        y=np.concatenate([c.residual for c in tests]) + J @ from_mean,
+        std=np.concatenate([c.std for c in tests]),
+        J=J,
+        spread=spread,
+        S=np.asarray(sla.block_diag(*(p.S for p in parts))),
+        rest=np.concatenate([p.rest for p in parts]),
+        sort=np.concatenate([p.sort for p in parts]),
+        row_sort=np.concatenate([p.row_sort for p in parts]),
+        sorts=len(SORTS) if statics else MODAL,
+    )
+
+
+def _of_modes(compared: Sequence[Compared]) -> _Errors:
     first = compared[0]
     own = [np.arange(len(c.rows)) < len(c.pairs) for c in compared]
     S = np.vstack(
@@ -179,17 +298,35 @@ def _linear(compared: Sequence[Compared], from_mean: np.ndarray, spread: np.ndar
             for c, mine in zip(compared, own, strict=True)
         ]
     )
-    return Linear(
-        y=y,
-        std=np.concatenate([c.std for c in compared]),
-        J=J,
-        spread=spread,
-        S=S,
-        rest=np.maximum(1.0 - np.sum(S**2, axis=1), 0.0),
-        sort=sorts_of(first.modes, first.pairs[:, 0]),
-        row_sort=np.concatenate([sorts_of(c.modes, c.rows[:, 1]) for c in compared]),
-        sorts=len(SORTS),
+    return _Errors(
+        S,
+        np.maximum(1.0 - np.sum(S**2, axis=1), 0.0),
+        sorts_of(first.modes, first.pairs[:, 0]),
+        np.concatenate([sorts_of(c.modes, c.rows[:, 1]) for c in compared]),
     )
+
+
+def _of_statics(statics: Sequence[ComparedStatic], fields: ErrorFields) -> _Errors:
+    by_fields = np.vstack([fields.slope(c.at, c.test.gauges)[0] / c.scale[:, None] for c in statics])
+    zeros = _zeros(statics)
+    by_zeros = np.zeros((len(by_fields), len(zeros)))
+    rows = [(c, gauge) for c in statics for gauge in c.test.gauges]
+    for row, (c, gauge) in enumerate(rows):
+        if c.test.since_unloaded:
+            by_zeros[row, zeros.index(zero_of(c.test, gauge))] = -1.0
+    static, reading = SORTS.index("static"), SORTS.index("reading")
+    sort = np.repeat([static, reading], [by_fields.shape[1], len(zeros)])
+    return _Errors(np.hstack([by_fields, by_zeros]), np.ones(len(rows)), sort, np.full(len(rows), reading))
+
+
+def _zeros(statics: Sequence[ComparedStatic]) -> tuple[tuple[str, ...], ...]:
+    counted = [c.test for c in statics if c.test.since_unloaded]
+    return tuple(dict.fromkeys(zero_of(test, gauge) for test in counted for gauge in test.gauges))
+
+
+def zero_of(test: StaticTest, gauge: Gauge) -> tuple[str, ...]:
+    """The unloaded reading from which a gauge counts in a test."""
+    return test.series or test.name, *gauge_key(gauge)
 
 
 def sorts_of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Int[np.ndarray, " mode"]:
@@ -209,11 +346,15 @@ def shared_with(first: Compared, others: Modes) -> Float[np.ndarray, "mode pair"
     return ((own.T @ weighted) ** 2 / size).T
 
 
-def _check_names(surveys: Sequence[Survey], unknowns: Sequence[Unknown]) -> None:
-    for what, given in (("survey", surveys), ("unknown", unknowns)):
+def _check_names(
+    surveys: Sequence[Survey], statics: Sequence[StaticTest], unknowns: Sequence[Unknown]
+) -> None:
+    if not surveys and not statics:
+        raise ConfigError("no survey and no static test", where="refinement", hint="one of either at least")
+    if not unknowns:
+        raise ConfigError("no unknown", where="refinement", hint="one at least")
+    for what, given in (("survey", surveys), ("static test", statics), ("unknown", unknowns)):
         names = [g.name for g in given]
-        if not names:
-            raise ConfigError(f"no {what}", where="refinement", hint="one at least")
         twice = [n for n in names if names.count(n) > 1]
         if twice:
             raise ConfigError(f"two are called {twice[0]!r}", where=what, hint="a name for each")

@@ -12,8 +12,10 @@ from middeck.cli.screen import Table, show
 EPILOG = """\
 \b
 Examples:
-  middeck outcome promise.json data/virtual-survey/outcome.toml
-  middeck outcome promise.json flown.toml -o comparison.json
+  middeck outcome data/virtual-survey/promise.json \\
+    data/virtual-survey/outcome.toml -o comparison.json
+  middeck outcome data/virtual-survey/promise.json \\
+    data/virtual-survey/outcome.toml --json
 """
 
 

@@ -15,7 +15,8 @@ EPILOG = """\
 Examples:
   middeck promise articles/mace-simple.toml \\
     data/virtual-survey/promise.toml -o promise.json
-  middeck outcome promise.json data/virtual-survey/outcome.toml
+  middeck promise articles/mace-simple.toml \\
+    data/virtual-survey/promise.toml --date 2026-11-23 --json
 """
 
 
@@ -43,9 +44,8 @@ def verb(article: str, plan: str, date: str | None, output: str | None, as_json:
 
     body = find_document(article, "article")
     loaded = load_plan(plan, body)
-    asked = loaded.refinement
     with reading(body, plan):
-        refined = refine(loaded.structure, asked.surveys, asked.unknowns, asked.model_error)
+        refined = refine(loaded.structure, *loaded.refinement.of_refine)
         promised = promise(refined, loaded.plan)
     document = promise_document(refined, loaded.plan, promised, files=loaded.files, date=options.day(date))
     if output is not None:

@@ -78,12 +78,12 @@ def verb(
     asked = load_refinement(refinement, files[0])
     if choose:
         with reading(files[0], refinement):
-            weighed = weigh_unknowns(structure, asked.surveys, asked.unknowns, asked.model_error)
+            weighed = weigh_unknowns(structure, *asked.of_refine)
         weights = describe_choice(weighed)
         show(as_json, weights, _choice_table(weights))
         return
     with reading(files[0], refinement):
-        refined = refine(structure, asked.surveys, asked.unknowns, asked.model_error)
+        refined = refine(structure, *asked.of_refine)
         predicted = predict_modes(refined, there, count=count)
     document = describe(refined, predicted)
     if output is not None:
@@ -94,7 +94,6 @@ def verb(
 def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
     """The JSON document."""
     from middeck.updating.findings import findings
-    from middeck.updating.refine import SORTS
 
     found = refined.estimate
     return {
@@ -115,7 +114,8 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             for u, x, std in zip(refined.unknowns, refined.x, found.x_std, strict=True)
         ],
         "surveys": [_survey(refined, k) for k in range(len(refined.compared))],
-        "model_error": dict(zip(SORTS, found.tau, strict=True)),
+        "statics": [_static(refined, k) for k in range(len(refined.statics))],
+        "model_error": dict(zip(refined.sorts, found.tau, strict=True)),
         "environment": predicted.modes.equilibrium.environment.title,
         "predicted": {
             "name": [predicted.modes.name[i] for i in predicted.index],
@@ -170,6 +170,18 @@ def _survey(refined: Refined, k: int) -> dict[str, Any]:
     }
 
 
+def _static(refined: Refined, k: int) -> dict[str, Any]:
+    compared = refined.statics[k]
+    return {
+        "name": compared.test.name,
+        "gauge": [gauge.name for gauge in compared.test.gauges],
+        "unit": [gauge.unit for gauge in compared.test.gauges],
+        "measured": compared.test.value,
+        "before": refined.before[k],
+        "value": compared.value,
+    }
+
+
 def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Table]:
     def change(u: dict[str, Any], x: float) -> str:
         return f"{x:+.4g}" if u["added"] else f"{100.0 * x:+.2f} %"
@@ -216,6 +228,7 @@ def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Tabl
         Table("unknowns", ["name", "before", "+-", "refined", "+-"], unknowns),
         "",
         *(block for table in surveys for block in (table, "")),
+        *([_static_table(document["statics"]), ""] if document["statics"] else []),
         Table(
             f"predicted in {document['environment']}",
             ["mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen on the ground [%]"],
@@ -223,6 +236,17 @@ def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Tabl
         ),
         *(["", f"wrote {output}{_without(document)}"] if output else []),
     ]
+
+
+def _static_table(statics: Sequence[dict[str, Any]]) -> Table:
+    rows = [
+        [t["name"], name, f"{seen:.5g} {unit}", f"{old:.5g}", f"{new:.5g}"]
+        for t in statics
+        for name, unit, seen, old, new in zip(
+            t["gauge"], t["unit"], t["measured"], t["before"], t["value"], strict=True
+        )
+    ]
+    return Table("static tests", ["test", "gauge", "measured", "model before", "refined"], rows)
 
 
 def _without(document: dict[str, Any]) -> str:

@@ -54,6 +54,34 @@ def strain_energies(
     return out + shapes.T @ (hinges[:, None] * shapes)
 
 
+def member_strains(
+    model: Model, config: Configuration
+) -> tuple[Inexact[np.ndarray, "element 6"], Inexact[np.ndarray, "element 6 6"]]:
+    """(stretch, y1, z1, y2, z2, twist) of each beam element, and its stiffness on them."""
+    at = poses_at(model, config)
+    strain = [np.zeros((0, 6))]
+    for rows in chunks(len(model.element_ends)):
+        x, T, known = element_ends(model, at, rows)
+        strain.append(beam_deformations(select_beams(model.beams, rows), x, T, known)[0])
+    return np.concatenate(strain), model.beams.stiffness
+
+
+def strain_pull(
+    model: Model, config: Configuration, strain: Inexact[np.ndarray, "element 6 field"]
+) -> Inexact[np.ndarray, "coordinate field"]:
+    """The load, in the coordinates of the frame tree, that strains of the elements further than they have
+    would take, a column a field."""
+    at = poses_at(model, config)
+    poses = np.zeros((len(at.world), 6, strain.shape[2]))
+    for rows in chunks(len(model.element_ends)):
+        x, T, known = element_ends(model, at, rows)
+        beams = select_beams(model.beams, rows)
+        slope = beam_deformations(beams, x, T, known)[1]
+        force = np.swapaxes(slope, 1, 2) @ (beams.stiffness @ strain[rows])
+        np.add.at(poses, model.element_ends[rows], force.reshape(len(force), 2, 6, -1))
+    return model.pose_map.jacobian(at.poses).T @ poses.reshape(-1, strain.shape[2])
+
+
 def predict_forces(
     model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"]
 ) -> Inner:

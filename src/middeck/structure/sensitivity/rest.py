@@ -15,9 +15,10 @@ from jaxtyping import Float
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble, energy_gradient
-from middeck.structure.assembly.linked import static_coordinates
+from middeck.structure.assembly.linked import static_coordinates, static_freedom
 from middeck.structure.assembly.loads import Loads
-from middeck.structure.assembly.springs import device_tension
+from middeck.structure.assembly.springs import bushing_states, device_tension
+from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -45,23 +46,37 @@ NO_LOAD = np.zeros(6)
 
 
 @record(kw_only=True)
-class RestSensitivities:
-    """Derivatives of a rest state, one column a parameter.
+class RestMotion:
+    """How a rest state moves, one column a cause.
 
     Attributes:
         motion: Of the frame-tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint
             angles.
+        drawn: Of the same coordinates as drawn: what ``motion`` has over it has moved since.
+        tension: As of `Equilibrium`.
+        support: Force [N] and moment [N m] in W of every one of ``reactions``, the moment about where it is.
+    """
+
+    motion: Float[np.ndarray, "coordinate cause"]
+    drawn: Float[np.ndarray, "coordinate cause"]
+    tension: Float[np.ndarray, "device cause"]
+    support: Float[np.ndarray, "reaction 6 cause"]
+
+
+@record(kw_only=True)
+class RestSensitivities(RestMotion):
+    """Derivatives of a rest state, one column a parameter.
+
+    Attributes:
         reaction, stiffness: Load [N] and stiffness [N/m] of every device that hangs the article, as of
             `TunedSuspension`.
-        holding_torque, tension: As of `Equilibrium`.
+        holding_torque: As of `Equilibrium`.
     """
 
     parameters: tuple[Parameter, ...]
-    motion: Float[np.ndarray, "coordinate parameter"]
     reaction: Float[np.ndarray, "hung parameter"]
     stiffness: Float[np.ndarray, "hung parameter"]
     holding_torque: Float[np.ndarray, "joint parameter"]
-    tension: Float[np.ndarray, "device parameter"]
 
 
 class Moved(NamedTuple):
@@ -74,6 +89,7 @@ class Moved(NamedTuple):
     gradient: np.ndarray  # of the energy, in all coordinates: what joints hold
     still: tuple[tuple[Afloat, Assembly], ...]
     ties: tuple[TieChange, ...]  # of links and components as the rest state moves
+    drawn: np.ndarray  # how the frames move as drawn, a column each
 
 
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
@@ -98,7 +114,34 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
         stiffness=columns([derivative(t.stiffness) for t in moved.tuned], len(rest.suspension.stiffness)),
         holding_torque=moved.gradient[roots:] + columns(springs, len(rest.holding_torque)),
         tension=columns(tension, len(rest.tension)),
+        drawn=moved.drawn,
+        support=_supports(rest, moved, along),
     )
+
+
+def _supports(rest: Equilibrium, moved: Moved, along: Sequence[Configuration]) -> np.ndarray:
+    pushed = [
+        derivative(-bushing_states(patch.model, at, loads)[1].gradient[:, 6:])
+        for patch, at, loads in zip(moved.patches, along, moved.loads, strict=True)
+    ]
+    return support_slopes(rest, moved.gradient, pushed)
+
+
+def support_slopes(
+    rest: Equilibrium,
+    gradient: Float[np.ndarray, "coordinate cause"],
+    pushed: Sequence[Float[np.ndarray, "bushing 6"]],
+) -> Float[np.ndarray, "reaction 6 cause"]:
+    """Of clamps from the derivatives of the energy's ``gradient``, then ``pushed`` of bushings to the ground,
+    one a cause: in the order of ``reactions``."""
+    free = static_freedom(rest.model, rest.config, in_world=True)
+    taken = columns([free.beyond(own) for own in gradient.T], len(gradient))
+    nodes = [node.name for node in rest.model.structure.nodes]
+    clamped = dict.fromkeys(clamp.node for clamp in rest.environment.clamps)
+    by_clamps = [taken[6 * nodes.index(name) :][:6] for name in clamped]
+    count = len(rest.environment.bushings)
+    by_bushings = np.moveaxis(np.array(pushed).reshape(len(pushed), count, 6), 0, -1)
+    return np.concatenate([np.array(by_clamps).reshape(-1, 6, len(pushed)), by_bushings])
 
 
 def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) -> np.ndarray:
@@ -149,4 +192,6 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     )
     for parameter, tie in zip(parameters, ties, strict=True):
         links.check_repeated(parameter, tie)
-    return Moved(patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties)
+    return Moved(
+        patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties, drawn
+    )

@@ -1,0 +1,150 @@
+"""Documents of promises: plans with faults, seals, outcomes, and what the verbs say."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli_runner import middeck
+from middeck.cli.main import execute
+from middeck.errors import ConfigError, DataError
+from middeck.files.promise_plans import load_plan
+from middeck.files.promises import load_outcomes, read_promise, statements_of
+from middeck.files.sealed import seal
+from middeck.updating.score import Outcome, Statement, judge, score
+
+ROOT = Path(__file__).parents[2]
+ARTICLE = ROOT / "articles/mace-simple.toml"
+FOLDER = ROOT / "data/virtual-survey"
+
+
+@pytest.fixture(scope="module")
+def promised(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sample with two of its compensators and few draws."""
+    folder = tmp_path_factory.mktemp("promise")
+    for name in ("refine.toml", "mace-simple-lab.json", "outcome.toml", "promise.toml"):
+        text = (FOLDER / name).read_text(encoding="utf-8")
+        text = re.sub(r"draws = \d+ .*\nbounded = 1", "draws = 8\nbounded = 0", text)
+        text = text.replace("log10_authority = [0.0, 3.0, 6.0]", "log10_authority = [0.0, 3.0]")
+        (folder / name).write_text(text, encoding="utf-8")
+    promise(folder, "promise.json")
+    return folder
+
+
+def promise(folder: Path, name: str) -> None:
+    asked = ["promise", str(ARTICLE), str(folder / "promise.toml"), "--date", "2026-11-23"]
+    assert execute([*asked, "-o", str(folder / name)], lambda: False) == 0
+
+
+def test_the_document_names_what_it_stands_on(promised: Path):
+    found = read_promise(promised / "promise.json")
+    assert found["date"] == "2026-11-23"
+    assert {f["name"] for f in found["files"]} >= {
+        "promise.toml", "refine.toml", "mace-simple-lab.json", "mace-simple.toml"
+    }  # fmt: skip
+    assert found["draws_needed"] == 299
+    (orbit,) = found["environments"]
+    assert [c["name"] for c in orbit["compensators"]] == ["LQG 0", "LQG 3"]
+    assert orbit["highest"] is None  # eight draws promise little
+    assert all(low < m["frequency_hz"] < high for m in orbit["modes"] for low, high in [m["interval_95_hz"]])
+
+
+def test_it_is_the_same_again(promised: Path):
+    again = promised / "again.json"
+    promise(promised, "again.json")
+    assert again.read_bytes() == (promised / "promise.json").read_bytes()
+
+
+def test_what_came_is_compared(promised: Path, capfd: pytest.CaptureFixture[str]):
+    outcome = promised / "outcome.toml"
+    text = outcome.read_text(encoding="utf-8")
+    outcome.write_text(text[: text.index('[[compensator]]\nenvironment = "orbit"\nname = "LQG 6"')])
+    found = json.loads(middeck(capfd, "outcome", promised / "promise.json", outcome, "--json").out)
+    assert found["promise"] == read_promise(promised / "promise.json")["sha256"]
+    assert found["score"]["count"] == 10
+    assert found["score"]["brier"] == 0.0
+    assert sum(v["inside"] for v in found["verdicts"]) >= 9
+
+
+def test_a_changed_promise_is_refused(promised: Path, tmp_path: Path):
+    text = (promised / "promise.json").read_text(encoding="utf-8")
+    changed = tmp_path / "promise.json"
+    changed.write_text(text.replace('"probability_stable": 1.0', '"probability_stable": 0.5', 1))
+    with pytest.raises(DataError, match="not what was sealed"):
+        read_promise(changed)
+    changed.write_text(json.dumps(json.loads(text)))  # other spaces, the same content
+    assert read_promise(changed)["sha256"] == json.loads(text)["sha256"]
+
+
+def test_another_document_is_no_promise(tmp_path: Path):
+    other = tmp_path / "x.json"
+    other.write_text(json.dumps(seal({"schema": "middeck.refine/1"})))
+    with pytest.raises(DataError, match="schema"):
+        read_promise(other)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("weights = [1.0]", "weights = [1.0, 2.0]", "2 weights for 1 ports"),
+        ("kd_nms_per_rad = [", "kd_nms_per_rad = [0.1, ", "kd"),
+        ("delay_tolerance_s = 0.001", "delay_tolerance_s = 0.1", "delay"),
+        ("draws = 8", "draws = 0", "draws"),
+        ('refinement = "refine.toml"', 'refinement = "none.toml"', "none.toml"),
+        ('environments = ["orbit"]', 'environments = ["moon"]', "moon"),
+        ("[noise]", "[noises]", "noise"),
+    ],
+)
+def test_a_plan_with_a_fault_is_refused(promised: Path, tmp_path: Path, old: str, new: str, what: str):
+    for name in ("refine.toml", "mace-simple-lab.json"):
+        (tmp_path / name).write_bytes((promised / name).read_bytes())
+    text = (promised / "promise.toml").read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "promise.toml").write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises((ConfigError, DataError), match=what):
+        load_plan(tmp_path / "promise.toml", ARTICLE)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ('[[compensator]]\nenvironment = "orbit"\nname = "a"\nstable = true\n', "without its rms_db"),
+        ('[[compensator]]\nenvironment = "orbit"\nname = "a"\nstable = false\nrms_db = 1.0\n', "with rms_db"),
+        ('[[mode]]\nenvironment = "orbit"\nnumber = 0\nfrequency_hz = 1.0\n', "number"),
+    ],
+)
+def test_an_outcome_that_cannot_be_is_refused(tmp_path: Path, text: str, what: str):
+    file = tmp_path / "outcome.toml"
+    file.write_text('schema = "middeck.outcome/1"\n\n' + text)
+    with pytest.raises((ConfigError, DataError), match=what):
+        load_outcomes(file)
+
+
+def test_scores_are_those_of_a_hand_count():
+    said = [
+        Statement(name="f", low=1.0, high=2.0),
+        Statement(name="held", low=-21.0, high=-19.0, probability=0.9, cautious=-18.5),
+        Statement(name="lost", low=-30.0, high=np.inf, probability=0.6, cautious=np.inf),
+    ]
+    came = [
+        Outcome(name="f", value=2.5),
+        Outcome(name="held", value=-20.0),
+        Outcome(name="lost", value=None, stable=False),
+    ]
+    found = score(judge(said, came))
+    assert found.coverage == pytest.approx(2 / 3)
+    assert found.brier == pytest.approx((0.1**2 + 0.6**2) / 2)
+    assert found.pessimism == pytest.approx(1.5)
+
+
+def test_an_outcome_of_which_nothing_was_said_is_refused(promised: Path):
+    statements = statements_of(read_promise(promised / "promise.json"))
+    with pytest.raises(DataError, match="nothing was promised of 'orbit: mode 99'"):
+        judge(statements, [Outcome(name="orbit: mode 99", value=1.0)])
+    one = Outcome(name="orbit: mode 1", value=1.0)
+    with pytest.raises(DataError, match="two outcomes"):
+        judge(statements, [one, one])
+    with pytest.raises(DataError, match="no outcome"):
+        score(())

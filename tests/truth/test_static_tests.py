@@ -1,0 +1,313 @@
+"""Static tests in a refinement: closed forms, slopes beside differences, shared errors, coverage."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+import middeck as md
+import structure_builders as build
+from middeck.errors import ConfigError
+from middeck.structure.model.article import (
+    AddedMass,
+    AttachPoint,
+    Body,
+    LoadCase,
+    Member,
+    PointLoad,
+    Structure,
+)
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import AnchoredSpring, Environment, GroundBushing
+from middeck.structure.model.section import Section
+from middeck.updating.deflections import describe_deflections, predict_deflections
+from middeck.updating.findings import findings
+from middeck.updating.gauges import Gauge, GaugeKind
+from middeck.updating.refine import Refined, refine
+from middeck.updating.statics import ErrorFields, StaticTest, set_up_static
+from middeck.updating.unknowns import Unknown
+from repeats import repeats
+
+LENGTH, EI, G = 1.0, 20.0, 9.80665
+UP, AFT = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+TIP = Gauge(name="tip", at="tip", direction=UP, std=1e-4)
+SLOPE = Gauge(
+    name="slope", at="tip", kind=GaugeKind.TILT, direction=UP, line=np.array([0.0, 1.0, 0.0]), std=1e-4
+)
+TWIST = Gauge(name="twist", at="tip", kind=GaugeKind.TILT, direction=UP, line=-AFT, std=1e-4)
+ROOT = Gauge(name="root", at="root", kind=GaugeKind.FORCE, direction=UP, std=1e-3)
+ROOT_MOMENT = Gauge(name="moment", at="root", kind=GaugeKind.MOMENT, direction=AFT, std=1e-3)
+BENDING = Unknown(name="bending", parameters=("member.wing.EI_?",), spread=0.1)
+TORSION = Unknown(name="torsion", parameters=("member.wing.GJ",), spread=0.1)
+WEIGHT = Unknown(name="weight", parameters=("node.tip.mass",), spread=0.1)
+
+
+def wing(stiffer: float = 1.0, twist: float = 1.0) -> Structure:
+    """A metre of beam along y, a small body at its tip."""
+    section = Section(
+        EA=1e6,
+        GJ=15.0 * twist,
+        EI_y=EI * stiffer,
+        EI_z=EI * stiffer,
+        rho_A=0.2,
+        rho_I_y=0.0,
+        rho_I_z=0.0,
+    )
+    top = build.body(0.1, (0.02, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
+    beam = Member(name="wing", start="root", end="tip", section=section, elements=4, up=UP)
+    return build.structure([build.node("root", (0, 0, 0)), build.node("tip", (0, LENGTH, 0), top)], [beam])
+
+
+def stand(gravity: float = G) -> Environment:
+    return Environment(title="stand", gravity=-gravity * UP, clamps=(Clamp(node="root"),))
+
+
+def hung(kg: float, aft: float = 0.0) -> LoadCase:
+    return LoadCase(
+        name=f"{kg} kg", masses=(AddedMass("hung", "tip", Body(kg, aft * AFT, np.zeros((3, 3)))),)
+    )
+
+
+def push(newton: float) -> LoadCase:
+    return LoadCase(name="push", loads=(PointLoad(name="push", frame="tip", force=newton * UP),))
+
+
+def values(article: Structure, place: Environment, case: LoadCase, gauges: Sequence[Gauge]) -> np.ndarray:
+    none = np.zeros(0)
+    return set_up_static(article, place, (), case, True, ()).solve(none).value(gauges)
+
+
+def test_small_loads_read_as_closed_forms_say():
+    """F L^3 / 3 EI and F L^2 / 2 EI of a cantilever; its root carries F, and F L about x."""
+    force = 1e-3
+    read = values(wing(), stand(0.0), push(force), (TIP, SLOPE, ROOT, ROOT_MOMENT))
+    expected = [force * LENGTH**3 / (3.0 * EI), force * LENGTH**2 / (2.0 * EI), -force, -force * LENGTH]
+    np.testing.assert_allclose(read, expected, rtol=1e-6)
+
+
+def test_a_point_of_a_node_goes_along_with_its_turn():
+    """A point ahead of the tip in line with the beam: deflection plus arm times the sine of the slope."""
+    ahead = dataclasses.replace(TIP, point=np.array([0.0, 0.1, 0.0]))
+    tip, slope, far = values(wing(), stand(), hung(3.0), (TIP, SLOPE, ahead))
+    none = values(wing(), stand(), hung(1e-9), (SLOPE,))
+    assert abs(none[0]) < 1e-8
+    rest = md.solve_equilibrium(wing(), stand())
+    before = np.arcsin(rest.config.R[1, 2, 1])
+    assert far == pytest.approx(tip + 0.1 * (np.sin(before + slope) - np.sin(before)), rel=1e-9)
+
+
+@pytest.mark.parametrize("since_unloaded", [True, False])
+def test_slopes_are_those_of_differences_at_large_sag(since_unloaded: bool):
+    """Central differences of a wing bent to half its span: their error falls with the square of the step."""
+    point = dataclasses.replace(TIP, point=np.array([0.05, 0.02, 0.01]))
+    gauges = (point, TIP, SLOPE, TWIST, ROOT_MOMENT, dataclasses.replace(ROOT_MOMENT, direction=UP + AFT))
+    arm = Unknown(name="arm", parameters=("node.tip.cg.x",), spread=0.01, added=True)
+    shape = Unknown(name="shape", parameters=("node.tip.position.y",), spread=0.01)
+    unknowns = (BENDING, TORSION, WEIGHT, arm, shape)
+    place = set_up_static(wing(), stand(), (), hung(2.0, -0.1), since_unloaded, unknowns)
+    exact = place.slope(place.solve(np.zeros(5)), gauges)
+    scale = np.abs(exact).max(axis=1, keepdims=True)
+    left = []
+    for h in (1e-2, 1e-3, 1e-4):
+        ends = [
+            (place.solve(h * e).value(gauges) - place.solve(-h * e).value(gauges)) / (2.0 * h)
+            for e in np.eye(5)
+        ]
+        left.append(float(np.max(np.abs(np.array(ends).T - exact) / scale)))
+    assert left[0] < 1e-3
+    assert left[1] < 2e-2 * left[0]
+    assert left[2] < 1e-6
+
+
+def suspended() -> tuple[Structure, Environment]:
+    """The wing on a bushing at its root, its tip held up by a spring."""
+    article = dataclasses.replace(
+        wing(),
+        attach_points=(AttachPoint("base", "root", np.zeros(3)), AttachPoint("eye", "tip", np.zeros(3))),
+    )
+    stiff = np.diag([1e4, 1e4, 1e4, 200.0, 200.0, 200.0])
+    bushing = GroundBushing(name="base", attach="base", stiffness=stiff)
+    spring = AnchoredSpring(
+        name="line", attach="eye", anchor=np.array([0.1, 1.0, 0.5]), stiffness=50.0, free_length=0.4
+    )
+    return article, Environment(title="bench", gravity=-G * UP, bushings=(bushing,), springs=(spring,))
+
+
+def test_slopes_of_bushings_and_devices_are_those_of_differences():
+    article, bench = suspended()
+    gauges = (
+        dataclasses.replace(ROOT, at="base"),
+        dataclasses.replace(ROOT_MOMENT, at="base"),
+        Gauge(name="line", at="line", kind=GaugeKind.FORCE, std=1e-3),
+    )
+    line = Unknown(name="line", parameters=("environment.spring.line.stiffness",), spread=0.1)
+    unknowns = (BENDING, WEIGHT, line)
+    place = set_up_static(article, bench, (), hung(1.0), True, unknowns)
+    exact, h = place.slope(place.solve(np.zeros(3)), gauges), 1e-4
+    ends = [(place.solve(h * e).value(gauges) - place.solve(-h * e).value(gauges)) for e in np.eye(3)]
+    np.testing.assert_allclose(np.array(ends).T / (2.0 * h), exact, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("kg", [0.2, 3.0])
+def test_members_that_yield_more_are_softer_members(kg: float):
+    """The error of all directions together is minus the slope by all stiffnesses."""
+    article, bench = wing(), stand()
+    all_of_it = Unknown(name="E", parameters=("members.E",), spread=0.1)
+    place = set_up_static(article, bench, (), hung(kg, -0.1), True, (all_of_it,))
+    at = place.solve(np.zeros(1))
+    gauges = (TIP, SLOPE, TWIST, ROOT_MOMENT)
+    seen, rest = ErrorFields.of([at]).slope(at, gauges)
+    softer = -place.slope(at, gauges)[:, 0]
+    by_direction = seen[:, : seen.shape[1] // 2]
+    np.testing.assert_allclose(by_direction.sum(axis=1) + rest, softer, rtol=1e-6, atol=1e-9)
+    assert np.abs(rest).max() < 1e-6
+
+
+def sagged(
+    truth: Structure, levels: Sequence[float], gauges: Sequence[Gauge], seed: int = 0
+) -> list[StaticTest]:
+    """Tip masses on ``truth``, read with the noise of the gauges."""
+    rng, found = np.random.default_rng(seed), []
+    for kg in levels:
+        read = values(truth, stand(), hung(kg), gauges)
+        noise = rng.standard_normal(len(gauges)) * [g.std for g in gauges]
+        found.append(static_test(kg, gauges, read + noise))
+    return found
+
+
+def static_test(kg: float, gauges: Sequence[Gauge], read: np.ndarray) -> StaticTest:
+    return StaticTest(
+        name=f"{kg} kg",
+        environment=stand(),
+        gauges=tuple(gauges),
+        value=read,
+        load_case=hung(kg),
+        series="tip",
+    )
+
+
+def test_a_stiffness_is_recovered_from_sag_alone():
+    exact = tuple(dataclasses.replace(g, std=1e-7) for g in (TIP, SLOPE))
+    found = refine(wing(), [], [BENDING], statics=sagged(wing(1.08), (0.5, 1.0), exact, 0), static_error=1e-5)
+    assert found.converged
+    assert found.x[0] == pytest.approx(np.log(1.08), abs=1e-4)
+    (told,) = predict_deflections(found, stand(), [hung(2.0)], exact)
+    np.testing.assert_allclose(told.value, values(wing(1.08), stand(), hung(2.0), exact), rtol=1e-4)
+
+
+def test_sag_and_modes_that_contradict_leave_an_error_of_the_model():
+    """The wing sags 6 % more than its modes allow: said, carried to other loads, and no stiffness."""
+    truth = md.solve_modes(md.solve_equilibrium(wing(), stand()))
+    noise = md.MeasurementNoise(frequency=5e-4, shape=0.02)
+    seen = md.measure_modes(truth, chosen=range(4), noise=noise, rng=np.random.default_rng(1))
+    survey = md.Survey(name="tapped", measured=seen, environment=stand())
+    softer = wing(np.exp(-0.06))
+    statics = sagged(softer, (0.2, 0.4, 0.6, 0.8, 1.0), (TIP,))
+    found = refine(wing(), [survey], [BENDING, TORSION, WEIGHT], statics=statics)
+    assert abs(found.x[0]) < 0.01
+    assert any("the members yield otherwise" in line for line in findings(found))
+    same, other = predict_deflections(found, stand(), [hung(2.0), hung(2.0, 0.3)], [TIP, TWIST], series="tip")
+    (true,), (tapped,) = (values(w, stand(), hung(2.0), (TIP,)) for w in (softer, wing()))
+    assert same.value[0] == pytest.approx(true, abs=2.0 * same.std[0])
+    assert same.std[0] < 0.01 * abs(true)
+    assert same.of_the_article[0] == pytest.approx(tapped, rel=0.015)
+    # Twist is of strains that no test had: its error is as large as that of sag, and of unknown sign.
+    assert other.value[1] == pytest.approx(other.of_the_article[1], rel=0.02)
+    assert 0.02 < other.std[1] / abs(other.value[1]) < 0.12
+    assert same.seen > 0.99 > other.seen
+
+
+def test_one_unloaded_reading_is_wrong_in_all_of_its_series():
+    """Gauges were set to zero 2 mm too high, which no stiffness and no softer member does."""
+    statics = [
+        dataclasses.replace(t, value=t.value + 2e-3)
+        for t in sagged(wing(), (0.2, 0.5, 1.0, 1.5, 2.0), (TIP,), 3)
+    ]
+    found = refine(wing(), [], [BENDING], statics=statics)
+    here = values(wing(), stand(), hung(3.0), (TIP,))[0]
+    (again,) = predict_deflections(found, stand(), [hung(3.0)], [TIP], series="tip")
+    (fresh,) = predict_deflections(found, stand(), [hung(3.0)], [TIP])
+    assert 0.5e-3 < again.value[0] - fresh.value[0] < 2.5e-3
+    assert abs(again.value[0] - here - 2e-3) < 2.0 * again.std[0]
+    assert fresh.std[0] > again.std[0]
+
+
+@pytest.mark.parametrize("first", repeats([0, 8, 16, 24, 32], 1))
+def test_intervals_cover(first: int):
+    """Truths of the prior, whose members yield otherwise as load grows, with a rig that is 0.5 % off."""
+    missed = 0
+    for seed in range(first, first + 8):
+        rng = np.random.default_rng(seed)
+        stiffness, off, growth = rng.standard_normal(3) * [0.1, 0.03, 0.3]
+        levels = (0.3, 0.6, 1.0, 2.0)
+        softer = [wing(np.exp(stiffness - off * (1.0 + growth * np.log(kg)))) for kg in levels]
+        exact = [values(w, stand(), hung(kg), (TIP,)) for w, kg in zip(softer, levels, strict=True)]
+        rig = 0.005 * np.abs(exact[2]) * rng.standard_normal(5)
+        read = [own + error - rig[-1] for own, error in zip(exact, rig, strict=False)]
+        statics = [static_test(kg, (TIP,), r) for kg, r in zip(levels[:3], read, strict=False)]
+        found = refine(wing(), [], [BENDING], statics=statics)
+        (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP], series="tip")
+        missed += int(not told.interval[0, 0] < read[3][0] < told.interval[0, 1])
+    assert missed <= 2
+
+
+def test_predictions_are_documents():
+    found = refine(wing(), [], [BENDING], statics=sagged(wing(), (0.5, 1.0), (TIP,)))
+    (told,) = describe_deflections(predict_deflections(found, stand(), [hung(2.0)], [TIP]))
+    (reading,) = told["readings"]
+    low, high = reading["interval_95"]
+    assert told["load_case"] == "2.0 kg"
+    assert low < reading["value"] < high
+    assert reading["std"] == pytest.approx(np.linalg.norm(list(reading["std_by"].values())))
+
+
+def test_an_article_without_static_tests_is_predicted_with_the_usual_errors():
+    truth = md.solve_modes(md.solve_equilibrium(wing(), stand()))
+    noise = md.MeasurementNoise(frequency=1e-4, shape=0.01)
+    seen = md.measure_modes(truth, chosen=range(4), noise=noise, rng=np.random.default_rng(1))
+    found = refine(wing(), [md.Survey(name="tapped", measured=seen, environment=stand())], [BENDING])
+    (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
+    assert told.seen == 0.0
+    assert told.std[0] / abs(told.value[0]) == pytest.approx(0.02, rel=0.2)
+
+
+def _refined() -> Refined:
+    return refine(wing(), [], [BENDING], statics=sagged(wing(), (0.5, 1.0), (TIP,)))
+
+
+@pytest.mark.parametrize(
+    ("gauge", "what"),
+    [
+        (dataclasses.replace(TIP, at="top"), "no node 'top'"),
+        (dataclasses.replace(ROOT, at="tip"), "no clamp or bushing to the ground 'tip'"),
+        (Gauge(name="line", at="line", kind=GaugeKind.FORCE), "no device 'line'"),
+    ],
+)
+def test_gauges_on_what_is_not_there(gauge: Gauge, what: str):
+    with pytest.raises(ConfigError, match=what):
+        predict_deflections(_refined(), stand(), [hung(1.0)], [gauge])
+
+
+def test_static_tests_that_cannot_be():
+    (one, *_) = sagged(wing(), (0.5, 1.0), (TIP,))
+    with pytest.raises(ConfigError, match="no survey and no static test"):
+        refine(wing(), [], [BENDING])
+    with pytest.raises(ConfigError, match=r"two are called '0\.5 kg'"):
+        refine(wing(), [], [BENDING], statics=[one, one])
+    with pytest.raises(ConfigError, match="2 values for 1 gauges"):
+        dataclasses.replace(one, value=np.zeros(2))
+    with pytest.raises(ConfigError, match="does not state how well it reads"):
+        dataclasses.replace(one, gauges=(dataclasses.replace(TIP, std=0.0),))
+    with pytest.raises(ConfigError, match="of no load case"):
+        dataclasses.replace(one, load_case=None)
+    with pytest.raises(ConfigError, match="no series 'other'"):
+        predict_deflections(_refined(), stand(), [hung(1.0)], [TIP], series="other")
+    with pytest.raises(ConfigError, match="a line along the direction"):
+        dataclasses.replace(TWIST, line=UP)
+    with pytest.raises(ConfigError, match="no direction"):
+        dataclasses.replace(TIP, direction=np.zeros(3))
+    with pytest.raises(ConfigError, match="a tilt of no line"):
+        dataclasses.replace(TWIST, line=np.zeros(3))
