@@ -41,24 +41,43 @@ class Outcome(NamedTuple):
 
 def rows(name: str, chosen: Sequence[int]) -> list[dict[str, Any]]:
     """Fifty truths; modes ``chosen`` are measured, at two gimbal angles."""
+    orbit, lab = sheet_modes()
+    outcomes = [
+        outcome(
+            seed,
+            [case.survey(seed, k, s, chosen) for k, s in enumerate((case.STRAIGHT, case.TURNED))],
+            orbit,
+            lab,
+        )
+        for seed in range(SEEDS)
+    ]
+    return rows_of(f"{name}, {len(chosen)} modes at two angles", outcomes, level=name == "sheet")
+
+
+def sheet_modes() -> tuple[Modes, Modes]:
+    """Those of the sheet, in orbit and in the laboratory."""
     article, lab = case.sheet()
-    sheet = {e.title: md.solve_modes(md.solve_equilibrium(article, e)) for e in (Environment.orbit(), lab)}
-    outcomes = [_outcome(seed, chosen, *sheet.values()) for seed in range(SEEDS)]
+    orbit, ground = (md.solve_modes(md.solve_equilibrium(article, e)) for e in (Environment.orbit(), lab))
+    return orbit, ground
+
+
+def rows_of(title: str, outcomes: Sequence[Outcome], *, level: bool) -> list[dict[str, Any]]:
+    """What came out of the truths, beside what is asked where ``level`` says so."""
+    count = len(outcomes)
     share = np.array([_rms(o.refined) / _rms(o.sheet) for o in outcomes])
     by_ratio = [_rms(o.ratio) / _rms(o.sheet) for o in outcomes]
-    missed = 100.0 * np.mean([np.abs(o.refined) > NORMAL_95 * o.std for o in outcomes])
-    half = np.median([NORMAL_95 * o.std for o in outcomes])
+    missed = float(100.0 * np.mean([np.abs(o.refined) > NORMAL_95 * o.std for o in outcomes]))
+    half = float(np.median([NORMAL_95 * o.std for o in outcomes]))
     errors = [_rms(o.refined) for o in outcomes]
-    title = f"{name}, {len(chosen)} modes at two angles"
 
     def asked(value: float) -> float | None:
-        return value if name == "sheet" else None
+        return value if level else None
 
     return [
         row(title, "rms error of ln f of ten modes, median", "", np.median(errors), asked(1e-3)),
-        row(title, "the same, largest of 50", "", max(errors), asked(1e-3)),
+        row(title, f"the same, largest of {count}", "", max(errors), asked(1e-3)),
         row(title, "rms error over the sheet's, median", "", np.median(share), asked(1.0 / 30.0)),
-        row(title, "the same, largest of 50", "", share.max(), asked(1.0 / 8.0)),
+        row(title, f"the same, largest of {count}", "", share.max(), asked(1.0 / 8.0)),
         row(title, "by ratios mode by mode, median", "", np.median(by_ratio)),
         row(title, "95 % intervals that miss", "%", missed, 10.0),
         row(title, "half-width of the intervals, median", "", half, asked(1.5e-3)),
@@ -66,9 +85,9 @@ def rows(name: str, chosen: Sequence[int]) -> list[dict[str, Any]]:
     ]
 
 
-def _outcome(seed: int, chosen: Sequence[int], orbit: Modes, lab: Modes) -> Outcome:
+def outcome(seed: int, surveys: Sequence[Survey], orbit: Modes, lab: Modes) -> Outcome:
+    """The sheet refined on ``surveys`` of the truth ``seed``; ``orbit`` and ``lab`` are `sheet_modes`."""
     article, _ = case.sheet()
-    surveys = [case.survey(seed, k, s, chosen) for k, s in enumerate((case.STRAIGHT, case.TURNED))]
     start = time.process_time()
     found = refine(article, surveys, case.sheet_unknowns(article))
     seconds = time.process_time() - start

@@ -108,6 +108,8 @@ from .files.vtu import write_vtu as write_vtu
 from .identification.faults.detect import detect_faults as detect_faults
 from .identification.fit.fit_response import fit_response as fit_response
 from .identification.free_decay.fit import fit_free_decay as fit_free_decay
+from .identification.friction.find import find_friction as find_friction
+from .identification.friction.remove import without_friction as without_friction
 from .identification.impact.average import average_blows as average_blows
 from .identification.impact.damping import fit_impact as fit_impact
 from .identification.model.measurement_model import (
@@ -243,6 +245,7 @@ from .systems.sampling import tustin as tustin
 from .updating.draws import LoopSpread as LoopSpread
 from .updating.deflections import predict_deflections as predict_deflections
 from .updating.gauges import Gauge as Gauge, GaugeKind as GaugeKind
+from .updating.fitted_survey import survey_from_fit as survey_from_fit
 from .updating.orbit import predict_modes as predict_modes
 from .updating.plan import Ladder as Ladder
 from .updating.plan import Plan as Plan

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import middeck as md
-from middeck.laboratory.article import TUBE_SHEAR, solve_rig_article
+from middeck.laboratory.article import TUBE_SHEAR, RigArticle, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors, spread_damping
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Structure
@@ -37,9 +37,10 @@ def sheet() -> tuple[Structure, Environment]:
     return md.load_setup(ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml")
 
 
-def true_modes(
+def true_article(
     seed: int, environment: Environment, settings: Sequence[tuple[str, float]] = STRAIGHT
-) -> Modes:
+) -> RigArticle:
+    """The truth at rest in ``environment``."""
     article, _ = sheet()
     hidden = draw_hidden_errors(article, seed)
     strut = article.members[0]
@@ -54,7 +55,13 @@ def true_modes(
     )
     return solve_rig_article(
         placed(moved, settings), environment, hidden, shear=TUBE_SHEAR, umbilical_hz=UMBILICAL_HZ
-    ).modes
+    )
+
+
+def true_modes(
+    seed: int, environment: Environment, settings: Sequence[tuple[str, float]] = STRAIGHT
+) -> Modes:
+    return true_article(seed, environment, settings).modes
 
 
 def placed(article: Structure, settings: Sequence[tuple[str, float]]) -> Structure:

@@ -14,6 +14,7 @@ from middeck.errors import ConfigError
 from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
 from middeck.identification.faults import detect_faults
 from middeck.identification.fit.fit_response import FitResult, fit_asked
+from middeck.identification.friction import JointFriction, find_friction, without_friction
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, rank_of
 from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_samples
@@ -39,13 +40,17 @@ FEWEST_PERIODS = 2
 
 @record(kw_only=True)
 class Identified:
-    """A fit and its data; ``measured`` is None where the record itself was fitted."""
+    """A fit and its data; ``measured`` is None where the record itself was fitted.
+
+    ``friction`` is what was taken out of the record before.
+    """
 
     record: Record
     measured: FrequencyResponse | None
     fit: FitResult
     warnings: tuple[str, ...]
     asked_hz: tuple[float, float] | None = None
+    friction: JointFriction | None = None
 
     @property
     def band_hz(self) -> tuple[float, float]:
@@ -71,6 +76,11 @@ def identify(
     with reading(*files):
         tell("looking for faults")
         seen = (*seen, *_faults(taken))
+        if settings.friction:
+            tell("looking for friction")
+            found = _friction(taken, settings)
+            done = _fit_response(without_friction(taken, found), settings, seen)
+            return dataclasses.replace(done, friction=found)
         if settings.method == "samples" or not (taken.periodic or settings.method or settings.reference):
             return _fit_record(taken, settings, seen, tell)
         if taken.periodic and settings.method is None and len(taken.u) < len(taken.inputs):
@@ -110,6 +120,15 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     return Identified(
         record=taken, measured=_as_fitted(measured, fit), fit=fit, warnings=(*seen, *warnings, *fit.warnings)
     )
+
+
+def _friction(taken: Record, settings: FitSettings) -> JointFriction:
+    """At the joints of the settings; refused with a fit of samples, which no friction was taken from."""
+    if settings.method == "samples" or settings.reference:
+        raise ConfigError("friction is found in periods of open-loop records", hint="leave the other out")
+    joints = [tuple(part.strip() for part in name.split("=", 1)) for name in settings.friction]
+    band_hz = settings.band_hz or recognise_excitation(taken).band_hz
+    return find_friction(taken, [(joint[0], joint[-1]) for joint in joints], band_hz=band_hz)
 
 
 def _faults(taken: Record) -> list[str]:

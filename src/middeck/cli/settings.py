@@ -21,7 +21,8 @@ class FitSettings(Form):
     """How a record is fitted; the keys are the options of ``middeck identify``.
 
     Without ``states``: the recommended order. ``periods`` says how many whole ones each record holds; None
-    leaves that to its file, or to its input. The rest is as in `estimate_response` and `fit_response`.
+    leaves that to its file, or to its input. ``friction`` has joints as ``MOTOR=ANGLE``, or one name where
+    both have it. The rest is as in `estimate_response` and `fit_response`.
     """
 
     states: Annotated[int, whole(1, 1000)] | None = None
@@ -41,6 +42,7 @@ class FitSettings(Form):
     integrators: Annotated[int, whole(0, 6)] = 0
     relative_degree: Literal[0, 1, 2] | None = None
     held: bool | None = None
+    friction: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
 
 class RecordSettings(Form):

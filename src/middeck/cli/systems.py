@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from middeck.control.law.compensator import Compensator
@@ -9,6 +10,7 @@ from middeck.errors import DataError
 from middeck.files.compensators import StoredCompensator, load_compensator, write_compensator
 from middeck.files.exchange.mat import load_mat, write_mat
 from middeck.files.models import write_mat_model, write_model
+from middeck.identification.fit.standing import Standing
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 
@@ -37,9 +39,14 @@ def load_law(path: str) -> StoredCompensator:
     )
 
 
-def write_fit(path: str, model: MeasurementModel, covariance: ModelCovariance | None) -> None:
-    """Write a fitted model; its covariance has a place in JSON only."""
+def write_fit(
+    path: str,
+    model: MeasurementModel,
+    covariance: ModelCovariance | None,
+    standing: Sequence[Standing] = (),
+) -> None:
+    """Write a fitted model; its covariance and the standing of its modes have a place in JSON only."""
     if is_mat(path):
         write_mat_model(path, model)
     else:
-        write_model(path, model, covariance)
+        write_model(path, model, covariance, standing)

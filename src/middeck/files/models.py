@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.exchange.mat import write_mat
 from middeck.files.json_input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json_output import write_json
+from middeck.identification.fit.standing import Standing
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.uncertainty.covariance import ModelCovariance
@@ -26,11 +28,17 @@ OPTIONAL = ("path_delay_s", "rigid", "integral")
 COVARIANCE = ("structure", "root", "inflation", "degrees", "robust", "loose")
 
 
-def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCovariance | None = None) -> None:
+def write_model(
+    path: str | Path,
+    model: MeasurementModel,
+    covariance: ModelCovariance | None = None,
+    standing: Sequence[Standing] = (),
+) -> None:
     """Write ``model`` whole or not at all: poles [rad/s] and residues as ``re``, ``im``, delays in s.
 
     Delays of paths, rigid-body modes and integrators are written where the model has any, and so is the joint
-    covariance of its unknowns (a root of it): infinitely many degrees of freedom are null.
+    covariance of its unknowns (a root of it): infinitely many degrees of freedom are null; and, where it is
+    given, the ``standing`` of each mode.
 
     Raises `ConfigError` if ``covariance`` is that of another model.
     """
@@ -45,6 +53,8 @@ def write_model(path: str | Path, model: MeasurementModel, covariance: ModelCova
         known = {name: getattr(covariance, name) for name in COVARIANCE}
         degrees = None if np.isinf(covariance.degrees) else covariance.degrees
         document["covariance"] = known | {"degrees": degrees}
+    if standing:
+        document["standing"] = standing
     write_json(path, document)
 
 
@@ -66,6 +76,22 @@ def load_fitted(path: str | Path) -> tuple[MeasurementModel, ModelCovariance | N
     model = _model(data, str(path))
     known = data.get("covariance")
     return model, None if known is None else _covariance(known, model, f"{path}, covariance")
+
+
+def load_standing(path: str | Path) -> tuple[Standing, ...]:
+    """Whether each mode of the model in file ``path`` is to be believed; empty where the file says nothing.
+
+    Raises `DataError` as `load_model` does, and for words that are none.
+    """
+    data = read_json(path, MODEL_SCHEMA, "a model of middeck identify -o")
+    found, modes = data.get("standing"), len(load_model(path).poles)
+    if found is None:
+        return ()
+    if not isinstance(found, list) or len(found) != modes or not set(found) <= set(get_args(Standing)):
+        raise DataError(
+            f"standing is no list of {modes} of {', '.join(get_args(Standing))}", where=str(path), hint=AGAIN
+        )
+    return tuple(found)
 
 
 def _model(data: dict[str, Any], path: str) -> MeasurementModel:

@@ -15,7 +15,7 @@ from middeck.files.documents import check, find_document, load_setup, read_sourc
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.gauge_form import StaticForm, build_case, build_gauge, static_findings, value_of
-from middeck.files.measured_modes import load_measured_modes
+from middeck.files.survey_files import load_survey_modes
 from middeck.updating.posterior import USUAL
 from middeck.updating.refine import USUAL_STATIC
 from middeck.updating.statics import StaticTest
@@ -94,7 +94,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     surveys = tuple(
         Survey(
             name=s.name,
-            measured=load_measured_modes(seen),
+            measured=load_survey_modes(seen, article),
             environment=load_setup(article, place)[1],
             settings=tuple(s.set.items()),
             frequency_std=s.frequency_std,

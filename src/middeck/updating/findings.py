@@ -53,6 +53,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
             for c in refined.compared
             for j in c.unpaired
         ),
+        *(f"{c.survey.name}: {said}" for c in refined.compared for said in c.survey.measured.warnings),
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
     )
 

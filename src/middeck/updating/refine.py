@@ -44,7 +44,7 @@ SMALL = 0.2
 # No step moves an unknown by more than this many of its prior deviations.
 LARGEST = 2.0
 HALVINGS = 6
-# Steps that do not become this much smaller swing about the answer.
+# Steps back that are not this much smaller than the last swing about the answer.
 SHRINKS = 0.7
 
 
@@ -135,7 +135,7 @@ def refine(
     places = _places(structure, surveys, statics, unknowns)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     usual = np.array([model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics))
-    x, history, pace = mean.copy(), [], 1.0
+    x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
     at = first = places.solve(x)
     while True:
         compared, sagged = places.compare(at, surveys, statics)
@@ -146,8 +146,9 @@ def refine(
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS:
             break
-        pace = 0.5 * pace if len(history) > 2 and history[-1] > SHRINKS * history[-2] else pace
-        x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(step) / spread)))
+        size, pace = step / spread, _pace(pace, step / spread, last)
+        x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))))
+        last = size
     return Refined(
         structure=structure,
         unknowns=tuple(unknowns),
@@ -229,6 +230,15 @@ def _places(
                 hint="`middeck sensitivity` lists the parameters",
             )
     return _Places(surveyed, loaded)
+
+
+def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
+    """Half of it for steps that swing, twice of it, up to one, for others.
+
+    Both in deviations of the prior: those of the answer shrink with the model's errors on the way there.
+    """
+    swings = step @ last < 0.0 and np.linalg.norm(step) > SHRINKS * np.linalg.norm(last)
+    return 0.5 * pace if swings else min(1.0, 2.0 * pace)
 
 
 def _moved(places: _Places, x: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, _At]:

@@ -231,14 +231,15 @@ def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "cha
 
 
 def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
-    """One to one: by shape, among neighbouring frequencies; where there are no shapes by frequency."""
+    """One to one: by shape and nearness in frequency; where there are no shapes by frequency."""
     moving = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
     apart = np.abs(np.log(modes.frequency_hz[moving, None] / measured.frequency_hz))
     if measured.node:
-        score = modal_assurance(at_channels(modes, measured)[:, moving], measured.shape)
-        score = np.where(apart <= np.log(WINDOW), score, 0.0)
-        i, j = linear_sum_assignment(score, maximize=True)
-        kept = score[i, j] >= COMMON
+        alike = modal_assurance(at_channels(modes, measured)[:, moving], measured.shape)
+        # At few channels modes far apart look alike: of two that do the nearer one counts.
+        near = np.maximum(1.0 - apart / np.log(WINDOW), 0.0)
+        i, j = linear_sum_assignment(alike * near, maximize=True)
+        kept = (alike[i, j] >= COMMON) & (near[i, j] > 0.0)
     else:
         i, j = linear_sum_assignment(apart)
         kept = apart[i, j] <= np.log(WINDOW)

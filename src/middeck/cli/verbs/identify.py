@@ -14,6 +14,7 @@ from middeck.cli.screen import Table, deviation_words, show
 if TYPE_CHECKING:
     from middeck.cli.fitting import Identified
     from middeck.files.records import Columns
+    from middeck.identification.friction import JointFriction
     from middeck.identification.model.measurement_model import MeasurementModel
 
 EPILOG = """\
@@ -80,6 +81,13 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--relative-degree", type=click.IntRange(0, 2), help="Relative degree of a model with complex constants."
 )
+@click.option(
+    "--friction",
+    multiple=True,
+    callback=options.joined(),
+    metavar="JOINT,...",
+    help="Joints, as MOTOR=ANGLE or a name that both have, whose friction is found and taken out.",
+)
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
 @options.model_file
 @figures.figure
@@ -101,6 +109,7 @@ def verb(
     figure_file: str | None,
     stabilisation_file: str | None,
     reference: str | None,
+    friction: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
@@ -111,7 +120,7 @@ def verb(
     steady periods are used where the record has them (the input shows it, or --periods says so) and the
     response is fitted line by line; otherwise the samples are fitted, with a transient that shares the poles.
     --set takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants,
-    delay, rigid, integrators, residuals, full_rank, relative_degree and periods.
+    delay, rigid, integrators, residuals, full_rank, relative_degree, friction and periods.
     """
     from middeck.cli.fitting import identify
     from middeck.cli.progress import status
@@ -119,7 +128,8 @@ def verb(
     from middeck.cli.systems import write_fit
 
     names = None if reference is None else options.separate_names((reference,))
-    settings = settle(FitSettings, given | {"reference": names}, overrides)
+    joints = None if friction is None else options.separate_names((friction,))
+    settings = settle(FitSettings, given | {"reference": names, "friction": joints}, overrides)
     told = told_columns(inputs, outputs, sample_hz, variable)
     with status("identify") as tell:
         found = identify(records, settings, told, tell)
@@ -130,7 +140,7 @@ def verb(
             "records": records,
         }
         if model_file is not None:
-            write_fit(model_file, found.fit.model, found.fit.covariance)
+            write_fit(model_file, found.fit.model, found.fit.covariance, found.fit.standing)
         _draw(found, figure_file, stabilisation_file)
     show(as_json, document, *_tables(document))
 
@@ -226,7 +236,25 @@ def describe(found: Identified) -> dict[str, Any]:
         "deviations_robust": fit.covariance.robust,
         "error": dict(zip(names, fit.error, strict=True)),
         "cost": fit.cost,
+        "friction": _friction(found.friction),
         "warnings": found.warnings,
+    }
+
+
+def _friction(found: JointFriction | None) -> dict[str, Any] | None:
+    """What was taken out of the record; None for nothing."""
+    if found is None:
+        return None
+    return {
+        "input": found.inputs,
+        "output": found.outputs,
+        "slip_torque": found.slip_torque,
+        "slip_torque_std": found.slip_torque_std,
+        "slip_angle": found.slip_angle,
+        "slip_angle_std": found.slip_angle_std,
+        "delay_s": found.delay_s,
+        "variance_before": found.before,
+        "variance_after": found.after,
     }
 
 
@@ -280,8 +308,24 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *_hold(document["hold_s"]),
         Table("poles", ["Hz", "+-", "damping", "+-", ""], poles),
         *_no_modes(document),
+        *_friction_table(document["friction"]),
         Table("outputs", heads, outputs),
         Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
+    ]
+
+
+def _friction_table(found: dict[str, Any] | None) -> list[str | Table]:
+    if found is None:
+        return []
+    keys = ("input", "slip_torque", "slip_torque_std", "slip_angle", "slip_angle_std")
+    rows = [
+        [name, f"{T:.4g}", deviation_words(dT), f"{a:.4g}", deviation_words(da)]
+        for name, T, dT, a, da in zip(*(found[k] for k in keys), strict=True)
+    ]
+    return [
+        Table("friction, taken out", ["joint", "slips at N m", "+-", "gives rad", "+-"], rows),
+        f"experiments differ by {found['variance_before']:.3g} times the noise before and by "
+        f"{found['variance_after']:.3g} after",
     ]
 
 

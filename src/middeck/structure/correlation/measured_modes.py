@@ -16,12 +16,15 @@ from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jaco
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.values import record
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 ANGLE, TRAVEL = "angle", "travel"
-DIRECTIONS = (*AXES, ANGLE, TRAVEL)
+SENSOR, ACTUATOR = "sensor", "actuator"
+DIRECTIONS = (*AXES, ANGLE, TRAVEL, SENSOR, ACTUATOR)
 STRAIGHT = (*AXES[:3], TRAVEL)
+PORTS = (SENSOR, ACTUATOR)
 COUNT = 26
 NAMED = 5  # modes that a test lacks, each in a sentence of its own
 
@@ -34,7 +37,8 @@ class MeasuredModes:
         frequency_hz, damping: Natural frequencies [Hz] and damping ratios, NaN where none is stated.
         node, direction: Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along
             the world axes), "rx", "ry", "rz" (rotation about them) or, of a joint relative to its carrier,
-            "angle" or, where it slides, "travel".
+            "angle" or, where it slides, "travel"; or the name of one of the article's sensors and "sensor",
+            what it reads, or of one of its actuators and "actuator", the motion that its force works on.
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
@@ -161,7 +165,7 @@ def measure_modes(
     damping = estimate_damping(modes, count=int(index.max(initial=0)) + 1).zeta[index]
     hz = modes.frequency_hz[index]
     model = modes.equilibrium.model
-    at_m = np.array([drawn_at(model, name) for name in node]).reshape(-1, 3)
+    at_m = np.array([drawn_at(model, _body(model, *channel)) for channel in at]).reshape(-1, 3)
     if noise is None:
         return MeasuredModes(
             frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m
@@ -205,36 +209,66 @@ def sort_rms(
 def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> sp.csr_array:
     """Readings of the channels per unit of every coordinate, at the rest state of ``modes``.
 
-    A channel may stand on an attach point too. Raises `ConfigError` for a node, a direction or a joint angle
-    that the model does not have.
+    A channel may stand on an attach point too. Raises `ConfigError` for a node, a direction, a joint angle or
+    a port that the model does not have, and for an accelerometer.
     """
     model = modes.equilibrium.model
-    places = [_place(model, name) for name in node]
+    placed = [way not in PORTS for way in direction]
+    places = [
+        _place(model, name) if has else (0, np.zeros(3)) for name, has in zip(node, placed, strict=True)
+    ]
     points = PosePoints(
         np.array([frame for frame, _ in places], dtype=int),
         np.array([offset for _, offset in places]).reshape(-1, 3),
     )
     motions = pose_jacobian(model.tree, points, frame_poses(model.tree, modes.equilibrium.config))
-    # Rows of all motions, then those of the angles and travels of joints.
+    # Rows of all motions, then those of ports, of angles and of travels of joints.
+    ports: list[np.ndarray] = []
     own: list[int] = []
     row: list[int] = []
+    at_ports = 6 * len(node)
+    at_joints = at_ports + placed.count(False)
     for k, (name, way) in enumerate(zip(node, direction, strict=True)):
-        if way in (ANGLE, TRAVEL):
-            row.append(6 * len(node) + len(own))
+        if way in PORTS:
+            row.append(at_ports + len(ports))
+            ports.append(_port_row(modes, name, way))
+        elif way in (ANGLE, TRAVEL):
+            row.append(at_joints + len(own))
             own.append(_joint(model, name, way))
         elif way in AXES:
             row.append(6 * k + AXES.index(way))
         else:
             raise ConfigError(f"no direction {way!r}", where=name, hint=f"one of {', '.join(DIRECTIONS)}")
     unit = sp.coo_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), model.tree.size))
-    both: sp.csr_array = sp.csr_array(sp.vstack([motions, unit]))
-    return sp.csr_array(both[np.array(row, dtype=int)])
+    parts = [motions, sp.csr_array(np.array(ports).reshape(len(ports), model.tree.size)), unit]
+    every: sp.csr_array = sp.csr_array(sp.vstack(parts))
+    return sp.csr_array(every[np.array(row, dtype=int)])
+
+
+def _port_row(modes: Modes, name: str, way: str) -> np.ndarray:
+    if way == ACTUATOR:
+        return np.real(input_rows(modes.equilibrium, [name]).force[0])
+    read = output_rows(modes.equilibrium, [name])
+    if not np.any(read.position[0]) or np.any(read.acceleration[0]):
+        raise ConfigError(
+            f"sensor {name!r} reads no displacement",
+            where="measured channels",
+            hint="the angle or travel itself; its rate and an acceleration are no channel",
+        )
+    return np.real(read.position[0])
 
 
 def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
     """Where a node, joint, mesh node or attach point was drawn [m]."""
     frame, offset = _place(model, name)
     return model.drawn.p[frame] + model.drawn.R[frame] @ offset
+
+
+def _body(model: Model, name: str, way: str) -> str:
+    """Of a port the frame on which it is."""
+    structure = model.structure
+    parts = {SENSOR: structure.sensors, ACTUATOR: structure.actuators}.get(way, ())
+    return next((part.frame for part in parts if part.name == name), name)
 
 
 def _place(model: Model, name: str) -> tuple[int, np.ndarray]:

@@ -1,0 +1,95 @@
+"""The frozen case "Updating and promise" from records: rig in 1-g, friction out, fit, survey, refined, orbit.
+
+Twelve records of 192 s a truth, six at each of two gimbal angles, with friction in both gimbal axes and 1 %
+of noise: five that tell the motors apart, one at a third of the drive that tells friction from the structure.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from measured import prediction
+from measured.rows import row
+from middeck.identification import FitResult, estimate_response, fit_response
+from middeck.identification.friction import JointFriction, find_friction, without_friction
+from middeck.updating.fitted_survey import survey_from_fit
+from middeck.updating.surveys import Survey
+
+# Shared with the tests; `prediction` has put their folder on the path.
+case = prediction.case
+rig_case = importlib.import_module("rig_case")
+
+# A truth takes two minutes.
+SEEDS = 35
+# Two for each of the sheet's modes in the band, then more where the fit has to doubt what it finds.
+STATES = (36, 38, 40)
+ENOUGH = 14
+GAIN_STD = 0.02 / np.sqrt(3.0)
+JOINTS = [(name, name) for name in rig_case.GIMBALS]
+
+
+class Identified(NamedTuple):
+    """What one set of six records gives, and how long that took."""
+
+    friction: JointFriction
+    fit: FitResult
+    seconds: float
+
+
+def rows() -> list[dict[str, Any]]:
+    """Of as many truths as `SEEDS`."""
+    found = [[identified(seed, number) for number in (0, 1)] for seed in range(SEEDS)]
+    sheet = prediction.sheet_modes()
+    outcomes = [prediction.outcome(k, surveys_of(both), *sheet) for k, both in enumerate(found)]
+    title = "rig, two angles, friction on"
+    every = [one for both in found for one in both]
+    slips = [np.abs(one.friction.slip_torque / rig_case.BEARING.slip_torque - 1.0) for one in every]
+    return [
+        *prediction.rows_of(title, outcomes, level=True),
+        row(
+            title,
+            "variance over noise by friction, median",
+            "",
+            np.median([o.friction.before for o in every]),
+        ),
+        row(title, "the same, friction found", "", np.median([o.friction.after for o in every])),
+        row(title, "slip torque, largest error", "", np.max(slips)),
+        row(title, "friction and fit of one angle, median", "CPU s", np.median([o.seconds for o in every])),
+    ]
+
+
+def identified(seed: int, number: int) -> Identified:
+    """From the records of one truth at one gimbal angle."""
+    record = rig_case.records_of(seed, number)
+    start = time.process_time()
+    friction = find_friction(record, JOINTS, band_hz=rig_case.BAND_HZ, delay_s=rig_case.DELAY_S)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        measured = estimate_response(without_friction(record, friction), band_hz=rig_case.BAND_HZ)
+    fits: list[FitResult] = []
+    for states in STATES:
+        # Dampers at joints make the modes complex.
+        fits.append(fit_response(measured, states=states, constants="complex", delay="common"))
+        if fits[-1].standing.count("sound") >= ENOUGH:
+            break
+    best = max(fits, key=lambda fit: fit.standing.count("sound"))
+    return Identified(friction, best, time.process_time() - start)
+
+
+def surveys_of(both: list[Identified]) -> list[Survey]:
+    """Of both gimbal angles."""
+    article, lab = case.sheet()
+    return [
+        Survey(
+            name=f"test {number}",
+            measured=survey_from_fit(article, one.fit, gain_std=GAIN_STD),
+            environment=lab,
+            settings=settings,
+        )
+        for number, (one, settings) in enumerate(zip(both, (case.STRAIGHT, case.TURNED), strict=True))
+    ]

@@ -1,0 +1,63 @@
+"""The torque of a spring and slider in series along a periodic angle, many angles at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.signals.record import Record
+from middeck.values import record as frozen
+
+# The first lap forgets where the slider stood.
+LAPS = 2
+
+
+def slider_torque(
+    angle: Float[np.ndarray, "sample series"], slip_angle: Float[np.ndarray, " series"]
+) -> Float[np.ndarray, "sample series"]:
+    """Torque over the slip torque, in the steady state of a motion that repeats.
+
+    That of `middeck.joints.friction.Friction`: the slider stays within ``slip_angle`` of the angle.
+
+    >>> angle = np.array([0.0, 3.0, 0.0, -3.0])[:, None]
+    >>> slider_torque(angle, np.array([2.0])).ravel().tolist()
+    [-0.5, 1.0, -0.5, -1.0]
+    """
+    low, high = angle - slip_angle, angle + slip_angle
+    stands, out = np.zeros(angle.shape[1]), np.empty_like(angle)
+    for _ in range(LAPS):
+        for a, b, kept in zip(low, high, out, strict=True):
+            np.maximum(stands, a, out=stands)
+            np.minimum(stands, b, out=stands)
+            kept[:] = stands
+    return (angle - out) / slip_angle
+
+
+@frozen(kw_only=True)
+class JointAngles:
+    """Mean period of each joint's angle, by its spectrum up to the highest line that counts."""
+
+    spectrum: Complex[np.ndarray, "line experiment joint"]
+    hz: Float[np.ndarray, " line"]
+    samples: int
+
+    def torques(
+        self, slip_angle: Float[np.ndarray, " joint"], delay_s: float
+    ) -> Float[np.ndarray, "sample experiment joint"]:
+        """Friction over slip torque, as commands.
+
+        The reading comes ``delay_s`` after the command, so that a torque which goes with the angle is, as a
+        command, so much earlier.
+        """
+        earlier = self.spectrum * np.exp(2j * np.pi * self.hz * delay_s)[:, None, None]
+        angle = np.asarray(np.fft.irfft(earlier, self.samples, axis=0))
+        flat = angle.reshape(self.samples, -1)
+        return slider_torque(flat, np.tile(slip_angle, angle.shape[1])).reshape(angle.shape)
+
+
+def joint_angles(record: Record, outputs: list[int], top_hz: float) -> JointAngles:
+    """Of a periodic record, without what is above ``top_hz``: noise, most of which is there."""
+    y = np.moveaxis(record.y.mean(axis=1)[..., outputs], 1, 0)
+    hz = np.fft.rfftfreq(len(y), 1.0 / record.sample_hz)
+    kept = hz <= top_hz * (1.0 + 1e-9)
+    return JointAngles(spectrum=np.fft.rfft(y, axis=0)[kept], hz=hz[kept], samples=len(y))
