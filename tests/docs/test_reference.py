@@ -22,6 +22,7 @@ from middeck.files import (
     gauge_form,
     link_form,
     promise_plans,
+    promised_loads,
     promises,
     refinements,
     study_form,
@@ -91,9 +92,11 @@ FORMS: list[type[Form]] = [
     promise_plans.InnerForm,
     promise_plans.LadderForm,
     promise_plans.LawForm,
+    promised_loads.PromisedLoadsForm,
     promises.OutcomeForm,
     promises.ModeOutcomeForm,
     promises.LoopOutcomeForm,
+    promises.ReadingOutcomeForm,
 ]
 
 
@@ -120,7 +123,7 @@ def test_what_the_paper_page_names_can_be_imported():
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
     forms = (article_form, boundary_form, component_form, environment_form, link_form, study_form)
-    modules = (*forms, gauge_form, refinements, promise_plans, promises)
+    modules = (*forms, gauge_form, refinements, promise_plans, promised_loads, promises)
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
     }

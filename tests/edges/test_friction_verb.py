@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rubbing_joint import BEARING, HZ, records
 
 from cli_runner import middeck
 from middeck.files.models import load_standing
 from middeck.files.records import write_record
 from middeck.joints.attachment import JointElements
+from rubbing_joint import BEARING, HZ, records
 
 ASKED = ("--band", "0.2,10", "--states", "6", "--friction", "joint=joint")
 

@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from rubbing_joint import BAND, BEARING, DELAY, HZ, JOINTS, records
 
 from middeck.errors import ConfigError, DataError, FitError
 from middeck.identification import estimate_response, fit_response, natural_hz
@@ -16,6 +15,7 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.signals.record import Record
 from repeats import repeats
+from rubbing_joint import BAND, BEARING, DELAY, HZ, JOINTS, records
 
 
 @pytest.mark.parametrize("seed", repeats(range(20), 3))
