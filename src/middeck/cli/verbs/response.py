@@ -10,11 +10,12 @@ from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy as np
 
     from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.residual import StaticGainComparison
-    from middeck.systems.plant import Plant
     from middeck.systems.response import FrequencyResponse
 
 EPILOG = """\
@@ -87,11 +88,16 @@ def verb(
     u, y = options.separate_names(inputs), options.separate_names(outputs)
     with reading(find_case(article, environment)[0]):
         plant = build_plant(modes, inputs=u, outputs=y, count=count, static=static)
-        response = evaluate_plant(plant, np.array(frequency_hz))
-        gain = None
-        if static:
-            response = complete_response(modes, response, inputs=u, outputs=y, count=count)
-            gain = compare_static_gain(modes, inputs=u, outputs=y, count=count)
+        gain = compare_static_gain(modes, inputs=u, outputs=y, count=count) if static else None
+
+    def respond(hz: np.ndarray) -> FrequencyResponse:
+        found = evaluate_plant(plant, hz)
+        if not static:
+            return found
+        return complete_response(modes, found, inputs=u, outputs=y, count=count)
+
+    with reading(find_case(article, environment)[0]):
+        response = respond(np.array(frequency_hz))
     document = {
         "schema": "middeck.response/1",
         "article": modes.equilibrium.model.structure.title,
@@ -101,21 +107,22 @@ def verb(
         "warnings": modes.warnings,
     }
     if figure_file is not None:
-        _draw(plant, modes, np.array(frequency_hz), figure_file)
+        _draw(respond, modes, np.array(frequency_hz), figure_file)
     show(as_json, document, *_tables(document))
 
 
-def _draw(plant: Plant, modes: Modes, asked_hz: np.ndarray, file: str) -> None:
+def _draw(
+    respond: Callable[[np.ndarray], FrequencyResponse], modes: Modes, asked_hz: np.ndarray, file: str
+) -> None:
     from middeck.plot.response import response_figure, response_lines
     from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
-    from middeck.systems.response import evaluate_plant
 
     rest = modes.equilibrium
     found = solve_gyroscopic_modes(modes)
     lines = response_lines(asked_hz, found.frequency_hz, found.zeta)
     title = f"{rest.model.structure.title} in {rest.environment.title}"
     figures.write_figure(
-        response_figure(evaluate_plant(plant, lines), evaluate_plant(plant, asked_hz), title),
+        response_figure(respond(lines), respond(asked_hz), title),
         file,
         key="response",
         title=f"Frequency responses of {title}",

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from middeck.files.faults import Fault
 from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.entries import Entries, Entry
-from middeck.files.nastran.numbers import integer
+from middeck.files.nastran.numbers import integer, real
 
 ALL = "123456"
 # Of the independent rows, lengths over the size of the element: nearer to a mechanism is refused.
@@ -47,10 +47,14 @@ def rigid_elements(entries: Entries, faults: list[Fault]) -> Iterator[Rigid]:
     """RBE1, and RBAR that is not of one end alone (see `partial_links`)."""
     for entry in entries.of("RBAR"):
         first, second = entry["cna"] or "", entry["cnb"] or ""
-        if {first, second} == {ALL, ""}:
-            continue
         independent = _single((entry["ga"], first), (entry["gb"], second))
         stated = _single((entry["ga"], entry["cma"] or ""), (entry["gb"], entry["cmb"] or ""))
+        if both := sorted(set(independent) & set(stated)):
+            named = ", ".join(f"component {c} of grid {grid}" for grid, c in both)
+            faults.append(entry.fault(f"independent and dependent at once: {named}", "cma"))
+            continue
+        if {first, second} == {ALL, ""}:
+            continue
         others = tuple(m for m in _single((entry["ga"], ALL), (entry["gb"], ALL)) if m not in independent)
         yield Rigid(entry, "cna", independent, stated or others)
     for entry in entries.of("RBE1"):
@@ -71,6 +75,9 @@ def _single(*some: tuple[int, str]) -> Moves:
 def _pairs(entry: Entry, texts: list[str | None], faults: list[Fault]) -> Moves:
     """Grids and components, blanks between; a last real is the thermal expansion."""
     given = [t for t in texts if t is not None]
+    if len(given) % 2 and real(given[-1]) is None:
+        faults.append(entry.fault(f"{given[-1]} has no components", "rest"))
+        return ()
     found: list[tuple[int, str]] = []
     for grid, components in zip(given[::2], given[1::2], strict=False):
         number = integer(grid)
