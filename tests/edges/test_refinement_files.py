@@ -10,10 +10,14 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
-from middeck.files.documents import load_structure
+from middeck.files.documents import load_setup, load_structure
 from middeck.files.measured_modes import load_measured_modes, write_measured_modes
+from middeck.files.promised_loads import load_promised_loads
+from middeck.files.promises import read_promise
 from middeck.files.refinements import load_refinement, refined_text
 from middeck.structure.correlation.measured_modes import MeasuredModes
+from middeck.updating.deflections import predict_deflections
+from middeck.updating.refine import refine
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"
@@ -196,3 +200,67 @@ def test_frequencies_without_shapes_are_written_and_read(tmp_path: Path):
     read = load_measured_modes(tmp_path / "bare.json")
     np.testing.assert_array_equal(read.frequency_hz, hz)
     assert read.shape.shape == (0, 2)
+
+
+LOADS = """
+schema = "middeck.promised-loads/1"
+refinement = "refine.toml"
+environment = "stand"
+series = "bench"
+modes = 2
+
+[[load_case]]
+name = "two_balls"
+mass = [{ frame = "n3", mass_kg = 4.0 }]
+
+[[gauge]]
+name = "middle"
+at = "n3"
+direction = [0.0, -1.0, 0.0]
+std_m = 1.0e-5
+
+[[gauge]]
+name = "end"
+at = "n5"
+kind = "tilt"
+direction = [0.0, 1.0, 0.0]
+line = [1.0, 0.0, 0.0]
+std_deg = 0.01
+"""
+
+
+def test_readings_under_other_loads_are_promised_and_compared(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    with_static(tmp_path)
+    loads, sealed, outcome = (tmp_path / n for n in ("loads.toml", "promise.json", "outcome.toml"))
+    loads.write_text(LOADS)
+    ended = middeck(capfd, "promise", ARTICLE, "--load-cases", loads, "-o", sealed)
+    assert ended.code == 0, ended.err
+    assert "two_balls" in ended.out
+    found = read_promise(sealed)
+    (place,) = found["environments"]
+    assert len(place["modes"]) == 2
+    middle, end = place["load_cases"][0]["readings"]
+    assert (middle["unit"], end["unit"]) == ("m", "deg")
+    assert middle["interval_95"][0] < middle["value"] < middle["interval_95"][1]
+    direct = predict_deflections(
+        refine(load_structure(ARTICLE), *load_refinement(tmp_path / "refine.toml", ARTICLE).of_refine),
+        load_setup(ARTICLE, tmp_path / "stand.toml")[1],
+        load_promised_loads(loads, ARTICLE).load_cases,
+        load_promised_loads(loads, ARTICLE).gauges,
+        series="bench",
+    )
+    assert end["value"] == pytest.approx(np.degrees(direct[0].value[1]), rel=1e-5)
+    outcome.write_text(
+        'schema = "middeck.outcome/1"\n\n[[reading]]\nenvironment = "stand"\nload_case = "two_balls"\n'
+        f'gauge = "end"\nvalue = {end["interval_95"][1] + 1.0}\n'
+    )
+    compared = json.loads(middeck(capfd, "outcome", sealed, outcome, "--json").out)
+    assert [v["inside"] for v in compared["verdicts"]] == [False]
+
+
+def test_a_promise_is_of_loops_or_of_loads(capfd: pytest.CaptureFixture[str]):
+    ended = middeck(capfd, "promise", ARTICLE)
+    assert ended.code == 2
+    assert "neither a plan nor load cases" in ended.err
