@@ -11,7 +11,7 @@ import click
 from middeck.cli.options import FIGURES, written
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
 
@@ -166,3 +166,15 @@ def _write_shapes(page: ShapePage, file: str) -> None:
     titles = page.sides if len(page.drawings) > 1 else ()
     drawn = shapes_figure(page.drawings, page.rows, titles, left_out)
     write_figure(drawn, file, key="shapes", title=page.title, description=describe_rows(page))
+
+
+def write_promise(promise: Mapping[str, Any], came: Mapping[str, Any], file: str) -> None:
+    """Draw the first environment of a promise, and the verdicts on it by their names."""
+    from middeck.plot.promises import promise_figure
+
+    place = promise["environments"][0]
+    title = f"Promised in {place['name']} on {promise['date']}{'; dots: what came' if came else ''}"
+    drawn = promise_figure(place, promise.get("shares", []), came, title)
+    write_figure(
+        drawn, file, key="promise", title=title, description="Promised intervals, and what came within them."
+    )

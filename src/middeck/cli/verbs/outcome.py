@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 
 EPILOG = """\
@@ -24,8 +24,16 @@ Examples:
 @click.argument("outcome", metavar="OUTCOME")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
 @options.written("-o", "--output", "output", endings=(".json",), help="Write the sealed comparison.")
+@figures.figure
 @options.printing
-def verb(promise: str, outcome: str, date: str | None, output: str | None, as_json: bool) -> None:
+def verb(
+    promise: str,
+    outcome: str,
+    date: str | None,
+    output: str | None,
+    figure_file: str | None,
+    as_json: bool,
+) -> None:
     """Compare what came with a promise.
 
     OUTCOME has the frequencies and decibels as they came: docs/reference/files.md. The comparison is a
@@ -43,6 +51,8 @@ def verb(promise: str, outcome: str, date: str | None, output: str | None, as_js
         document = comparison_document(promised, came, outcome_file=Path(outcome), date=options.day(date))
     if output is not None:
         write_json(output, document)
+    if figure_file is not None:
+        figures.write_promise(promised, {v["name"]: v for v in document["verdicts"]}, figure_file)
     show(as_json, document, *_blocks(document, output))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from middeck.cli import options
+from middeck.cli import figures, options
 from middeck.cli.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -30,6 +30,7 @@ Examples:
 @click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
 @options.written("-o", "--output", "output", endings=(".json",), help="Write the sealed document.")
+@figures.figure
 @options.printing
 def verb(
     article: str,
@@ -37,6 +38,7 @@ def verb(
     load_cases: str | None,
     date: str | None,
     output: str | None,
+    figure_file: str | None,
     as_json: bool,
 ) -> None:
     """Promise what compensators will do in orbit.
@@ -60,6 +62,8 @@ def verb(
     document = _of_loops(body, plan, day) if plan is not None else _at_rest(body, str(load_cases), day)
     if output is not None:
         write_json(output, document)
+    if figure_file is not None:
+        figures.write_promise(document, {}, figure_file)
     warnings = {"warnings": document["refined"]["warnings"]}
     show(as_json, document if as_json else warnings, *_blocks(document, output))
 
