@@ -18,6 +18,7 @@ from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.numbers import integer, real
 
 ALL = "123456"
+LINE = 8  # fields of a line
 # Of the independent rows, lengths over the size of the element: nearer to a mechanism is refused.
 WORST = 1e6
 
@@ -49,11 +50,7 @@ def rigid_elements(entries: Entries, faults: list[Fault]) -> Iterator[Rigid]:
         first, second = entry["cna"] or "", entry["cnb"] or ""
         independent = _single((entry["ga"], first), (entry["gb"], second))
         stated = _single((entry["ga"], entry["cma"] or ""), (entry["gb"], entry["cmb"] or ""))
-        if both := sorted(set(independent) & set(stated)):
-            named = ", ".join(f"component {c} of grid {grid}" for grid, c in both)
-            faults.append(entry.fault(f"independent and dependent at once: {named}", "cma"))
-            continue
-        if {first, second} == {ALL, ""}:
+        if _at_once(entry, "cma", (independent, stated), faults) or {first, second} == {ALL, ""}:
             continue
         others = tuple(m for m in _single((entry["ga"], ALL), (entry["gb"], ALL)) if m not in independent)
         yield Rigid(entry, "cna", independent, stated or others)
@@ -63,29 +60,53 @@ def rigid_elements(entries: Entries, faults: list[Fault]) -> Iterator[Rigid]:
             faults.append(entry.fault("UM is missing", "rest", "GN CN ..., then a line of UM and GM CM ..."))
             continue
         at = texts.index("UM")
-        parts = [_pairs(entry, some, faults) for some in (texts[:at], texts[at + 1 :])]
-        if all(parts):
-            yield Rigid(entry, "rest", *parts)
+        independent = _pairs(entry, texts[:at], faults)
+        dependent = _pairs(entry, _without_expansion(texts[at + 1 :]), faults)
+        both = independent, dependent
+        if all(both) and not _at_once(entry, "rest", both, faults):
+            yield Rigid(entry, "rest", *both)
 
 
 def _single(*some: tuple[int, str]) -> Moves:
     return tuple((grid, c) for grid, components in some for c in components)
 
 
+def _at_once(entry: Entry, key: str, moves: tuple[Moves, Moves], faults: list[Fault]) -> bool:
+    """Whether some component is independent and dependent, which is a fault."""
+    both = sorted(set(moves[0]) & set(moves[1]))
+    if both:
+        named = ", ".join(f"component {c} of grid {grid}" for grid, c in both)
+        faults.append(entry.fault(f"independent and dependent at once: {named}", key))
+    return bool(both)
+
+
+def _without_expansion(texts: list[str | None]) -> list[str | None]:
+    """Without a last real, the coefficient of thermal expansion."""
+    given = [(k, text) for k, text in enumerate(texts) if text is not None]
+    return texts[: given[-1][0]] if given and real(given[-1][1]) is not None else texts
+
+
 def _pairs(entry: Entry, texts: list[str | None], faults: list[Fault]) -> Moves:
-    """Grids and components, blanks between; a last real is the thermal expansion."""
-    given = [t for t in texts if t is not None]
-    if len(given) % 2 and real(given[-1]) is None:
-        faults.append(entry.fault(f"{given[-1]} has no components", "rest"))
-        return ()
+    """Grids and components by their places: three pairs a line, a blank field before and after them."""
     found: list[tuple[int, str]] = []
-    for grid, components in zip(given[::2], given[1::2], strict=False):
-        number = integer(grid)
+    for pair in _by_place(texts):
+        grid, components = pair
+        number = integer(grid) if grid is not None else None
         if number is None or number <= 0 or not components or set(components) - set(ALL):
-            faults.append(entry.fault(f"{grid} {components} is no grid and components", "rest"))
+            named = " ".join("(blank)" if text is None else text for text in pair)
+            faults.append(entry.fault(f"{named} is no grid and components", "rest"))
             return ()
         found.append((number, components))
     return _single(*found)
+
+
+def _by_place(texts: list[str | None]) -> Iterator[tuple[str | None, str | None]]:
+    """The pairs that are not blank; what stands in a blank field is a pair of which one half lacks."""
+    padded = [None, *texts, *[None] * (-(len(texts) + 1) % LINE)]
+    for k in range(0, len(padded), LINE):
+        before, *fields, after = padded[k : k + LINE]
+        pairs = [(before, None), *zip(fields[::2], fields[1::2], strict=True), (None, after)]
+        yield from ((a, b) for a, b in pairs if a is not None or b is not None)
 
 
 def relation(
