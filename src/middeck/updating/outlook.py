@@ -24,6 +24,7 @@ from middeck.values import record
 CONFIDENCE = 0.95
 LEVELS = (0.01, 0.025, 0.25, 0.5, 0.75, 0.975, 0.99)
 """Of the distribution of decibels, from the best to the worst."""
+TIE = 1e-9  # of a rank, by rounding
 COMPARED = 12
 """Unstable draws whose leading mode is looked for."""
 
@@ -64,11 +65,15 @@ class Outlook:
         return probability_interval(int(np.count_nonzero(self.stable)), len(self.stable), 0.9)[0]
 
     def level_db(self, share: float) -> float:
-        """Decibels that this share of the draws does not exceed; ``inf`` where too many are unstable.
+        """Decibels that one more draw does not exceed with this probability; ``inf`` for unstable.
 
-        The least that any ``share`` of the draws reaches: no interpolation, which infinity does not allow.
+        A drawn value, not an interpolated one, which infinity does not allow: the k-th of n is not exceeded
+        by another with k / (n + 1) (Wilks 1941, Ann. Math. Stat. 12), the one beside it where none fits.
         """
-        return float(np.sort(self.db)[min(int(np.ceil(share * len(self.db))), len(self.db)) - 1])
+        n = len(self.db)
+        k = share * (n + 1)
+        k = int(np.ceil(k - TIE) if share >= 0.5 else np.floor(k + TIE))
+        return float(np.sort(self.db)[min(max(k, 1), n) - 1])
 
 
 def probability_interval(count: int, of: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
