@@ -301,9 +301,16 @@ def _modes(modes: Prediction) -> list[dict[str, Any]]:
             "interval_95_hz": [_few(end) for end in ends],
             "damping": _few(zeta),
             "seen": _few(min(seen, 1.0)),
+            "ground_hz": _few(ground),
         }
-        for i, hz, ends, zeta, seen in zip(
-            modes.index, modes.frequency_hz, modes.interval_hz, modes.damping, modes.seen, strict=True
+        for i, hz, ends, zeta, seen, ground in zip(
+            modes.index,
+            modes.frequency_hz,
+            modes.interval_hz,
+            modes.damping,
+            modes.seen,
+            modes.ground_hz,
+            strict=True,
         )
     ]
 

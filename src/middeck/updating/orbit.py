@@ -21,6 +21,7 @@ from middeck.values import record
 CARRIED = 1e-4
 # Of a measured damping ratio whose deviation the test does not state, relative.
 DAMPING_STD = 0.1
+HALF = 0.5
 
 
 @record(kw_only=True)
@@ -37,6 +38,8 @@ class Prediction:
         damping_seen: Part of each damping that was measured.
         damping_spread: Standard deviation of the logarithm of what was measured.
         seen: Part of each shape that the surveys saw.
+        ground_hz: The refined model's frequency of the mode of the first survey that has most of each; not a
+            number where none has half of it.
     """
 
     modes: Modes
@@ -48,6 +51,7 @@ class Prediction:
     damping_seen: Float[np.ndarray, " mode"]
     damping_spread: Float[np.ndarray, " mode"]
     seen: Float[np.ndarray, " mode"]
+    ground_hz: Float[np.ndarray, " mode"]
 
     def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
         """Of the logarithms of the damping ratios, where ``unseen`` is that of what was not measured."""
@@ -72,16 +76,7 @@ class Prediction:
     def below(self, number: int) -> Prediction:
         """Those that are among the lowest ``number`` modes, rigid ones counted."""
         kept = self.index < number
-        rows = (
-            "index",
-            "log_shift",
-            "log_root",
-            "log_rest",
-            "damping",
-            "damping_seen",
-            "damping_spread",
-            "seen",
-        )
+        rows = [f.name for f in dataclasses.fields(self) if f.name != "modes"]
         return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
@@ -109,7 +104,15 @@ def predict_modes(
         log_rest=np.sqrt(rest + CARRIED**2),
         **_damping(modes, index, share, first),
         seen=share.sum(axis=1),
+        ground_hz=_on_the_ground(share, first),
     )
+
+
+def _on_the_ground(share: np.ndarray, first: Compared | None) -> np.ndarray:
+    if first is None or not share.shape[1]:
+        return np.full(len(share), np.nan)
+    hz = first.modes.frequency_hz[first.pairs[share.argmax(axis=1), 0]]
+    return np.where(share.max(axis=1) > HALF, hz, np.nan)
 
 
 def _damping(

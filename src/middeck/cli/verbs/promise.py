@@ -121,10 +121,13 @@ def _modes(place: dict[str, Any]) -> Table:
             "{:.4f} to {:.4f}".format(*m["interval_95_hz"]),
             f"{100.0 * m['damping']:.2f}",
             f"{100.0 * m['seen']:.0f}",
+            "-" if m["ground_hz"] is None else f"{m['ground_hz']:.4f}",
+            "-" if m["ground_hz"] is None else f"{100.0 * (m['frequency_hz'] / m['ground_hz'] - 1.0):+.2f}",
         ]
         for k, m in enumerate(place["modes"], start=1)
     ]
-    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen on the ground [%]"]
+    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen [%]", "on the ground [Hz]",
+               "from there [%]"]  # fmt: skip
     return Table(f"promised in {place['name']}: modes", headers, rows)
 
 
