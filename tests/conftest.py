@@ -101,9 +101,11 @@ def _program(*names: str) -> str:
 
 
 def pytest_sessionfinish(session, exitstatus):
-    """`make test-all` leaves its result, to be committed."""
+    """`make test-all` leaves its result, to be committed; a run of some of the tests leaves none."""
+    config = session.config
+    whole = config.args_source is not config.ArgsSource.ARGS and not config.option.keyword
     # With several workers (-n), the one process that reports has no `workerinput`.
-    if LONG and not hasattr(session.config, "workerinput"):
+    if LONG and whole and not hasattr(config, "workerinput"):
         reporter = session.config.pluginmanager.get_plugin("terminalreporter")
         counts = {k: len(reporter.stats.get(k, [])) for k in ("passed", "failed", "error", "skipped")}
         result = {"date": datetime.date.today().isoformat(), "seed": SEED, "exit": int(exitstatus), **counts}
