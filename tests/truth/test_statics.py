@@ -6,14 +6,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+import updating_case
 
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.model.article import AttachPoint, Joint, JointState, Section
 from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.rest import pinned as pinning
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from middeck.structure.rest.pinned import PinnedPoints, solve_pinned
+from middeck.structure.rest.suspension_tuning import pinned_loads, pinned_points
+from middeck.structure.sensitivity.parameters import scale_parameters
+from repeats import repeats
 from structure_builders import (
     GRAVITY,
     body,
@@ -61,6 +66,26 @@ def test_pinned_reactions_carry_the_weight_and_its_moments():
     weights = 8.0 * 0.0 + 10.0 * 1.0 + 5.0 * 2.0 + 0.5 * (0.95 * 0.5 + 0.95 * 1.5)
     assert force[:, 1] @ [0.0, 1.0, 2.0] == pytest.approx(weights * G, rel=1e-3)
     assert force[[0, 2], 0] == pytest.approx(0.0)  # not held along the bus
+
+
+@pytest.mark.parametrize("softer", repeats([3.0, 1.0, 10.0, 30.0], 2))
+@pytest.mark.parametrize("turned", repeats([0.35, -1.0, 0.0]))
+def test_an_article_pinned_at_once_rests_where_small_load_steps_lead(monkeypatch, softer, turned):
+    """With its gimbal turned, Newton's second step is a quarter to a half of the first: still that branch."""
+    drawn, place = updating_case.sheet()
+    angles = [("joint.pri_x.angle", turned), ("joint.pri_z.angle", turned)]
+    parts = scale_parameters(updating_case.placed(drawn, angles), {"members.E": 1.0 / softer})
+    model = mesh_structure(parts)
+    loads, points = pinned_loads(model, place), pinned_points(model, place)
+    at_once = pinning.settle_pinned(model, loads, points)
+    monkeypatch.setattr(pinning, "LONGEST_STEP", 0.0)  # nothing is taken at once
+    monkeypatch.setattr(pinning, "LOAD_FACTORS", np.linspace(0.05, 0.95, 19))
+    stepped = pinning.settle_pinned(model, loads, points)
+    # Either ends at an imbalance of 1e-9 of the weight, and at rounding after a last quadratic step.
+    weight = parts.mass * G
+    assert at_once.force == pytest.approx(stepped.force, abs=1e-8 * weight)
+    assert at_once.config.x == pytest.approx(stepped.config.x, abs=1e-8)
+    assert at_once.config.angle == pytest.approx(stepped.config.angle, abs=1e-8)
 
 
 def test_three_moment_equation_of_the_pinned_bus():

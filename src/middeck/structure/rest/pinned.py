@@ -19,7 +19,9 @@ from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.rest.statics import (
+    CONTRACTION,
     LOAD_FACTORS,
+    LONGEST_STEP,
     MAX_ITERATIONS,
     TOLERANCE,
     article_size,
@@ -33,9 +35,6 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# Newton's method at full load is on the branch of the load steps where its first step is short [m or rad] and
-# each further one at most this part of the one before (Deuflhard 2004, section 2.1).
-CONTRACTION, LONGEST_STEP = 0.25, 0.5
 # Of the largest compliance of the supports: a motion less compliant is rigid and held twice, so that statics
 # leaves the share of each support open. They share it alike.
 HELD_TWICE = 1e-13
