@@ -21,7 +21,7 @@ def slider_torque(
 
     >>> angle = np.array([0.0, 3.0, 0.0, -3.0])[:, None]
     >>> slider_torque(angle, np.array([2.0])).ravel().tolist()
-    [-0.5, 1.0, -0.5, -1.0]
+    [0.5, 1.0, -0.5, -1.0]
     """
     low, high = angle - slip_angle, angle + slip_angle
     stands, out = np.zeros(angle.shape[1]), np.empty_like(angle)
