@@ -8,11 +8,13 @@ import pytest
 from scipy.stats import binomtest
 from updating_case import DAMPING_STD
 
+from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.noise import measure_noise_rms
-from middeck.errors import ConfigError
+from middeck.control.sampled import emulate
+from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.own_plant import make_plant
@@ -22,7 +24,7 @@ from middeck.updating.bound import bound_db
 from middeck.updating.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.orbit import predict_modes
 from middeck.updating.outlook import Outlook, highest_promised, look_ahead, probability_interval
-from middeck.updating.plan import plant_of, weights_of
+from middeck.updating.plan import Ladder, plant_of, weights_of
 from middeck.updating.promise import design_ladder, promise
 from middeck.updating.refine import Refined
 
@@ -174,3 +176,33 @@ def test_a_reading_whose_noise_is_not_stated_is_refused():
     rate = [p for p in plant.outputs if p.name == "bus_x_rate"]
     with pytest.raises(ConfigError, match="rad/s"):
         weights_of(asked, plant.inputs[:1], rate)
+
+
+def test_compensators_that_cannot_be_promised_are_refused(refined: Refined):
+    """A direct term or a period would be left out without a word."""
+    truth = case.true_plant(0)
+    reads = (truth.outputs[truth.output_indices([case.OUTPUT])[0]],)
+    drives = (truth.inputs[truth.input_indices([case.INPUT])[0]],)
+    lag = StateSpace([[-10.0]], [[1.0]], [[-0.01]], [[-0.01]])
+    direct = Compensator(lag, reads, drives)
+    sampled = emulate(Compensator(dataclasses.replace(lag, D=np.zeros((1, 1))), reads, drives), 0.01)
+    for law, what in ((direct, "direct term"), (sampled, "sampled")):
+        asked = dataclasses.replace(case.plan([1.0], 1), ladder=None, laws={"own": law})
+        with pytest.raises(ConfigError, match=what):
+            promise(refined, asked)
+    named = dataclasses.replace(case.plan([1.0], 1), laws={"LQG 0": direct})
+    with pytest.raises(ConfigError, match="as one of the ladder"):
+        promise(refined, named)
+    with pytest.raises(ConfigError, match="rising"):
+        case.plan([10.0, 1.0], 1)
+
+
+def test_a_performance_without_an_rms_has_no_decibels(refined: Refined):
+    """Nothing holds the bus: its rotation does not decay."""
+    held = PDLoops(("pri_rel_x", "pri_rel_z"), np.array([0.01, 0.014]), np.array([0.02, 0.028]))
+    asked = dataclasses.replace(
+        case.plan([1.0], 1), inner=held, performance=("bus_z",), disturbances=("bus_z",),
+        ladder=Ladder(drives=("bus_z",), reads=("bus_z",), authority=np.ones(1)),
+    )  # fmt: skip
+    with pytest.raises((ConfigError, NotStabilisableError), match=r"no rms|does not decay"):
+        promise(refined, asked)

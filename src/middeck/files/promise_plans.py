@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from middeck.control.law.classical import PDLoops
+from middeck.errors import ConfigError
 from middeck.files.compensators import load_compensator
 from middeck.files.documents import check, find_document, load_setup, load_structure, read_source
 from middeck.files.faults import raise_faults
@@ -122,6 +123,10 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
     raise_faults(list(checked.faults))
     form = checked.form
     assert form is not None  # no faults
+    for what, names in (("law", [law.name for law in form.law]), ("environment", list(form.environments))):
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, {what}", hint="a name for each")
     beside = Path(path).parent
     found = {name: find_document(name, "environment", beside=path) for name in form.environments}
     laws = {law.name: beside / law.file for law in form.law}

@@ -35,6 +35,14 @@ class Ladder:
     reads: tuple[str, ...]
     authority: Float[np.ndarray, " level"]
 
+    def __post_init__(self) -> None:
+        if not (np.all(np.isfinite(self.authority)) and np.all(np.diff(self.authority, prepend=0.0) > 0.0)):
+            raise ConfigError(
+                f"authorities of {', '.join(f'{a:g}' for a in self.authority)}",
+                where="ladder",
+                hint="positive, rising",
+            )
+
 
 @record(kw_only=True)
 class Plan:

@@ -13,6 +13,7 @@ from middeck.control.law.compensator import Compensator, driven_ports, measured_
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_filter, design_lqg
 from middeck.control.robust.monte_carlo import uncontrolled_rms
+from middeck.errors import ConfigError
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.systems.delay_approximation import approximate_delays
@@ -84,10 +85,16 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
         loop=plan.loop,
         finish=partial(close_inner, plan),
     )
-    laws = {**plan.laws, **ladder}
+    laws = _together(plan.laws, ladder)
     seen = {name: _seen_by(law, drawn, plan) for name, law in laws.items()}
     anyone, weights = next(iter(seen.values()))  # whose ports do not matter without a compensator
     alone = uncontrolled_rms(anyone.plants, weights)
+    if not np.all(np.isfinite(alone)):
+        raise ConfigError(
+            "without a compensator the performance has no rms: a mode that it sees does not decay",
+            where=f"promise in {place.title}",
+            hint="inner loops that hold the article, against whose rms the decibels count",
+        )
     outlooks = tuple(look_ahead(name, law, *seen[name], alone) for name, law in laws.items())
     some = dataclasses.replace(drawn, plants=drawn.plants[: plan.bounded], drawn=drawn.drawn[: plan.bounded])
     best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
@@ -98,6 +105,17 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
         bound={name: _bound(law, *_seen_by(law, some, plan)) for name, law in laws.items()},
         highest=None if best is None else best.name,
     )
+
+
+def _together(
+    given: Mapping[str, Compensator], ladder: Mapping[str, LQGCompensator]
+) -> dict[str, Compensator]:
+    twice = sorted(set(given) & set(ladder))
+    if twice:
+        raise ConfigError(
+            f"a compensator is called {twice[0]!r} as one of the ladder", where="promise", hint="another name"
+        )
+    return {**given, **ladder}
 
 
 def _seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPlants, LQGWeights]:

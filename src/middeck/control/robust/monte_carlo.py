@@ -84,10 +84,7 @@ def outcomes_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, rates_hz: Sequence[float] = ()
 ) -> tuple[PlantOutcomes, ...]:
     """As `verify_robustness`, for a list of plants."""
-    for plant in plants:
-        _require_ports(plant, compensator)
-    if np.any(compensator.system.D):
-        raise ConfigError("the compensator has a direct term: sensor noise would make its rms infinite")
+    _require(plants, compensator)
     reference = np.zeros(0)
     if plants:
         generalize(remove_delays(plants[0]), weights, 1.0)  # it refuses weights that do not fit
@@ -108,6 +105,18 @@ def stable_share(outcomes: PlantOutcomes) -> float:
 def worst_db(outcomes: PlantOutcomes) -> float:
     """The least improvement among the stable plants; ``inf`` if there is none."""
     return float(outcomes.db[outcomes.stable].max(initial=-np.inf)) if outcomes.stable.any() else np.inf
+
+
+def _require(plants: Sequence[Plant], compensator: Compensator) -> None:
+    for plant in plants:
+        _require_ports(plant, compensator)
+    if compensator.period_s is not None:
+        raise ConfigError(
+            f"the compensator is sampled, every {compensator.period_s:g} s",
+            hint="the continuous design; a rate samples it by Tustin's rule",
+        )
+    if np.any(compensator.system.D):
+        raise ConfigError("the compensator has a direct term: sensor noise would make its rms infinite")
 
 
 def _require_ports(plant: Plant, compensator: Compensator) -> None:
@@ -137,7 +146,12 @@ def uncontrolled_rms(plants: Sequence[Plant], weights: LQGWeights) -> Float[np.n
 def noise_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
 ) -> tuple[Bool[np.ndarray, " plant"], Float[np.ndarray, " plant"], Float[np.ndarray, " plant"]]:
-    """Stability, rms of the weighted outputs, and of the weighted inputs, continuous, delays exact."""
+    """Stability, rms of the weighted outputs, and of the weighted inputs, continuous, delays exact.
+
+    Raises `ConfigError` for a compensator of other ports than the plants' groups y and u, for one that is
+    sampled, and for one with a direct term.
+    """
+    _require(plants, compensator)
     found: list[NoiseOutcome | None] = [None] * len(plants)
     known = family_law(compensator, weights)
     if known is not None:
