@@ -110,11 +110,6 @@ def worst_db(outcomes: PlantOutcomes) -> float:
 def _require(plants: Sequence[Plant], compensator: Compensator) -> None:
     for plant in plants:
         _require_ports(plant, compensator)
-    if compensator.period_s is not None:
-        raise ConfigError(
-            f"the compensator is sampled, every {compensator.period_s:g} s",
-            hint="the continuous design; a rate samples it by Tustin's rule",
-        )
     if np.any(compensator.system.D):
         raise ConfigError("the compensator has a direct term: sensor noise would make its rms infinite")
 
