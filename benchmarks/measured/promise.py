@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))
 case = importlib.import_module("promise_case")
 
 SEEDS, DRAWS = 50, 60
-LADDERS, ALL_DRAWS = 5, 300
+LADDERS, ALL_DRAWS = 3, 300
 AUTHORITY = 10.0 ** np.array([0.0, 2.0, 4.0, 6.0])
 RUNGS = 10.0 ** np.arange(-2.0, 12.01, 0.125)
 COARSE = 8
