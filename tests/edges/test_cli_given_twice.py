@@ -131,6 +131,11 @@ WRITES = {
     ("convert", "--output"): options.ARTICLES,
     ("convert", "--environment"): options.ARTICLES,
     ("reduce", "--output"): options.COMPONENTS,
+    ("refine", "--output"): (".toml",),
+    ("promise", "--output"): (".json",),
+    ("promise", "--figure"): options.FIGURES,
+    ("outcome", "--output"): (".json",),
+    ("outcome", "--figure"): options.FIGURES,
 }
 ENDINGS = (
     ".json",
@@ -170,7 +175,8 @@ def test_an_ending_is_written_or_refused_at_once(
 ) -> None:
     """Whatever is refused is refused before the missing article or record is noticed."""
     target, known = tmp_path / f"result{ending}", WRITES[verb, name]
-    first = ("multisine", "--rate", 64) if verb == "excite" else (tmp_path / "missing.npz",)
+    first = {"excite": ("multisine", "--rate", 64), "outcome": (tmp_path / "missing.json", "missing.toml")}
+    first = first.get(verb, (tmp_path / "missing.npz",))
     ended = middeck(capfd, verb, *first, name, target)
     assert ended.code in (2, 4)
     refused = "no writer for" in ended.err or "no ending says what to write" in ended.err

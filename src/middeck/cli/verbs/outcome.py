@@ -23,14 +23,14 @@ Examples:
 @click.argument("promise", metavar="PROMISE.json")
 @click.argument("outcome", metavar="OUTCOME")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
-@options.written("-o", "--output", "output", endings=(".json",), help="Write the sealed comparison.")
+@options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed comparison.")
 @figures.figure
 @options.printing
 def verb(
     promise: str,
     outcome: str,
     date: str | None,
-    output: str | None,
+    target: str | None,
     figure_file: str | None,
     as_json: bool,
 ) -> None:
@@ -49,14 +49,14 @@ def verb(
     came = load_outcomes(outcome)
     with reading(outcome):
         document = comparison_document(promised, came, outcome_file=Path(outcome), date=options.day(date))
-    if output is not None:
-        write_json(output, document)
+    if target is not None:
+        write_json(target, document)
     if figure_file is not None:
         figures.write_promise(promised, {v["name"]: v for v in document["verdicts"]}, figure_file)
-    show(as_json, document, *_blocks(document, output))
+    show(as_json, document, *_blocks(document, target))
 
 
-def _blocks(document: dict[str, Any], output: str | None) -> list[str | Table]:
+def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
     def number(value: float | None) -> str:
         return "unstable" if value is None else f"{value:.5g}"
 
@@ -78,4 +78,4 @@ def _blocks(document: dict[str, Any], output: str | None) -> list[str | Table]:
         *([] if s["pessimism"] is None else [f"pessimism     {s['pessimism']:.2f} dB in the median"]),
     ]
     headers = ["quantity", "promised, 95 %", "came", "inside", "pessimism [dB]"]
-    return [*said, Table("outcomes", headers, rows), *(["", f"wrote {output}"] if output else [])]
+    return [*said, Table("outcomes", headers, rows), *(["", f"wrote {target}"] if target else [])]

@@ -29,7 +29,7 @@ Examples:
 @click.argument("plan", metavar="[PLAN]", required=False)
 @click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
-@options.written("-o", "--output", "output", endings=(".json",), help="Write the sealed document.")
+@options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed document.")
 @figures.figure
 @options.printing
 def verb(
@@ -37,7 +37,7 @@ def verb(
     plan: str | None,
     load_cases: str | None,
     date: str | None,
-    output: str | None,
+    target: str | None,
     figure_file: str | None,
     as_json: bool,
 ) -> None:
@@ -60,12 +60,12 @@ def verb(
         )
     body, day = find_document(article, "article"), options.day(date)
     document = _of_loops(body, plan, day) if plan is not None else _at_rest(body, str(load_cases), day)
-    if output is not None:
-        write_json(output, document)
+    if target is not None:
+        write_json(target, document)
     if figure_file is not None:
         figures.write_promise(document, {}, figure_file)
     warnings = {"warnings": document["refined"]["warnings"]}
-    show(as_json, document if as_json else warnings, *_blocks(document, output))
+    show(as_json, document if as_json else warnings, *_blocks(document, target))
 
 
 def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     return loads_document(refined, asked.environment_name, deflections, modes, files=asked.files, date=day)
 
 
-def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Table]:
+def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Table]:
     blocks: list[str | Table] = []
     for place in document["environments"]:
         blocks += [_modes(place)] if place["modes"] else []
@@ -109,7 +109,7 @@ def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Tabl
             blocks += [_loops(place, document), _highest(place, document)]
         blocks += [_readings(place)] if place.get("load_cases") else []
     blocks += ["", "not valid for", *(f"  {limit}" for limit in document["not_valid_for"])]
-    return [*blocks, f"sha256 {document['sha256']}", *([f"wrote {output}"] if output else [])]
+    return [*blocks, f"sha256 {document['sha256']}", *([f"wrote {target}"] if target else [])]
 
 
 def _modes(place: dict[str, Any]) -> Table:

@@ -46,7 +46,7 @@ Examples:
 @click.option(
     "--choose", is_flag=True, help="Weigh the unknowns and stop: which the surveys see, which alike."
 )
-@options.written("-o", "--output", "output", endings=(".toml",), help="Write the refined article.")
+@options.written("-o", "--output", "target", endings=(".toml",), help="Write the refined article.")
 @options.printing
 def verb(
     article: str,
@@ -54,7 +54,7 @@ def verb(
     environment: str,
     count: int,
     choose: bool,
-    output: str | None,
+    target: str | None,
     as_json: bool,
 ) -> None:
     """Refine ARTICLE on ground tests; predict orbit.
@@ -86,9 +86,9 @@ def verb(
         refined = refine(structure, *asked.of_refine)
         predicted = predict_modes(refined, there, count=count)
     document = describe(refined, predicted)
-    if output is not None:
-        write_article(Path(output), refined_text(files[0], refined.factors))
-    show(as_json, document, *_blocks(document, output))
+    if target is not None:
+        write_article(Path(target), refined_text(files[0], refined.factors))
+    show(as_json, document, *_blocks(document, target))
 
 
 def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
@@ -182,7 +182,7 @@ def _static(refined: Refined, k: int) -> dict[str, Any]:
     }
 
 
-def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Table]:
+def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Table]:
     def change(u: dict[str, Any], x: float) -> str:
         return f"{x:+.4g}" if u["added"] else f"{100.0 * x:+.2f} %"
 
@@ -234,7 +234,7 @@ def _blocks(document: dict[str, Any], output: str | None) -> Sequence[str | Tabl
             ["mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen on the ground [%]"],
             rows,
         ),
-        *(["", f"wrote {output}{_without(document)}"] if output else []),
+        *(["", f"wrote {target}{_without(document)}"] if target else []),
     ]
 
 
