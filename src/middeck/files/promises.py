@@ -43,6 +43,7 @@ def promise_document(
         "draws": plan.draws,
         "draws_needed": draws_needed(plan.probability),
         "probability": plan.probability,
+        "band_hz": plan.band_hz,
         "shares": LEVELS,
         "not_valid_for": _limits(plan, promises),
         "environments": [_environment(name, p, plan) for name, p in promises.items()],
