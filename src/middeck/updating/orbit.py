@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.updating.left_out import left_out
 from middeck.updating.posterior import NORMAL_95
 from middeck.updating.refine import Refined, shared_with, sorts_of
 from middeck.updating.surveys import Compared, set_up
@@ -22,6 +23,8 @@ CARRIED = 1e-4
 # Of a measured damping ratio whose deviation the test does not state, relative.
 DAMPING_STD = 0.1
 HALF = 0.5
+# Part of a mode, in squares, that need not have been seen.
+LITTLE = 0.01
 
 
 @record(kw_only=True)
@@ -95,7 +98,10 @@ def predict_modes(
     share = np.zeros((len(index), 0)) if first is None else shared_with(first, modes)[index]
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * refined.unseen[sorts_of(modes, index)] ** 2
+    alone = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0)
+    rest = alone * refined.unseen[sorts_of(modes, index)] ** 2
+    if np.any(alone > LITTLE):
+        rest = rest + alone * left_out(there, refined.x, modes, index) ** 2
     return Prediction(
         modes=modes,
         index=index,
