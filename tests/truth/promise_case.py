@@ -24,7 +24,7 @@ from middeck.realtime.runs import run_closed_loop
 from middeck.realtime.sensors import Sampler
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
-from middeck.systems.plant import Plant, delay_plant, require_modal
+from middeck.systems.plant import Plant, delay_plant, remove_delays, require_modal
 from middeck.systems.statespace import StateSpace
 from middeck.updating.draws import LoopSpread
 from middeck.updating.plan import Ladder, Plan, close_inner, weights_of
@@ -144,7 +144,7 @@ def true_rig(seed: int, asked: Plan, *, friction: bool) -> Rig:
         )
         for name in GIMBALS
     ]
-    system, at = whole.continuous, [p.name for p in whole.outputs].index(OUTPUT)
+    system, at = remove_delays(whole).system, [p.name for p in whole.outputs].index(OUTPUT)
     twice = make_twice(system, at)
     ports = (*whole.outputs, dataclasses.replace(whole.outputs[at], name="read"))
     plant = Plant(dynamics=twice, inputs=whole.inputs, outputs=ports)

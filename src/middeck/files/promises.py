@@ -25,7 +25,7 @@ from middeck.updating.plan import Plan
 from middeck.updating.promise import Promise
 from middeck.updating.refine import Refined
 from middeck.updating.score import Outcome, Statement, Verdict, judge, score
-from middeck.updating.slip_run import SlipTime
+from middeck.updating.slip_time import SlipTime
 
 PROMISE, COMPARISON = "middeck.promise/1", "middeck.comparison/1"
 # A mode of which the surveys saw less than half was not seen.
@@ -197,7 +197,7 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
     """What a promise says, quantity by quantity."""
     at = {share: k for k, share in enumerate(promise.get("shares", ()))}
 
-    def number(value: float | None) -> float:
+    def reached(value: float | None) -> float:
         return np.inf if value is None else float(value)
 
     found: list[Statement] = []
@@ -215,10 +215,10 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
             found.append(
                 Statement(
                     name=_loop(place["name"], loop["name"]),
-                    low=number(db[at[0.025]]),
-                    high=number(db[at[0.975]]),
+                    low=reached(db[at[0.025]]),
+                    high=reached(db[at[0.975]]),
                     probability=loop["probability_stable"],
-                    cautious=number(db[at[0.99]]),
+                    cautious=reached(db[at[0.99]]),
                 )
             )
     return tuple(found)

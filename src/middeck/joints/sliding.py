@@ -56,11 +56,12 @@ def slide(
             where="friction", hint="a shorter step",
         )  # fmt: skip
     # Re(a b) as a product of real numbers.
-    reads = np.stack([loops.reads.real, -loops.reads.imag], axis=-1).reshape(*loops.reads.shape[:2], -1)
+    reads = np.stack([np.real(loops.reads), -np.imag(loops.reads)], axis=-1)
+    reads = reads.reshape(*loops.reads.shape[:2], -1)
     state = np.zeros_like(loops.poles)
     state_parts, pushed = state.view(float), np.empty_like(state)
     columns = [np.ascontiguousarray(gain[:, j]) for j in range(joints)]
-    torque, mean = np.zeros((2, *loops.slip_torque.shape))
+    torque = mean = np.zeros(loops.slip_torque.shape)
     out, before = np.empty_like(free), free[0, :, :joints]
     k, limit = loops.stiffness, loops.slip_torque
     for now, made in zip(free, out, strict=True):

@@ -25,7 +25,8 @@ from middeck.updating.outlook import Outlook, highest_promised, look_ahead, with
 from middeck.updating.plan import Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.refine import Refined
 from middeck.updating.slip import draw_slips
-from middeck.updating.slip_run import SlipTime, run_slips
+from middeck.updating.slip_run import run_slips
+from middeck.updating.slip_time import SlipTime
 from middeck.updating.surveys import set_up
 from middeck.values import record
 

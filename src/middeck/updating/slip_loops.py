@@ -52,7 +52,7 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: Wiring, order:
     late = law.system
     if late_s > 0.0:
         one = pade(late_s, order)
-        each = [sla.block_diag(*[getattr(one, k)] * len(law.outputs)) for k in "ABCD"]
+        each = (np.asarray(sla.block_diag(*[getattr(one, k)] * len(law.outputs))) for k in "ABCD")
         late = series(late, StateSpace(*each))
     u, y = locate_ports(law, plant.inputs, plant.outputs)
     return select_paths(feedback(system, late, u, y), columns, rows)
@@ -66,16 +66,24 @@ def grows_while_sticking(loop: StateSpace, stiffness: Float[np.ndarray, " joint"
 
 def pole_form(loop: StateSpace) -> PoleForm | None:
     """The loop by its poles, negligible ones left out; None where one does not decay."""
-    values, vectors = np.linalg.eig(loop.A)
-    if not np.all(values.real < 0.0):
+    values, vectors = solve_poles(loop.A)
+    if not np.all(np.real(values) < 0.0):
         return None
     drives = np.linalg.solve(vectors, loop.B.astype(complex)).T
     reads = loop.C @ vectors
-    one = values.imag >= 0.0  # of each pair
-    reads = reads * np.where(values.imag > 0.0, 2.0, 1.0)
-    size = np.abs(reads[:, None] * drives) / -values.real
+    one = np.imag(values) >= 0.0  # of each pair
+    reads = reads * np.where(np.imag(values) > 0.0, 2.0, 1.0)
+    size = np.abs(reads[:, None] * drives) / -np.real(values)
     counts = np.any(size > NEGLIGIBLE * size.max(axis=2, keepdims=True), axis=(0, 1)) & one
     return PoleForm(values[counts], drives[:, counts], reads[:, counts])
+
+
+def solve_poles(
+    A: Float[np.ndarray, "state state"],
+) -> tuple[Complex[np.ndarray, " state"], Complex[np.ndarray, "state state"]]:
+    """Eigenvalues, and right eigenvectors as columns."""
+    values, vectors = np.linalg.eig(A)
+    return np.asarray(values, dtype=complex), np.asarray(vectors, dtype=complex)
 
 
 def evaluate_open(

@@ -11,14 +11,12 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
-from scipy.fft import next_fast_len
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
-from middeck.errors import ConfigError
-from middeck.joints.sliding import GIVEN, SlidingLoops, slide
-from middeck.systems.plant import Plant, remove_delays, select_ports
-from middeck.updating.plan import Plan, weights_of
+from middeck.joints.sliding import SlidingLoops, slide
+from middeck.systems.plant import Plant, select_ports
+from middeck.updating.plan import Plan
 from middeck.updating.slip import DrawnSlips
 from middeck.updating.slip_loops import (
     PoleForm,
@@ -29,36 +27,13 @@ from middeck.updating.slip_loops import (
     noise_response,
     pole_form,
 )
+from middeck.updating.slip_time import SlipTime, choose_time, noise_intensity
 from middeck.values import record
 
-MEMORIES = 15.0
-"""Record over the time constant of the slowest mode that counts in the performance."""
-SETTLED = 5.0
-LONGEST_S = 1000.0
-COUNTS = 1e-2
-"""Share of the mean square from which a mode counts."""
-BEYOND = 1.25
-"""Over the highest mode: where all is sought that may count."""
-ABOVE = 1e-3
-"""Share of the mean square of any output that is above the band."""
-SAMPLES = 2.5
-"""In a period of the band's end."""
 RECORDS, ALONE = 2, 16
 """Records of each draw, under other noise each: with a compensator, and without, where friction does most."""
 DRAWS, MOST = 100, 15_000_000
 """Draws whose responses, and samples that are held at once."""
-
-
-@record(kw_only=True)
-class SlipTime:
-    """Record, settling before it, band of the noise and samples; ``short`` where the slowest mode asks for a
-    longer record."""
-
-    record_s: float
-    settle_s: float
-    band_hz: float
-    sample_hz: float
-    short: bool
 
 
 @record(kw_only=True)
@@ -93,21 +68,19 @@ def run_slips(
     )
     every: dict[str | None, Compensator | None] = {None: None, **laws}
     own = [_own_ports(p, every.values(), wiring) for p in plants]
-    time = slip_time(own[0], every, slips, plan, wiring)
+    time = choose_time(own[0], every.values(), slips, plan, wiring)
     orders = {
         name: 1 if law is None else approximation_order(own[0], law.system) for name, law in every.items()
     }
-    hz = (np.arange(int(time.band_hz * time.record_s)) + 0.5) / time.record_s
     parts: dict[str | None, list[Slipped]] = {name: [] for name in every}
     for first in range(0, len(plants), DRAWS):
         mine = slice(first, min(first + DRAWS, len(plants)))
         some = _Draws(
             plants=tuple(own[mine]),
-            responses=np.array([evaluate_open(p, hz) for p in own[mine]]),
+            responses=np.array([evaluate_open(p, time.lines_hz) for p in own[mine]]),
             stiffness=slips.stiffness[mine],
             slip_torque=slips.slip_torque[mine],
             first=first,
-            hz=hz,
         )
         for name, law in every.items():
             parts[name].append(_run(_Asked(plan, wiring, time), some, law, orders[name]))
@@ -124,76 +97,6 @@ def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: Wiring)
     return select_ports(plant, tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))
 
 
-def slip_time(
-    plant: Plant, laws: Mapping[str | None, Compensator | None], slips: DrawnSlips, plan: Plan, wiring: Wiring
-) -> SlipTime:
-    """Chosen by the first draw."""
-    alone = around_sliders(plant, None, wiring, 1)
-    joints = len(wiring.joints)
-    turning = alone.C[:joints] @ alone.A @ alone.B  # angular acceleration by torque
-    if np.any(np.abs(alone.C[:joints] @ alone.B) > 0.0) or not np.all(np.diag(turning) > 0.0):
-        raise ConfigError(
-            f"the torques of {', '.join(wiring.joints)} do not turn the angles of these names",
-            where="joint",
-            hint="the joint's motor, and the relative angle that is read there, under one name",
-        )
-    slowest = _slowest(plant, plan)
-    record_s = min(MEMORIES / slowest, LONGEST_S)
-    band_hz = _band(plant, laws, plan, wiring, record_s)
-    step_s = np.sqrt(GIVEN / np.max(np.abs(turning) @ slips.stiffness.max(axis=0)))
-    sample_hz = max(SAMPLES * band_hz, 1.0 / step_s)
-    samples = int(next_fast_len(int(np.ceil(record_s * sample_hz)), real=True))
-    return SlipTime(
-        record_s=samples / sample_hz,
-        settle_s=SETTLED / slowest,
-        band_hz=band_hz,
-        sample_hz=sample_hz,
-        short=bool(MEMORIES / slowest > LONGEST_S),
-    )
-
-
-def _slowest(plant: Plant, plan: Plan) -> float:
-    """Decay [1/s] of the slowest pole that counts in the performance without a compensator."""
-    system = remove_delays(plant).system
-    values, vectors = np.linalg.eig(system.A)
-    B = system.B[:, plant.input_indices(plan.disturbances)] * plan.intensity
-    C = plan.weights[:, None] * system.C[plant.output_indices(plan.performance)]
-    drives = np.linalg.norm(np.linalg.solve(vectors, B.astype(complex)), axis=1)
-    decay = np.maximum(-values.real, np.finfo(float).tiny)
-    square = (np.linalg.norm(C @ vectors, axis=0) * drives) ** 2 / decay
-    return float(decay[square > COUNTS * square.sum()].min())
-
-
-def _band(
-    plant: Plant,
-    laws: Mapping[str | None, Compensator | None],
-    plan: Plan,
-    wiring: Wiring,
-    record_s: float,
-) -> float:
-    """Half octave that holds all but a part of the mean square of every output, with every compensator."""
-    highest = np.abs(np.linalg.eigvals(remove_delays(plant).system.A).imag).max() / (2.0 * np.pi)
-    hz = np.arange(1, int(BEYOND * highest * record_s) + 1) / record_s
-    G = evaluate_open(plant, hz)
-    ends = [
-        np.max(np.argmax(inside >= 1.0 - ABOVE, axis=0))
-        for law in laws.values()
-        for square in [_square(noise_response(plant, G, law, wiring, hz), law, plan).cumsum(axis=0)]
-        for inside in [square / square[-1]]
-    ]
-    return float(2.0 ** (0.5 * np.ceil(2.0 * np.log2(hz[max(ends)]))))
-
-
-def _square(H: np.ndarray, law: Compensator | None, plan: Plan) -> np.ndarray:
-    return np.sum(np.abs(H * _intensity(law, plan)) ** 2, axis=2)
-
-
-def _intensity(law: Compensator | None, plan: Plan) -> Float[np.ndarray, " noise"]:
-    if law is None:
-        return plan.intensity
-    return np.concatenate([plan.intensity, np.sqrt(weights_of(plan, law.outputs, law.inputs).sensor)])
-
-
 @record
 class _Asked:
     plan: Plan
@@ -203,14 +106,13 @@ class _Asked:
 
 @record(kw_only=True)
 class _Draws:
-    """Draws that fit into memory, and the lines of the noise."""
+    """Draws that fit into memory, and their responses on the lines of the noise."""
 
     plants: tuple[Plant, ...]
     responses: Complex[np.ndarray, "draw line output input"]
     stiffness: Float[np.ndarray, "draw joint"]
     slip_torque: Float[np.ndarray, "draw joint"]
     first: int
-    hz: Float[np.ndarray, " line"]
 
 
 def _run(asked: _Asked, some: _Draws, law: Compensator | None, order: int) -> Slipped:
@@ -231,12 +133,13 @@ def _with_friction(
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"], Float[np.ndarray, "draw joint"]]:
     """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
     time, joints = asked.time, len(asked.wiring.joints)
-    size = _intensity(law, asked.plan) * np.sqrt(2.0 / time.record_s)
+    size = noise_intensity(asked.plan, law) * np.sqrt(2.0 / time.record_s)
     coloured = {
-        i: size * noise_response(some.plants[i], some.responses[i], law, asked.wiring, some.hz) for i in forms
+        i: size * noise_response(some.plants[i], some.responses[i], law, asked.wiring, time.lines_hz)
+        for i in forms
     }
     every = [(i, record) for i in forms for record in range(RECORDS if law is not None else ALONE)]
-    together = max(1, MOST // ((_settling(time) + _samples(time)) * (joints + len(asked.plan.weights))))
+    together = max(1, MOST // ((time.settling + time.samples) * (joints + len(asked.plan.weights))))
     square, travel = np.empty((2, len(every))), np.empty((len(every), joints))
     for first in range(0, len(every), together):
         mine = slice(first, first + together)
@@ -244,8 +147,8 @@ def _with_friction(
         loops = _side_by_side([forms[i] for i in which], some.stiffness[which], some.slip_torque[which])
         seeds = [[asked.plan.seed, some.first + i, record] for i, record in every[mine]]
         free = _free(time, [coloured[i] for i in which], seeds)
-        made = slide(loops, free, 1.0 / time.sample_hz)[_settling(time) :]
-        for k, z in enumerate((made, free[_settling(time) :])):
+        made = slide(loops, free, 1.0 / time.sample_hz)[time.settling :]
+        for k, z in enumerate((made, free[time.settling :])):
             square[k, mine] = np.mean(np.sum((asked.plan.weights * z[:, :, joints:]) ** 2, axis=2), axis=0)
         travel[mine] = np.mean(made[:, :, :joints] ** 2, axis=0)
     each = square.reshape(2, len(forms), -1)
@@ -258,22 +161,11 @@ def _with_friction(
     )
 
 
-def _samples(time: SlipTime) -> int:
-    return round(time.record_s * time.sample_hz)
-
-
-def _settling(time: SlipTime) -> int:
-    return round(time.settle_s * time.sample_hz)
-
-
 def _free(
     time: SlipTime, coloured: Sequence[Complex[np.ndarray, "line output noise"]], seeds: Sequence[list[int]]
 ) -> Float[np.ndarray, "sample loop output"]:
-    """Angles and performance without friction, by Gaussian noise that comes again with the other sign.
-
-    Its lines are halfway between multiples of one over the record: none of them is at rest.
-    """
-    samples, settle = _samples(time), _settling(time)
+    """Angles and performance without friction, by Gaussian noise that comes again with the other sign."""
+    samples, settle = time.samples, time.settling
     lines, outputs, noises = coloured[0].shape
     half = np.exp(1j * np.pi * np.arange(samples) / samples)[:, None]
     free = np.empty((settle + samples, len(seeds), outputs))
