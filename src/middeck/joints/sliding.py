@@ -40,7 +40,7 @@ class SlidingLoops:
 def slide(
     loops: SlidingLoops, free: Float[np.ndarray, "step loop output"], period_s: float
 ) -> Float[np.ndarray, "step loop output"]:
-    """The outputs with the sliders, from ``free``, which they are without. Sliders begin without torque.
+    """The outputs with the sliders, from ``free``, which they are without; at first they stand at angle zero.
 
     Raises `ConfigError` for a step in which a spring would turn its joint back noticeably.
     """
@@ -62,7 +62,7 @@ def slide(
     state_parts, pushed = state.view(float), np.empty_like(state)
     columns = [np.ascontiguousarray(gain[:, j]) for j in range(joints)]
     torque = mean = np.zeros(loops.slip_torque.shape)
-    out, before = np.empty_like(free), free[0, :, :joints]
+    out, before = np.empty_like(free), np.zeros(loops.slip_torque.shape)
     k, limit = loops.stiffness, loops.slip_torque
     for now, made in zip(free, out, strict=True):
         state *= grown

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from typing import cast
 
@@ -12,6 +13,7 @@ from scipy.fft import next_fast_len
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.joints.sliding import GIVEN
+from middeck.systems.feedback import close_static
 from middeck.systems.plant import Plant, remove_delays
 from middeck.updating.plan import Plan, weights_of
 from middeck.updating.slip import DrawnSlips
@@ -30,7 +32,7 @@ LONGEST_S = 1000.0
 COUNTS = 1e-2
 """Share of the mean square of the performance from which a mode counts."""
 BEYOND = 2.0
-"""Over the highest mode, that of a sticking joint included: where all is sought that may count."""
+"""Over the highest mode: where all is sought that may count."""
 ABOVE = 1e-3
 """Share of the mean square of any output that is above the band."""
 SAMPLES = 2.5
@@ -79,10 +81,12 @@ def choose_time(
             where="joint",
             hint="the joint's motor, and the relative angle that is read there, under one name",
         )
-    stiff = float(np.max(np.abs(turning) @ slips.stiffness.max(axis=0)))
+    every, springs = tuple(laws), slips.stiffness.max(axis=0)
+    stiff = float(np.max(np.abs(turning) @ springs))
     asked_s = MEMORIES / _slowest(plant, plan)
     record_s = min(asked_s, LONGEST_S)
-    band_hz = _band(plant, laws, plan, wiring, record_s, np.sqrt(stiff))
+    both = plant, _sticking(plant, wiring, springs)
+    band_hz = max(_band(p, every, plan, wiring, record_s) for p in both)
     sample_hz = max(SAMPLES * band_hz, float(np.sqrt(stiff / GIVEN)))
     samples = cast("int", next_fast_len(int(np.ceil(record_s * sample_hz))))
     return SlipTime(
@@ -113,16 +117,18 @@ def _slowest(plant: Plant, plan: Plan) -> float:
     return float(decay[square > COUNTS * square.sum()].min())
 
 
+def _sticking(plant: Plant, wiring: Wiring, springs: Float[np.ndarray, " joint"]) -> Plant:
+    """The plant with a spring in place of each slider."""
+    gain = np.zeros((len(plant.inputs), len(plant.outputs)))
+    gain[plant.input_indices(wiring.joints), plant.output_indices(wiring.joints)] = -springs
+    return dataclasses.replace(plant, dynamics=close_static(remove_delays(plant).system, gain))
+
+
 def _band(
-    plant: Plant,
-    laws: Iterable[Compensator | None],
-    plan: Plan,
-    wiring: Wiring,
-    record_s: float,
-    sticking: float,
+    plant: Plant, laws: Iterable[Compensator | None], plan: Plan, wiring: Wiring, record_s: float
 ) -> float:
     """Half octave that holds all but a part of the mean square of every output, with every compensator."""
-    highest = max(float(np.abs(solve_poles(remove_delays(plant).system.A)[0]).max()), sticking)
+    highest = float(np.abs(solve_poles(remove_delays(plant).system.A)[0]).max())
     hz = np.arange(1, int(BEYOND * highest / (2.0 * np.pi) * record_s) + 1) / record_s
     G, end = evaluate_open(plant, hz), 0
     for law in laws:
