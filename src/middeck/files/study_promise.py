@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -10,10 +11,12 @@ from pydantic import Field
 from middeck.control.law.classical import PDLoops
 from middeck.files.form import Finite, Form, NotNegative, Positive, whole, within
 from middeck.files.refinements import UnknownForm, build_unknown
+from middeck.identification.friction import JointFriction
 from middeck.laboratory.modal_test import ModalTest
 from middeck.structure.model.environment import Environment
 from middeck.updating.draws import LoopSpread
 from middeck.updating.plan import Ladder, Plan
+from middeck.updating.slip import JointSlip
 from middeck.updating.unknowns import Unknown
 
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
@@ -37,6 +40,8 @@ class PromiseForm(Form):
     inputs: Names
     outputs: Names
     joints: Names
+    drag_nms_per_rad: NotNegative
+    slip_tolerance: Annotated[float, within(least=0.0, below=1.0)]
     torque_nm: Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
     weaker: Annotated[float, within(above=0.0, below=1.0)]
     band_hz: Band
@@ -83,8 +88,13 @@ def build_unknowns(form: PromiseForm) -> tuple[Unknown, ...]:
     return tuple(build_unknown(u) for u in form.unknown)
 
 
-def build_plan(form: PromiseForm, orbit: Environment, *, delay_s: float, seed: int) -> Plan:
-    """What is promised of the refined article in ``orbit``: one loop under a disturbance at its motor."""
+def build_plan(
+    form: PromiseForm, orbit: Environment, found: Sequence[JointFriction], *, delay_s: float, seed: int
+) -> Plan:
+    """What is promised of the refined article in ``orbit``: one loop under a disturbance at its motor.
+
+    Its joints have the friction that the ground tests ``found``.
+    """
     low, high = form.loop_band_hz
     return Plan(
         environments={"orbit": orbit},
@@ -105,4 +115,17 @@ def build_plan(form: PromiseForm, orbit: Environment, *, delay_s: float, seed: i
         ladder=Ladder(
             drives=(form.actuator,), reads=(form.sensor,), authority=10.0 ** np.array(form.log10_authority)
         ),
+        joints=tuple(_slips(name, k, form, found) for k, name in enumerate(form.joints)),
+    )
+
+
+def _slips(name: str, k: int, form: PromiseForm, found: Sequence[JointFriction]) -> JointSlip:
+    """The mean of all tests; a record says little of drag beside damping, a data sheet does."""
+    return JointSlip(
+        name=name,
+        slip_torque=float(np.mean([one.slip_torque[k] for one in found])),
+        slip_angle=float(np.mean([one.slip_angle[k] for one in found])),
+        viscous=form.drag_nms_per_rad,
+        slip_torque_tolerance=form.slip_tolerance,
+        slip_angle_tolerance=form.slip_tolerance,
     )

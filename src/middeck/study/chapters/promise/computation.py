@@ -88,7 +88,8 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
     settings = dataclasses.replace(study.rig, hidden_seed=form.hidden_seed)
     article, orbit = study.case(form.article, "orbit")
     ground = run_ground_tests(study, settings, rng)
-    plan = build_plan(form, orbit, delay_s=settings.delay_s, seed=study.seed)
+    found = [one.friction for one in ground.tests]
+    plan = build_plan(form, orbit, found, delay_s=settings.delay_s, seed=study.seed)
     sheet = find_modes(article, orbit)
     given = {SHEET.format(name): law for name, law in design_ladder(sheet, plan).items()}
     plan = dataclasses.replace(plan, laws=given)
