@@ -225,6 +225,15 @@ def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatc
     assert np.mean(db(record_s=8.0 * chosen.record_s)) == pytest.approx(np.mean(coarse), abs=0.4)
 
 
+def test_a_joint_that_slips_at_nothing_adds_nothing():
+    joint = dataclasses.replace(GIMBAL, slip_torque=0.0, slip_angle_tolerance=0.5)
+    slips = draw_slips((joint,), 200, np.random.default_rng(0))
+    _, found = run_slips([turntable()] * 2, {}, draw_slips((joint,), 2, np.random.default_rng(0)), asked())
+    np.testing.assert_allclose(found[None].db, 0.0, atol=1e-9)
+    assert 0.0005 <= slips.slip_angle.min() < 0.00052
+    assert 0.00148 < slips.slip_angle.max() <= 0.0015
+
+
 def test_joints_that_cannot_be_are_refused():
     for change in (
         {"slip_angle": 0.0},

@@ -62,7 +62,7 @@ def run_slips(
 ) -> tuple[SlipTime, dict[str | None, Slipped]]:
     """Every compensator on every draw, and under the key None no compensator.
 
-    Two records of each draw tell the error; what they are simulated with is chosen by the first draw.
+    Several records of each draw tell the error; how long and how fine they are is chosen by the first draw.
 
     Raises `ConfigError` for a joint whose torque does not turn its own angle, or that nothing brings to rest.
     """
