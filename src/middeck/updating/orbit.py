@@ -80,6 +80,30 @@ class Prediction:
         return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
+@record(kw_only=True)
+class There:
+    """The refined article in an environment: its modes, those that are told, and their slopes.
+
+    Slopes are of the logarithms of frequencies by the unknowns.
+    """
+
+    modes: Modes
+    index: Int[np.ndarray, " mode"]
+    slope: Float[np.ndarray, "mode unknown"]
+
+
+def solve_there(
+    refined: Refined, environment: Environment, settings: Sequence[tuple[str, float]] = (), count: int = 10
+) -> There:
+    """The lowest ``count`` modes that are not rigid, in ``environment``."""
+    there = set_up(refined.structure, environment, settings, refined.unknowns)
+    modes = there.solve(refined.x)
+    index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
+    lam = modes.omega[index] ** 2
+    slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
+    return There(modes=modes, index=index, slope=slope)
+
+
 def predict_modes(
     refined: Refined,
     environment: Environment,
@@ -87,15 +111,15 @@ def predict_modes(
     count: int = 10,
 ) -> Prediction:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
-    there = set_up(refined.structure, environment, settings, refined.unknowns)
-    found = refined.estimate
-    modes = there.solve(refined.x)
-    index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
-    compared = refined.compared
+    return predict_at(refined, solve_there(refined, environment, settings, count))
+
+
+def predict_at(refined: Refined, there: There) -> Prediction:
+    """What the tests of ``refined`` say of modes that are solved already."""
+    modes, index, slope = there.modes, there.index, there.slope
+    found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
-    lam = modes.omega[index] ** 2
-    slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
     rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * refined.unseen[sorts_of(modes, index)] ** 2
     return Prediction(
         modes=modes,

@@ -54,7 +54,8 @@ class Refined:
     """An article refined on surveys and static tests.
 
     Attributes:
-        compared, statics: Each survey and each static test beside the model at the most probable unknowns.
+        compared, statics: Each survey and each static test beside the model.
+        linear_at: The unknowns at which they are compared, a small step from the most probable ones.
         estimate: Unknowns, the model's own errors (of modes, see `OwnErrors`, of ``fields``, of the
             unloaded readings in the order of ``zeros``), and their covariance, linear about there.
         before_hz: Frequencies of the modes of the mean of the prior that each survey's pairs were then.
@@ -70,6 +71,7 @@ class Refined:
     unknowns: tuple[Unknown, ...]
     compared: tuple[Compared, ...]
     statics: tuple[ComparedStatic, ...]
+    linear_at: Float[np.ndarray, " unknown"]
     estimate: Estimate
     before_hz: tuple[tuple[float, ...], ...]
     before: tuple[tuple[float, ...], ...]
@@ -155,6 +157,7 @@ def refine(
         unknowns=tuple(unknowns),
         compared=compared,
         statics=sagged,
+        linear_at=x,
         estimate=found,
         before_hz=tuple(_before(old, c) for old, c in zip(first.modes, compared, strict=True)),
         before=tuple(
