@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,9 +37,10 @@ def before() -> Refined:
     return refine(asked().structure, *asked().refinement.of_refine)
 
 
-def candidate(name: str = "new", **given) -> CandidateSurvey:
+def candidate(name: str = "new", **given: Any) -> CandidateSurvey:
     (lab,) = {id(s.environment): s.environment for s in asked().refinement.surveys}.values()
-    return CandidateSurvey(**{"name": name, "environment": lab, "frequency_std": 1e-3, **given})
+    usual: dict[str, Any] = {"name": name, "environment": lab, "frequency_std": 1e-3}
+    return CandidateSurvey(**usual | given)
 
 
 @pytest.fixture
@@ -137,7 +139,7 @@ def test_channels_that_see_nothing():
 def test_a_candidate_that_has_no_rest_state_is_named():
     """A suspension needs weight to carry."""
     nowhere = dataclasses.replace(candidate().environment, gravity=np.zeros(3))
-    with pytest.raises(NumericalError, match="candidate 'afloat'.*needs gravity"):
+    with pytest.raises(NumericalError, match=r"candidate 'afloat'.*needs gravity"):
         rank_tests(before(), [candidate(), candidate("afloat", environment=nowhere)], ORBIT)
 
 

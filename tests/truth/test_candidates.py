@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,9 +33,9 @@ ORBIT = {"orbit": clamped(0.0)}
 GJ = Unknown(name="torsion", parameters=("member.mast.GJ",), spread=0.05)
 
 
-def candidate(name: str = "new", std: float = 1e-3, **given) -> CandidateSurvey:
-    given = {"shape_std": 0.02, "channels": CHANNELS, "count": 6, "environment": clamped(), **given}
-    return CandidateSurvey(name=name, frequency_std=std, **given)
+def candidate(name: str = "new", std: float = 1e-3, **given: Any) -> CandidateSurvey:
+    usual: dict[str, Any] = {"shape_std": 0.02, "channels": CHANNELS, "count": 6, "environment": clamped()}
+    return CandidateSurvey(name=name, frequency_std=std, **usual | given)
 
 
 def push(name: str = "push", newton: float = 1.0, std: float = 1e-5, along: str = "x") -> StaticTest:
