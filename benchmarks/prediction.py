@@ -3,14 +3,14 @@ refined on some of what was measured, against the rest.
 
     python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five, rig, promise, frontier, Sag and Torsion, are run alone and the other rows kept. FOLDER
-holds pazy_skin_off. Times are CPU seconds of one process with one BLAS thread. Sheet and five are refined on
-modal surveys of the truth, rig on records of it, which take an hour.
+CASES, of sheet, five, rig, promise, slip, frontier, Sag and Torsion, are run alone and the other rows kept.
+FOLDER holds pazy_skin_off. Times are CPU seconds of one process with one BLAS thread. Sheet and five are
+refined on modal surveys of the truth, rig on records of it, which take an hour.
 """
 
 from __future__ import annotations
 
-from measured import garteur_promise, pazy_promise, prediction, promise, rig_prediction
+from measured import garteur_promise, pazy_promise, prediction, promise, rig_prediction, slip_promise
 from measured.result_file import options_of, write_rows
 
 CASES = {
@@ -18,6 +18,7 @@ CASES = {
     "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
     "rig": lambda _: rig_prediction.rows(),
     "promise": promise.rows,
+    "slip": slip_promise.rows,
     "frontier": promise.frontier_rows,
     "Sag": lambda o: pazy_promise.rows(o.data),
     "Torsion": lambda o: garteur_promise.rows(o.data),

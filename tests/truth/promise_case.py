@@ -6,20 +6,30 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from rig_case import BEARING, GIMBALS
 from updating_case import STRAIGHT, TURNED, sheet, sheet_unknowns, survey, true_modes
 
 from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
 from middeck.control.qualification import decibels
 from middeck.control.robust.monte_carlo import noise_on, uncontrolled_rms
+from middeck.control.sampled import emulate
+from middeck.joints.attachment import JointElements
+from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.hidden_errors import draw_hidden_errors
+from middeck.realtime.motors import Motor
+from middeck.realtime.rig import Rig, build_rig
+from middeck.realtime.runs import run_closed_loop
+from middeck.realtime.sensors import Sampler
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
-from middeck.systems.plant import Plant, delay_plant, require_modal
+from middeck.systems.plant import Plant, delay_plant, remove_delays, require_modal
+from middeck.systems.statespace import StateSpace
 from middeck.updating.draws import LoopSpread
 from middeck.updating.plan import Ladder, Plan, close_inner, weights_of
 from middeck.updating.refine import Refined, refine
+from middeck.updating.slip import JointSlip
 from middeck.updating.surveys import set_up
 
 INPUT, OUTPUT = "pri_rel_z", "pri_in_z"
@@ -31,6 +41,20 @@ PD = PDLoops(
     np.array([0.04042, 1.667, 1.925, 0.01997, 0.02798]),
 )
 TORQUE_NM, TO_HZ = 0.3, 60.0
+# What a plan knows of the gimbals' friction.
+SLIP_TOLERANCE, ANGLE_TOLERANCE = 0.1, 0.2
+SLIPS = tuple(
+    JointSlip(
+        name=name,
+        slip_torque=BEARING.slip_torque,
+        slip_angle=BEARING.slip_angle,
+        viscous=BEARING.viscous,
+        slip_torque_tolerance=SLIP_TOLERANCE,
+        slip_angle_tolerance=ANGLE_TOLERANCE,
+    )
+    for name in GIMBALS
+)
+RIG_HZ, RIG_SETTLE_S = 500.0, 60.0
 
 
 def plan(
@@ -68,8 +92,16 @@ def modes_in_orbit(found: Refined) -> Modes:
     return set_up(found.structure, Environment.orbit(), (), found.unknowns).solve(found.x)
 
 
-def true_plant(seed: int) -> Plant:
-    """The truth in orbit, each mode with its own damping, all modes to 200 Hz, its delay and its gains."""
+def with_slips(asked: Plan, torque_nm: float) -> Plan:
+    """The plan with friction in both gimbals, under a disturbance of ``torque_nm`` rms."""
+    return dataclasses.replace(asked, joints=SLIPS, intensity=asked.intensity * torque_nm / TORQUE_NM)
+
+
+def true_plant(seed: int, asked: Plan | None = None) -> Plant:
+    """The truth in orbit, each mode with its own damping, all modes to 200 Hz, its delay and its gains.
+
+    With the inner loops of the plan, and its joints' drag.
+    """
     article, _ = sheet()
     hidden, modes = draw_hidden_errors(article, seed), true_modes(seed, Environment.orbit())
     sensors = (OUTPUT, *(name for loop in PD.names for name in (loop, f"{loop}_rate")))
@@ -81,7 +113,7 @@ def true_plant(seed: int) -> Plant:
     rows = np.array([gain[name.removesuffix("_rate")] for name in sensors])[:, None]
     modal = require_modal(plant)
     seen = dataclasses.replace(modal, phi=rows * modal.phi, phi_rate=rows * modal.phi_rate)
-    whole = close_inner(plan([1.0], 1), dataclasses.replace(plant, dynamics=seen))
+    whole = close_inner(asked or plan([1.0], 1), dataclasses.replace(plant, dynamics=seen))
     return delay_plant(whole, DELAY_S + hidden.delay_s)
 
 
@@ -90,3 +122,69 @@ def true_db(plant: Plant, law: Compensator, asked: Plan) -> float:
     weights = weights_of(asked, law.outputs, law.inputs)
     stable, rms, _ = noise_on([plant], law, weights)
     return decibels(float(rms[0]) if stable[0] else np.inf, float(uncontrolled_rms([plant], weights)[0]))
+
+
+def true_rig(seed: int, asked: Plan, *, friction: bool) -> Rig:
+    """The truth's rig, with friction drawn within the plan's tolerances: commanded at the gimbal, read there.
+
+    The first output is the angle as it is, the second as the law reads it.
+    """
+    whole = true_plant(seed, asked)
+    rng = np.random.default_rng([seed, 24])
+    joints = [
+        JointElements(
+            name,
+            name,
+            (
+                Friction(
+                    slip_torque=BEARING.slip_torque * (1.0 + SLIP_TOLERANCE * rng.uniform(-1.0, 1.0)),
+                    stiffness=BEARING.stiffness / (1.0 + ANGLE_TOLERANCE * rng.uniform(-1.0, 1.0)),
+                ),
+            ),
+        )
+        for name in GIMBALS
+    ]
+    system, at = remove_delays(whole).system, [p.name for p in whole.outputs].index(OUTPUT)
+    twice = make_twice(system, at)
+    ports = (*whole.outputs, dataclasses.replace(whole.outputs[at], name="read"))
+    plant = Plant(dynamics=twice, inputs=whole.inputs, outputs=ports)
+    return build_rig(
+        plant,
+        sample_hz=RIG_HZ,
+        delay_s=float(whole.delay_s[0, 0]),
+        motors={INPUT: Motor()},
+        sensors={OUTPUT: Sampler(), "read": Sampler(asked.noise["rad"] * np.sqrt(RIG_HZ))},
+        joints=joints if friction else (),
+    )
+
+
+def make_twice(system: StateSpace, at: int) -> StateSpace:
+    """With one output once more."""
+    return StateSpace(
+        system.A, system.B, np.vstack([system.C, system.C[at]]), np.vstack([system.D, system.D[at]])
+    )
+
+
+def rig_square(seed: int, asked: Plan, law: Compensator | None, seconds: float, *, friction: bool) -> float:
+    """Mean square of the angle on the rig under noise of the plan's intensity to `TO_HZ`."""
+    rig = true_rig(seed, asked, friction=friction)
+    rng = np.random.default_rng([seed, 25])
+    samples = int((RIG_SETTLE_S + seconds) * RIG_HZ)
+    lines = np.arange(samples // 2 + 1) * RIG_HZ / samples <= TO_HZ
+    size = asked.intensity[0] * np.sqrt(0.5 * samples * RIG_HZ)
+    spectrum = size * lines * (rng.standard_normal((2, len(lines))).T @ [1.0, 1.0j])
+    u = np.fft.irfft(spectrum, samples)[:, None]
+    sampled = None
+    if law is not None:
+        read = dataclasses.replace(law.inputs[0], name="read")
+        sampled = emulate(dataclasses.replace(law, inputs=(read,)), 1.0 / RIG_HZ)
+    run = run_closed_loop(rig, sampled, u, periods=1, rng=rng, settle=0, rest_s=0.0, steady=True)
+    if run.record is None:
+        return np.inf
+    return float(np.mean(run.record.y[0, 0, int(RIG_SETTLE_S * RIG_HZ) :, 0] ** 2))
+
+
+def friction_db(seed: int, asked: Plan, law: Compensator | None, seconds: float) -> float:
+    """What friction adds to the rms on the rig, under one noise."""
+    both = [rig_square(seed, asked, law, seconds, friction=f) for f in (True, False)]
+    return 10.0 * float(np.log10(both[0] / both[1]))

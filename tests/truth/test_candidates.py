@@ -112,7 +112,7 @@ def test_what_is_foreseen_is_what_refining_tells(settings: tuple[tuple[str, floa
     told, came = ranking.tests[0], predict_modes(really, Environment.orbit()).log_std
     new = predict_modes(before, Environment.orbit()).seen < 0.5
     assert np.count_nonzero(new) == 5
-    assert np.all(told.ratio[new] < 0.1)
+    assert np.all(told.ratio[new] < 0.2)
     np.testing.assert_allclose(told.std[new], came[new], rtol=0.03)
 
 

@@ -12,7 +12,6 @@ from middeck.errors import ConfigError
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
 from middeck.laboratory.article import (
-    TUBE_SHEAR,
     holding_torque,
     rig_article_plant,
     solve_rig_article,

@@ -18,6 +18,7 @@ from middeck.files.refinements import Refinement, load_refinement
 from middeck.structure.model.article import Structure
 from middeck.updating.draws import LoopSpread
 from middeck.updating.plan import Ladder, Plan
+from middeck.updating.slip import JointSlip
 from middeck.values import record
 
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
@@ -84,6 +85,17 @@ class LawForm(Form):
     file: str
 
 
+class JointForm(Form):
+    """Dry friction of a joint."""
+
+    name: str
+    slip_torque_nm: NotNegative
+    slip_angle_deg: Positive
+    viscous_nms_per_rad: NotNegative = 0.0
+    slip_torque_tolerance: NotNegative = 0.0
+    slip_angle_tolerance: NotNegative = 0.0
+
+
 class PlanForm(Form):
     """A plan."""
 
@@ -101,6 +113,7 @@ class PlanForm(Form):
     inner: InnerForm | None = None
     ladder: LadderForm | None = None
     law: Annotated[tuple[LawForm, ...], Field(strict=False)] = ()
+    joint: Annotated[tuple[JointForm, ...], Field(strict=False)] = ()
 
 
 @record(kw_only=True)
@@ -124,7 +137,11 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
     raise_faults(list(checked.faults))
     form = checked.form
     assert form is not None  # no faults
-    for what, names in (("law", [law.name for law in form.law]), ("environment", list(form.environments))):
+    for what, names in (
+        ("law", [law.name for law in form.law]),
+        ("joint", [joint.name for joint in form.joint]),
+        ("environment", list(form.environments)),
+    ):
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, {what}", hint="a name for each")
@@ -157,8 +174,20 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
         else Ladder(
             drives=ladder.drives, reads=ladder.reads, authority=10.0 ** np.array(ladder.log10_authority)
         ),
+        joints=tuple(_joint(joint) for joint in form.joint),
     )
     files = (Path(path), Path(article), *refinement.files, *found.values(), *laws.values())
     return LoadedPlan(
         structure=load_structure(article), plan=plan, refinement=refinement, files=tuple(dict.fromkeys(files))
+    )
+
+
+def _joint(form: JointForm) -> JointSlip:
+    return JointSlip(
+        name=form.name,
+        slip_torque=form.slip_torque_nm,
+        slip_angle=float(np.radians(form.slip_angle_deg)),
+        viscous=form.viscous_nms_per_rad,
+        slip_torque_tolerance=form.slip_torque_tolerance,
+        slip_angle_tolerance=form.slip_angle_tolerance,
     )

@@ -20,11 +20,12 @@ from middeck.files.sealed import SEAL, read_sealed, seal
 from middeck.updating.deflections import Deflection
 from middeck.updating.findings import findings
 from middeck.updating.orbit import Prediction
-from middeck.updating.outlook import LEVELS, Outlook, draws_needed
+from middeck.updating.outlook import LEVELS, FrictionOutlook, Outlook, draws_needed, level
 from middeck.updating.plan import Plan
 from middeck.updating.promise import Promise
 from middeck.updating.refine import Refined
 from middeck.updating.score import Outcome, Statement, Verdict, judge, score
+from middeck.updating.slip_time import SlipTime
 
 PROMISE, COMPARISON = "middeck.promise/1", "middeck.comparison/1"
 # A mode of which the surveys saw less than half was not seen.
@@ -45,8 +46,8 @@ def promise_document(
         "probability": plan.probability,
         "band_hz": plan.band_hz,
         "shares": LEVELS,
-        "not_valid_for": _limits(plan, promises),
-        "environments": [_environment(name, p, plan) for name, p in promises.items()],
+        "not_valid_for": limits_of(plan, promises),
+        "environments": [promised_there(name, p, plan) for name, p in promises.items()],
     }
     return seal(_head(refined, files, date) | said)
 
@@ -160,10 +161,10 @@ def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
             what = "stable, without its rms_db" if loop.stable else "unstable, with rms_db"
             raise DataError(f"{loop.name} is {what}", where=str(path), hint="rms_db of stable loops alone")
     return (
-        *(Outcome(name=_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
+        *(Outcome(name=name_of_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
         *(Outcome(name=_reading(r.environment, r.load_case, r.gauge), value=r.value) for r in form.reading),
         *(
-            Outcome(name=_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
+            Outcome(name=name_of_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
             for c in form.compensator
         ),
     )
@@ -197,14 +198,14 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
     """What a promise says, quantity by quantity."""
     at = {share: k for k, share in enumerate(promise.get("shares", ()))}
 
-    def level(value: float | None) -> float:
+    def reached(value: float | None) -> float:
         return np.inf if value is None else float(value)
 
     found: list[Statement] = []
     for place in promise["environments"]:
         for number, mode in enumerate(place["modes"], start=1):
             ends = mode["interval_95_hz"]
-            found.append(Statement(name=_mode(place["name"], number), low=ends[0], high=ends[1]))
+            found.append(Statement(name=name_of_mode(place["name"], number), low=ends[0], high=ends[1]))
         for case in place.get("load_cases", ()):
             for reading in case["readings"]:
                 ends = reading["interval_95"]
@@ -214,17 +215,18 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
             db = loop["db"]
             found.append(
                 Statement(
-                    name=_loop(place["name"], loop["name"]),
-                    low=level(db[at[0.025]]),
-                    high=level(db[at[0.975]]),
+                    name=name_of_loop(place["name"], loop["name"]),
+                    low=reached(db[at[0.025]]),
+                    high=reached(db[at[0.975]]),
                     probability=loop["probability_stable"],
-                    cautious=level(db[at[0.99]]),
+                    cautious=reached(db[at[0.99]]),
                 )
             )
     return tuple(found)
 
 
-def _mode(environment: str, number: int) -> str:
+def name_of_mode(environment: str, number: int) -> str:
+    """As outcomes name it; numbered from 1."""
     return f"{environment}: mode {number}"
 
 
@@ -232,7 +234,8 @@ def _reading(environment: str, case: str, gauge: str) -> str:
     return f"{environment}: {case}: {gauge}"
 
 
-def _loop(environment: str, name: str) -> str:
+def name_of_loop(environment: str, name: str) -> str:
+    """As outcomes name it."""
     return f"{environment}: {name}"
 
 
@@ -267,9 +270,19 @@ def _refined(refined: Refined) -> dict[str, Any]:
     }
 
 
-def _limits(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
+def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
     """What the plants of the promise do not have."""
     said = ["friction, play and saturation: every plant is linear"]
+    if plan.joints:
+        said = [
+            "play, saturation, and friction but at the joints stated",
+            "disturbances of another intensity: with friction the decibels go with it",
+        ]
+        said += [
+            f"{name}: slow motions, whose decay asks for more than the {p.slip_time.record_s:.0f} s simulated"
+            for name, p in promises.items()
+            if p.slip_time is not None and p.slip_time.short
+        ]
     said += [
         f"{name}: what lies above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes"
         for name, p in promises.items()
@@ -282,7 +295,8 @@ def _limits(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
     return said
 
 
-def _environment(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
+def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
+    """What a document says of one environment: modes and compensators."""
     return {
         "name": name,
         "modes": _modes(promise.modes),
@@ -291,6 +305,28 @@ def _environment(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
         else None,
         "compensators": [_loop_row(o, promise.bound[o.name], plan) for o in promise.outlooks],
         "highest": promise.highest,
+        **({} if promise.slip_time is None else {"friction": _friction(promise.slip_time, plan)}),
+    }
+
+
+def _friction(time: SlipTime, plan: Plan) -> dict[str, Any]:
+    """What was stated of the joints, and how it was simulated."""
+    return {
+        "joints": [
+            {
+                "name": j.name,
+                "slip_torque_nm": j.slip_torque,
+                "slip_angle_deg": _few(j.slip_angle / _DEGREE),
+                "viscous_nms_per_rad": j.viscous,
+                "slip_torque_tolerance": j.slip_torque_tolerance,
+                "slip_angle_tolerance": j.slip_angle_tolerance,
+            }
+            for j in plan.joints
+        ],
+        "record_s": _few(time.record_s),
+        "settle_s": _few(time.settle_s),
+        "band_hz": _few(time.band_hz),
+        "sample_hz": _few(time.sample_hz),
     }
 
 
@@ -330,6 +366,20 @@ def _loop_row(outlook: Outlook, bound: tuple[float, float], plan: Plan) -> dict[
         "bound": {"own_db": _few(bound[0]), "no_linear_law_below_db": _few(bound[1])},
         "unstable_mode": outlook.unstable_mode or None,
         "risk": {"of": risk or None, "rank_correlation": _few(correlation)},
+        **({} if outlook.friction is None else _with_friction(outlook.friction, plan)),
+    }
+
+
+def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
+    """What friction costs: the same levels without it; and whether joints stick or slip."""
+    names = [joint.name for joint in plan.joints]
+    return {
+        "without_friction_db": [_few(level(friction.without_db, share)) for share in LEVELS],
+        "stable_while_sticking": float(np.mean(friction.sticks)),
+        "travel_over_slip_angle": {
+            name: _few(travel) for name, travel in zip(names, friction.travel, strict=True)
+        },
+        "simulation_error_db": _few(friction.error_db),
     }
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +13,7 @@ from jaxtyping import Float, Int
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.updating.left_out import left_out
 from middeck.updating.own_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.posterior import NORMAL_95
 from middeck.updating.refine import Refined
@@ -22,6 +25,8 @@ from middeck.values import record
 CARRIED = 1e-4
 # Of a measured damping ratio whose deviation the test does not state, relative.
 DAMPING_STD = 0.1
+# Part of a mode, in squares, that need not have been seen.
+LITTLE = 0.01
 
 
 @record(kw_only=True)
@@ -80,16 +85,17 @@ class Prediction:
         return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
-@record(kw_only=True)
-class There:
-    """The refined article in an environment: its modes, those that are told, and their slopes.
+class There(NamedTuple):
+    """The refined article in an environment: its modes, which of them are told, and their slopes.
 
-    Slopes are of the logarithms of frequencies by the unknowns.
+    Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
+    is asked for.
     """
 
     modes: Modes
-    index: Int[np.ndarray, " mode"]
+    told: Int[np.ndarray, " mode"]
     slope: Float[np.ndarray, "mode unknown"]
+    left_out: Callable[[], Float[np.ndarray, " mode"]]
 
 
 def solve_there(
@@ -101,7 +107,8 @@ def solve_there(
     index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    return There(modes=modes, index=index, slope=slope)
+    finer = functools.cache(functools.partial(left_out, there, refined.x, modes, index))
+    return There(modes, index, slope, finer)
 
 
 def predict_modes(
@@ -116,11 +123,14 @@ def predict_modes(
 
 def predict_at(refined: Refined, there: There) -> Prediction:
     """What the tests of ``refined`` say of modes that are solved already."""
-    modes, index, slope = there.modes, there.index, there.slope
+    modes, index, slope, finer = there
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
-    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * refined.unseen[sorts_of(modes, index)] ** 2
+    alone = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0)
+    rest = alone * refined.unseen[sorts_of(modes, index)] ** 2
+    if np.any(alone > LITTLE):
+        rest = rest + alone * finer() ** 2
     return Prediction(
         modes=modes,
         index=index,

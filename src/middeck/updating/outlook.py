@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,6 +20,8 @@ from middeck.errors import NumericalError
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
 from middeck.updating.draws import DrawnPlants
+from middeck.updating.slip import DrawnSlips
+from middeck.updating.slip_run import Slipped
 from middeck.values import record
 
 CONFIDENCE = 0.95
@@ -30,14 +33,32 @@ COMPARED = 12
 
 
 @record(kw_only=True)
+class FrictionOutlook:
+    """What dry friction of the joints makes of a compensator, at the disturbance that the plan states.
+
+    Attributes:
+        without_db: Decibels of each draw without it, drag included.
+        sticks: By draw, whether the loop with its joints held by their presliding springs does not grow.
+            Where it grows it hunts: it moves until joints slip, and a loop that is stable then stays bounded.
+        travel: Rms of each joint's angle over its slip angle, median of the draws.
+        error_db: Standard error of a draw's decibels by the length of its simulation.
+    """
+
+    without_db: Float[np.ndarray, " draw"]
+    sticks: Bool[np.ndarray, " draw"]
+    travel: Float[np.ndarray, " joint"]
+    error_db: float
+
+
+@record(kw_only=True)
 class Outlook:
     """One compensator on all drawn plants.
 
     Attributes:
         stable: Of each draw; a pole on the axis is not.
         db: 20 log10 of the rms over the same plant's without the compensator: less is better; ``inf`` where
-            unstable.
-        control_rms: Of each draw.
+            unstable. With the friction of the joints where the plan states any.
+        control_rms: Of each draw; without friction.
         unstable_mode: Of the pole that grows in most of the unstable draws; empty where none is unstable.
         risk: What was drawn that goes most with a worse outcome, and its rank correlation with it.
     """
@@ -48,6 +69,7 @@ class Outlook:
     control_rms: Float[np.ndarray, " draw"]
     unstable_mode: str
     risk: tuple[str, float]
+    friction: FrictionOutlook | None = None
 
     @property
     def probability_stable(self) -> float:
@@ -65,15 +87,20 @@ class Outlook:
         return probability_interval(int(np.count_nonzero(self.stable)), len(self.stable), 0.9)[0]
 
     def level_db(self, share: float) -> float:
-        """Decibels that one more draw does not exceed with this probability; ``inf`` for unstable.
+        """Decibels that one more draw does not exceed with this probability; ``inf`` for unstable."""
+        return level(self.db, share)
 
-        A drawn value, not an interpolated one, which infinity does not allow: the k-th of n is not exceeded
-        by another with k / (n + 1) (Wilks 1941, Ann. Math. Stat. 12), the one beside it where none fits.
-        """
-        n = len(self.db)
-        k = share * (n + 1)
-        k = int(np.ceil(k - TIE) if share >= 0.5 else np.floor(k + TIE))
-        return float(np.sort(self.db)[min(max(k, 1), n) - 1])
+
+def level(db: Float[np.ndarray, " draw"], share: float) -> float:
+    """What one more draw does not exceed with this probability.
+
+    A drawn value, not an interpolated one, which infinity does not allow: the k-th of n is not exceeded by
+    another with k / (n + 1) (Wilks 1941, Ann. Math. Stat. 12), the one beside it where none fits.
+    """
+    n = len(db)
+    k = share * (n + 1)
+    k = int(np.ceil(k - TIE) if share >= 0.5 else np.floor(k + TIE))
+    return float(np.sort(db)[min(max(k, 1), n) - 1])
 
 
 def probability_interval(count: int, of: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -134,6 +161,30 @@ def look_ahead(
         control_rms=np.where(stable, effort, np.inf),
         unstable_mode=_growing(unstable[:COMPARED], law),
         risk=_risk(drawn, db),
+    )
+
+
+def with_friction(
+    outlook: Outlook, law: Slipped, alone: Slipped, slips: DrawnSlips, drawn: DrawnPlants
+) -> Outlook:
+    """``outlook`` of linear loops, with what friction adds to them and to the plants by themselves."""
+    stable = outlook.stable & np.isfinite(law.db)
+    db = np.where(stable, outlook.db + np.where(stable, law.db, 0.0) - alone.db, np.inf)
+    every = dataclasses.replace(
+        drawn, names=(*drawn.names, *slips.names), drawn=np.concatenate([drawn.drawn, slips.drawn], axis=1)
+    )
+    angles = law.travel * slips.stiffness / slips.slip_torque
+    return dataclasses.replace(
+        outlook,
+        stable=stable,
+        db=db,
+        risk=_risk(every, db),
+        friction=FrictionOutlook(
+            without_db=outlook.db,
+            sticks=law.sticks,
+            travel=np.median(angles, axis=0),
+            error_db=float(np.sqrt(np.mean(law.variance + alone.variance))),
+        ),
     )
 
 

@@ -19,6 +19,7 @@ from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE
 from middeck.systems.plant import Plant, group_ports, select_ports
 from middeck.updating.draws import LoopSpread
+from middeck.updating.slip import JointSlip
 from middeck.values import record
 
 
@@ -52,13 +53,14 @@ class Plan:
         environments: Where, by name; the first is that of the designs.
         performance: Sensors whose weighted rms is promised, and their weights.
         disturbances: Actuators at which white noise acts, and its two-sided intensity [unit/sqrt(Hz)].
-        band_hz: In which the rms counts; None for all frequencies.
+        band_hz: In which disturbances act and the rms counts; None for all frequencies.
         noise: Of a reading, by its unit [unit/sqrt(Hz)].
         inner: Loops without delay that are closed on every plant before all else.
         modes: Kept in each plant.
         draws, seed: 299 draws that are all stable promise 99 %.
         probability: Of stability, asked of the highest authority.
         bounded: Draws on which the bound is computed.
+        joints: Those with dry friction; none are linear. Their viscous drag is in every plant.
     """
 
     environments: Mapping[str, Environment]
@@ -77,6 +79,7 @@ class Plan:
     bounded: int = 10
     laws: Mapping[str, Compensator] = dataclasses.field(default_factory=dict[str, Compensator])
     ladder: Ladder | None = None
+    joints: tuple[JointSlip, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.environments or not (self.laws or self.ladder):
@@ -102,10 +105,11 @@ def plant_of(plan: Plan, modes: Modes) -> Plant:
     reads = [p.name for law in laws for p in law.inputs]
     if plan.ladder is not None:
         drives, reads = [*drives, *plan.ladder.drives], [*reads, *plan.ladder.reads]
-    inner = [name for loop in loops for name in (loop, f"{loop}{RATE}")]
+    rub = [joint.name for joint in plan.joints]
+    inner = [name for loop in (*loops, *rub) for name in (loop, f"{loop}{RATE}")]
     return build_plant(
         modes,
-        inputs=_once(*plan.disturbances, *drives, *loops),
+        inputs=_once(*plan.disturbances, *drives, *loops, *rub),
         outputs=_once(*plan.performance, *reads, *inner),
         count=plan.modes,
         w=plan.disturbances,
@@ -114,8 +118,16 @@ def plant_of(plan: Plan, modes: Modes) -> Plant:
 
 
 def close_inner(plan: Plan, plant: Plant) -> Plant:
-    """``plant`` with the plan's inner loops."""
-    return plant if plan.inner is None else close_inner_loop(plant, plan.inner)
+    """``plant`` with the plan's inner loops and the viscous drag of its joints."""
+    drag = PDLoops(
+        tuple(j.name for j in plan.joints),
+        np.zeros(len(plan.joints)),
+        np.array([j.viscous for j in plan.joints]),
+    )
+    for loops in (plan.inner, drag):
+        if loops is not None and loops.names:
+            plant = close_inner_loop(plant, loops)
+    return plant
 
 
 def group_loop(plan: Plan, plant: Plant, drives: Sequence[str], reads: Sequence[str]) -> Plant:

@@ -21,9 +21,12 @@ from middeck.systems.plant import delay_plant
 from middeck.updating.bound import bound_db
 from middeck.updating.draws import DrawnPlants, draw_plants
 from middeck.updating.orbit import Prediction, predict_modes
-from middeck.updating.outlook import Outlook, highest_promised, look_ahead
+from middeck.updating.outlook import Outlook, highest_promised, look_ahead, with_friction
 from middeck.updating.plan import Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.refine import Refined
+from middeck.updating.slip import draw_slips
+from middeck.updating.slip_run import run_slips
+from middeck.updating.slip_time import SlipTime
 from middeck.updating.surveys import set_up
 from middeck.values import record
 
@@ -40,6 +43,7 @@ class Promise:
             linear compensator with its effort passes there, both over all frequencies; ``nan`` where it is
             unstable.
         highest: The last of the ladder that is promised stable, and every one before it; None for none.
+        slip_time: How the friction of joints was simulated; None where the plan states none.
     """
 
     modes: Prediction
@@ -47,6 +51,7 @@ class Promise:
     rest_rms: Float[np.ndarray, " draw"]
     bound: Mapping[str, tuple[float, float]]
     highest: str | None
+    slip_time: SlipTime | None = None
 
 
 def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
@@ -97,6 +102,9 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
             hint="inner loops that hold the article, against whose rms the decibels count",
         )
     outlooks = tuple(look_ahead(name, law, *seen[name], alone, plan.band_hz) for name, law in laws.items())
+    slip_time = None
+    if plan.joints:
+        outlooks, alone, slip_time = _slipping(outlooks, alone, drawn, laws, plan)
     some = dataclasses.replace(drawn, plants=drawn.plants[: plan.bounded], drawn=drawn.drawn[: plan.bounded])
     best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
     return Promise(
@@ -105,7 +113,23 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
         rest_rms=alone,
         bound={name: _bound(law, *_seen_by(law, some, plan)) for name, law in laws.items()},
         highest=None if best is None else best.name,
+        slip_time=slip_time,
     )
+
+
+def _slipping(
+    outlooks: tuple[Outlook, ...],
+    alone: np.ndarray,
+    drawn: DrawnPlants,
+    laws: Mapping[str, Compensator],
+    plan: Plan,
+) -> tuple[tuple[Outlook, ...], np.ndarray, SlipTime]:
+    """Outlooks and rms without a compensator, with the friction of the joints."""
+    slips = draw_slips(plan.joints, plan.draws, np.random.default_rng([plan.seed, len(plan.joints)]))
+    time, slipped = run_slips(drawn.plants, laws, slips, plan)
+    rest = slipped[None]
+    found = tuple(with_friction(o, slipped[o.name], rest, slips, drawn) for o in outlooks)
+    return found, alone * 10.0 ** (rest.db / 20.0), time
 
 
 def _together(

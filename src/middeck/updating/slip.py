@@ -1,0 +1,68 @@
+"""Dry friction of joints in a promise: what is known of it, and what is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.values import record
+
+
+@record(kw_only=True)
+class JointSlip:
+    """A joint that gives way by a slip angle and then slips, see `middeck.joints.friction.Friction`.
+
+    Attributes:
+        name: Of the joint's motor and of the angle that is read there.
+        slip_torque: Torque [N m] at which it slips; along a slide [N].
+        slip_angle: How far [rad] it gives way before; along a slide [m].
+        viscous: Viscous drag [N m s/rad] beside it; along a slide [N s/m].
+        slip_torque_tolerance, slip_angle_tolerance: To both sides, relative, all values within as likely.
+    """
+
+    name: str
+    slip_torque: float
+    slip_angle: float
+    viscous: float = 0.0
+    slip_torque_tolerance: float = 0.0
+    slip_angle_tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        sizes = self.slip_torque, self.viscous, self.slip_torque_tolerance, self.slip_angle_tolerance
+        sound = all(np.isfinite(s) and s >= 0.0 for s in sizes) and 0.0 < self.slip_angle < np.inf
+        if not sound or max(sizes[2:]) >= 1.0:
+            raise ConfigError(
+                f"slips at {self.slip_torque} N m +- {self.slip_torque_tolerance}, by {self.slip_angle} rad "
+                f"+- {self.slip_angle_tolerance}, drag {self.viscous} N m s/rad",
+                where=f"joint {self.name!r}",
+                hint="slip torque and drag from zero, slip angle above zero, tolerances from 0 to below 1",
+            )
+
+
+@record(kw_only=True)
+class DrawnSlips:
+    """Sliders of all joints, draw by draw, and what was drawn for them in parts of its tolerance."""
+
+    slip_torque: Float[np.ndarray, "draw joint"]
+    stiffness: Float[np.ndarray, "draw joint"]
+    names: tuple[str, ...]
+    drawn: Float[np.ndarray, "draw name"]
+
+
+def draw_slips(joints: Sequence[JointSlip], draws: int, rng: np.random.Generator) -> DrawnSlips:
+    """Slip torques and slip angles within their tolerances."""
+    torque, angle = rng.uniform(-1.0, 1.0, (2, draws, len(joints)))
+    slip_torque, slip_angle = (
+        np.array([getattr(j, key) for j in joints])
+        * (1.0 + np.array([getattr(j, f"{key}_tolerance") for j in joints]) * part)
+        for key, part in (("slip_torque", torque), ("slip_angle", angle))
+    )
+    return DrawnSlips(
+        slip_torque=slip_torque,
+        stiffness=slip_torque / slip_angle,
+        names=(*(f"slip torque of {j.name}" for j in joints), *(f"slip angle of {j.name}" for j in joints)),
+        drawn=np.concatenate([torque, angle], axis=1),
+    )

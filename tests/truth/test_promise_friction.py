@@ -1,0 +1,259 @@
+"""Friction in promises: sliders against a rig and an exact density, loops against their responses."""
+
+import dataclasses
+
+import numpy as np
+import promise_case as case
+import pytest
+from scipy.integrate import quad
+
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.robust.monte_carlo import noise_on
+from middeck.errors import ConfigError
+from middeck.joints.attachment import JointElements
+from middeck.joints.friction import Friction
+from middeck.joints.sliding import SlidingLoops, slide
+from middeck.realtime.motors import Motor
+from middeck.realtime.rig import build_rig
+from middeck.realtime.runs import run_open_loop
+from middeck.realtime.sensors import Sampler
+from middeck.structure.model.environment import Environment
+from middeck.systems.own_plant import make_plant
+from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.response import statespace_response
+from middeck.systems.statespace import StateSpace
+from middeck.updating import slip_run, slip_time
+from middeck.updating.plan import Plan, group_loop, weights_of
+from middeck.updating.promise import design_ladder, promise
+from middeck.updating.refine import Refined
+from middeck.updating.slip import DrawnSlips, JointSlip, draw_slips
+from middeck.updating.slip_loops import (
+    Wiring,
+    around_sliders,
+    evaluate_open,
+    noise_response,
+    pole_form,
+)
+from middeck.updating.slip_run import run_slips
+
+GIMBAL = JointSlip(name="turn", slip_torque=0.05, slip_angle=1e-3)
+
+
+def chain() -> Plant:
+    """Three inertias in a row on weak springs: joints between first and second, second and third."""
+    inertia, drag = np.array([2.0, 1.0, 0.5]), 0.05
+    joint = np.array([[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]])
+    stiffness = np.diag([1.0, 0.0, 0.0]) + joint.T @ np.diag([3.0, 2.0]) @ joint
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-stiffness / inertia[:, None], -drag * np.eye(3)]])
+    B = np.vstack([np.zeros((3, 3)), np.column_stack([[1.0, 0.0, 0.0], *joint]) / inertia[:, None]])
+    C = np.hstack([np.vstack([joint, [0.0, 0.0, 1.0]]), np.zeros((3, 3))])
+    return make_plant(
+        A, B, C, inputs=["push", "near", "far"], outputs=["near", "far", "end"], w=["push"], z=["end"]
+    )
+
+
+def held_noise(samples: int) -> np.ndarray:
+    return np.random.default_rng(8).standard_normal(samples)
+
+
+def test_sliders_are_those_of_a_rig():
+    """Two joints that slip and stick, one input that is held: the linear part is exact on both sides."""
+    plant, period, u = chain(), 0.01, held_noise(4000)
+    one = Friction(slip_torque=0.05, stiffness=40.0), Friction(slip_torque=0.03, stiffness=25.0)
+    joints = [JointElements(n, n, (f,)) for n, f in zip(("near", "far"), one, strict=True)]
+    motors, sensors = {"push": Motor()}, {p.name: Sampler() for p in plant.outputs}
+    runs = [
+        run_open_loop(
+            build_rig(plant, sample_hz=100.0, delay_s=0.005, motors=motors, sensors=sensors, joints=j),
+            u[:, None], periods=1, rng=np.random.default_rng(0), settle=0, rest_s=0.0,
+        )
+        for j in (joints, [])
+    ]  # fmt: skip
+    with_friction, without = (run.record.y[0, 0] for run in runs if run.record is not None)
+    loop = around_sliders(
+        plant, None, Wiring(joints=("near", "far"), performance=("end",), disturbances=()), 1
+    )
+    form = pole_form(loop)
+    assert form is not None
+    sliders = SlidingLoops(
+        poles=[form.poles], drives=[form.drives], reads=[form.reads],
+        stiffness=[[f.stiffness for f in one]], slip_torque=[[f.slip_torque for f in one]],
+    )  # fmt: skip
+    # The rig samples at the beginning of a step.
+    found = slide(sliders, without[1:, None], period)[:, 0]
+    size = np.std(with_friction - without, axis=0)
+    assert np.all(size > 0.1 * np.std(without, axis=0))
+    np.testing.assert_array_less(np.std(found - with_friction[1:], axis=0), 0.005 * size)
+
+
+def test_a_step_that_is_too_long_is_refused():
+    loops = SlidingLoops(
+        poles=[[-1.0 + 0.0j, -2.0]], drives=[[[1.0 + 0.0j, 1.0]]], reads=[[[1.0 + 0.0j, -1.0]]],
+        stiffness=[[1e3]], slip_torque=[[1.0]],
+    )  # fmt: skip
+    with pytest.raises(ConfigError, match="shorter step"):
+        slide(loops, np.zeros((3, 1, 1)), 0.1)
+
+
+def turntable(drag: float = 1.0) -> Plant:
+    """A unit inertia with drag on a spring too weak to matter, its angle and its rate."""
+    return make_plant(
+        [[0.0, 1.0], [-1e-4, -drag]], [[0.0], [1.0]], np.eye(2),
+        inputs=["turn"], outputs=["turn", "rate"], w=["turn"], u=["turn"], z=["rate"], y=["turn"],
+    )  # fmt: skip
+
+
+def asked(**changes: object) -> Plan:
+    given = {
+        "environments": {"orbit": Environment.orbit()}, "performance": ("rate",), "weights": np.ones(1),
+        "disturbances": ("turn",), "intensity": np.array([0.3]), "noise": {"rad": 1e-4, "": 1e-4},
+        "laws": {"none": None}, "joints": (GIMBAL,), "draws": 1,
+    }  # fmt: skip
+    return Plan(**(given | changes))  # pyright: ignore[reportArgumentType]
+
+
+def alike(joints: tuple[JointSlip, ...], draws: int) -> DrawnSlips:
+    return draw_slips(joints, draws, np.random.default_rng(0))
+
+
+def test_a_bearing_under_white_noise_has_its_exact_density():
+    """v' = -v - T sign v + s w: the density is exp(-(v^2 + 2 T |v|)/s^2) (Caughey and Dienes 1961)."""
+    draws, s, T = 60, 0.3, 0.3
+    joint = dataclasses.replace(GIMBAL, slip_torque=T, slip_angle=3e-4)
+    plan = asked(joints=(joint,), intensity=np.array([s]))
+    _, found = run_slips([turntable()] * draws, {}, alike((joint,), draws), plan)
+
+    def moment(power: int) -> float:
+        return quad(lambda v: v**power * np.exp(-(v**2 + 2.0 * T * v) / s**2), 0.0, 4.0)[0]
+
+    exact = 10.0 * np.log10(moment(2) / moment(0) / (0.5 * s**2))
+    alone = found[None]
+    assert exact < -3.0
+    assert np.mean(alone.db) == pytest.approx(exact, abs=0.15)
+    assert np.std(alone.db) < 2.0 * np.sqrt(np.mean(alone.variance))
+
+
+def delayed_brake() -> tuple[Plant, Compensator]:
+    """An oscillator of 1 rad/s, braked by a filtered rate 0.3 s late: at 10 rad/s the brake drives."""
+    plant = delay_plant(
+        make_plant(
+            [[0.0, 1.0], [-1.0, -0.2]], [[0.0], [1.0]], [[1.0, 0.0]],
+            inputs=["turn"], outputs=["turn"], w=["turn"], u=["turn"], z=["turn"], y=["turn"],
+        ),
+        0.3,
+    )  # fmt: skip
+    lag = 40.0
+    law = StateSpace([[-2.0 * lag, -(lag**2)], [1.0, 0.0]], [[1.0], [0.0]], [[-0.5 * lag**2, 0.0]], [[0.0]])
+    return plant, Compensator(law, measured_ports(plant), driven_ports(plant))
+
+
+def test_a_loop_that_hunts_is_bounded_and_said():
+    """Stable while it slips, unstable while it sticks: under next to no noise it moves by its slip angle."""
+    plant, law = delayed_brake()
+    joint = JointSlip(name="turn", slip_torque=0.1, slip_angle=1e-3)
+    plan = asked(performance=("turn",), joints=(joint,), intensity=np.array([1e-6]), noise={"": 1e-8})
+    _, found = run_slips([plant], {"brake": law}, alike((joint,), 1), plan)
+    assert found[None].sticks.all()
+    assert not found["brake"].sticks.any()
+    assert np.isfinite(found["brake"].db).all()
+    assert 0.3 < found["brake"].travel[0, 0] / joint.slip_angle < 10.0
+    # Without it the joint sticks for good, a spring a hundred times as stiff as its own.
+    assert found[None].travel[0, 0] < 1e-3 * joint.slip_angle
+    assert found[None].db[0] == pytest.approx(-20.0, abs=1.5)
+    easy = dataclasses.replace(joint, slip_torque=1e-7)
+    _, slips = run_slips(
+        [plant], {"brake": law}, alike((easy,), 1), dataclasses.replace(plan, joints=(easy,))
+    )
+    assert slips["brake"].sticks.all()
+
+
+def test_loops_around_sliders_are_the_linear_loops():
+    """Noise to performance against the exact rms; sliders to angle and performance against the response."""
+    plant, law = delayed_brake()
+    plan = asked(performance=("turn",), noise={"": 1e-2})
+    wiring = Wiring(joints=("turn",), performance=("turn",), disturbances=("turn",))
+    hz = (np.arange(40000) + 0.5) / 400.0
+    G = evaluate_open(plant, hz)
+    H = noise_response(plant, G, law, wiring, hz)
+    square = 2.0 / 400.0 * np.sum(np.abs(H[:, 1] * slip_time.noise_intensity(plan, law)) ** 2)
+    weights = weights_of(plan, law.outputs, law.inputs)
+    exact = noise_on([group_loop(plan, plant, ["turn"], ["turn"])], law, weights)[1]
+    assert np.sqrt(square) == pytest.approx(float(exact[0]), rel=1e-4)
+    loop = around_sliders(plant, law, wiring, 8)
+    form = pole_form(loop)
+    assert form is not None
+    omega = np.array([0.1, 1.0, 3.0])
+    pairs = np.where(np.imag(form.poles) > 0.0, 0.5, 1.0)
+    by_poles = sum(
+        np.einsum("op,jp,fp->foj", pairs * c, b, 1.0 / (1j * omega[:, None] - p))
+        for p, b, c in [
+            (form.poles, form.drives, form.reads),
+            (np.conj(form.poles), np.conj(form.drives), np.conj(form.reads) * (np.imag(form.poles) > 0.0)),
+        ]
+    )
+    np.testing.assert_allclose(by_poles, statespace_response(loop, omega), rtol=1e-5)
+    delayed = G[:1, :, :] * np.exp(-0.3j * 2.0 * np.pi * hz[0])
+    K = statespace_response(law.system, 2.0 * np.pi * hz[:1])
+    np.testing.assert_allclose(H[0, 1, 0], (G[0, 0, 0] / (1.0 - K[0, 0, 0] * delayed[0, 0, 0])), rtol=1e-9)
+
+
+def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatch):
+    """Of one noise; a record twice as long is another noise."""
+    plan, slips = asked(intensity=np.array([0.1])), alike((GIMBAL,), 4)
+    chosen = slip_time.choose_time(
+        turntable(),
+        [None],
+        slips,
+        plan,
+        Wiring(joints=("turn",), performance=("rate",), disturbances=("turn",)),
+    )
+
+    def db(**changes: float) -> np.ndarray:
+        altered = dataclasses.replace(chosen, **changes)
+        monkeypatch.setattr(slip_run, "choose_time", lambda *_: altered)
+        return run_slips([turntable()] * 4, {}, slips, plan)[1][None].db
+
+    coarse = db()
+    assert np.mean(coarse) < -1.0
+    np.testing.assert_allclose(db(sample_hz=4.0 * chosen.sample_hz), coarse, atol=0.02)
+    np.testing.assert_allclose(db(settle_s=2.0 * chosen.settle_s), coarse, atol=0.02)
+    assert np.mean(db(record_s=8.0 * chosen.record_s)) == pytest.approx(np.mean(coarse), abs=0.4)
+
+
+def test_joints_that_cannot_be_are_refused():
+    for change in (
+        {"slip_angle": 0.0},
+        {"slip_torque": -1.0},
+        {"slip_torque_tolerance": 1.0},
+        {"viscous": np.nan},
+    ):
+        with pytest.raises(ConfigError, match="turn"):
+            dataclasses.replace(GIMBAL, **change)
+    plant = make_plant(
+        [[0.0, 1.0], [-1.0, -1.0]], [[0.0], [-1.0]], np.eye(2),
+        inputs=["turn"], outputs=["turn", "rate"], w=["turn"], z=["rate"],
+    )  # fmt: skip
+    with pytest.raises(ConfigError, match="relative angle"):
+        run_slips([plant], {}, alike((GIMBAL,), 1), asked())
+
+
+@pytest.fixture(scope="module")
+def refined() -> Refined:
+    return case.refined(0)
+
+
+def test_what_is_promised_with_friction_comes(refined: Refined):
+    """On the rig, in time, with friction that the plan knows within tolerances, at a small disturbance."""
+    plan = case.with_slips(case.plan([1e2], 16), 0.03)
+    (found,) = promise(refined, plan).values()
+    (outlook,) = found.outlooks
+    (law,) = design_ladder(case.modes_in_orbit(refined), plan).values()
+    added = case.friction_db(0, plan, law, 60.0) - case.friction_db(0, plan, None, 200.0)
+    came = case.true_db(case.true_plant(0, plan), law, plan) + added
+    assert outlook.friction is not None
+    assert abs(outlook.level_db(0.5) - came) < 1.5
+    assert outlook.level_db(0.99) > came
+    # What friction costs; without it the promise is one of too much.
+    assert 2.0 < came - np.median(outlook.friction.without_db) < 5.0
+    assert outlook.friction.sticks.all()
+    assert outlook.friction.travel[1] > 1.0
