@@ -1,8 +1,13 @@
 """The study's chain from a ground test to orbit: what was promised on records from 1-g comes in 0-g."""
 
+import json
+from importlib.resources import files
+
+import jsonschema
 import numpy as np
 import pytest
 
+from middeck.files.json_output import json_text
 from middeck.files.studies import load_study
 from middeck.study.chapters.promise.chapter import PROMISE
 from middeck.study.chapters.promise.computation import PromiseKept
@@ -16,6 +21,12 @@ QUICK = () if LONG else ("promise.draws=10", "promise.log10_authority=[0, 3]")
 def kept() -> PromiseKept:
     study = load_study("studies/mace-1993.toml", QUICK)
     return PROMISE.compute(study, PROMISE.rng(study.seed))
+
+
+def test_its_numbers_follow_the_schema(kept: PromiseKept) -> None:
+    schema = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
+    entry = schema["properties"]["figures"]["properties"]["promise"] | {"additionalProperties": False}
+    jsonschema.validate(json.loads(json_text(promise(kept))), entry)
 
 
 def test_every_claim_of_the_chain_holds(kept: PromiseKept) -> None:

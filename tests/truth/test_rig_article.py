@@ -23,6 +23,7 @@ from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.runs import run_open_loop
 from middeck.realtime.sensors import Encoder, Gyro
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.finer import TUBE_SHEAR
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.stability import growth_rates
