@@ -64,11 +64,13 @@ def _compensators(seed: int, refined: Refined, torque: float) -> list[Came]:
     (found,) = promise(refined, asked).values()
     seconds = (time.process_time() - start) / (DRAWS * len(found.outlooks))
     laws = design_ladder(case.modes_in_orbit(refined), asked)
-    truth, alone = case.true_plant(seed, asked), case.friction_db(seed, asked, None, ALONE_S)
+    truth = case.true_plant(seed, asked)
+    rigs = case.true_rigs(seed, truth, asked)
+    alone = case.friction_db(seed, rigs, asked, None, ALONE_S)
     came: list[Came] = []
     for outlook, law in zip(found.outlooks, laws.values(), strict=True):
         assert outlook.friction is not None
-        db = case.true_db(truth, law, asked) + case.friction_db(seed, asked, law, LAW_S) - alone
+        db = case.true_db(truth, law, asked) + case.friction_db(seed, rigs, asked, law, LAW_S) - alone
         levels = [outlook.level_db(share) for share in (0.5, 0.025, 0.975, 0.99)]
         came.append(Came(*levels, float(np.median(outlook.friction.without_db)), db, seconds))
     return came

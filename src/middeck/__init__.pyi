@@ -254,6 +254,7 @@ from .updating.plan import Plan as Plan
 from .updating.promise import promise as promise
 from .updating.refine import refine as refine
 from .updating.statics import StaticTest as StaticTest
+from .updating.slip import JointSlip as JointSlip
 from .updating.surveys import Survey as Survey
 from .updating.unknowns import Unknown as Unknown
 

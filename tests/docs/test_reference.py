@@ -96,6 +96,7 @@ FORMS: list[type[Form]] = [
     promise_plans.InnerForm,
     promise_plans.LadderForm,
     promise_plans.LawForm,
+    promise_plans.JointForm,
     promised_loads.PromisedLoadsForm,
     promises.OutcomeForm,
     promises.ModeOutcomeForm,

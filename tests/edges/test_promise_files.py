@@ -57,6 +57,58 @@ def test_it_is_the_same_again(promised: Path):
     assert again.read_bytes() == (promised / "promise.json").read_bytes()
 
 
+JOINT = """
+[[joint]]
+name = "pri_rel_z"
+slip_torque_nm = 0.002
+slip_angle_deg = 0.05
+slip_torque_tolerance = 0.1
+"""
+
+
+def with_joint(promised: Path, folder: Path, joint: str) -> Path:
+    """The plan with a joint, for three draws of one compensator."""
+    for name in ("refine.toml", "mace-simple-lab.json"):
+        (folder / name).write_bytes((promised / name).read_bytes())
+    text = (promised / "promise.toml").read_text(encoding="utf-8").replace("draws = 8", "draws = 3")
+    text = text.replace("log10_authority = [0.0, 3.0]", "log10_authority = [0.0]") + joint
+    (folder / "promise.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def test_friction_stands_beside_what_would_be_without(
+    promised: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    promise(with_joint(promised, tmp_path, JOINT), "promise.json")
+    assert "friction of joints" in capfd.readouterr().out
+    document = read_promise(tmp_path / "promise.json")
+    (orbit,) = document["environments"]
+    (loop,) = orbit["compensators"]
+    middle = document["shares"].index(0.5)
+    assert loop["db"][middle] > loop["without_friction_db"][middle]
+    assert loop["stable_while_sticking"] == 1.0
+    assert set(loop["travel_over_slip_angle"]) == {"pri_rel_z"}
+    assert orbit["friction"]["joints"][0]["slip_torque_nm"] == 0.002
+    assert not any("every plant is linear" in limit for limit in document["not_valid_for"])
+    first = (tmp_path / "promise.json").read_bytes()
+    promise(tmp_path, "again.json")
+    assert (tmp_path / "again.json").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("joint", "what"),
+    [
+        (JOINT + JOINT, "two are called 'pri_rel_z'"),
+        (JOINT.replace("slip_angle_deg = 0.05", "slip_angle_deg = 0.0"), "slip_angle_deg"),
+        (JOINT.replace("tolerance = 0.1", "tolerance = 1.5"), "tolerances from 0 to below 1"),
+        (JOINT.replace("slip_torque_nm", "slip_nm"), "slip_nm"),
+    ],
+)
+def test_a_joint_with_a_fault_is_refused(promised: Path, tmp_path: Path, joint: str, what: str):
+    with pytest.raises(ConfigError, match=what):
+        load_plan(with_joint(promised, tmp_path, joint) / "promise.toml", ARTICLE)
+
+
 def test_what_came_is_compared(promised: Path, capfd: pytest.CaptureFixture[str]):
     outcome = promised / "outcome.toml"
     text = outcome.read_text(encoding="utf-8")

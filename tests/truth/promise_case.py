@@ -54,7 +54,7 @@ SLIPS = tuple(
     )
     for name in GIMBALS
 )
-RIG_HZ, RIG_SETTLE_S = 500.0, 60.0
+RIG_HZ, RIG_SETTLE_S = 500.0, 30.0
 
 
 def plan(
@@ -124,67 +124,55 @@ def true_db(plant: Plant, law: Compensator, asked: Plan) -> float:
     return decibels(float(rms[0]) if stable[0] else np.inf, float(uncontrolled_rms([plant], weights)[0]))
 
 
-def true_rig(seed: int, asked: Plan, *, friction: bool) -> Rig:
-    """The truth's rig, with friction drawn within the plan's tolerances: commanded at the gimbal, read there.
+def true_rigs(seed: int, whole: Plant, asked: Plan) -> tuple[Rig, Rig]:
+    """The rigs of a true plant, with friction drawn within the plan's tolerances and without.
 
-    The first output is the angle as it is, the second as the law reads it.
+    Commanded at the gimbal; the first output is the angle as it is, the second as a law reads it.
     """
-    whole = true_plant(seed, asked)
     rng = np.random.default_rng([seed, 24])
-    joints = [
-        JointElements(
-            name,
-            name,
-            (
-                Friction(
-                    slip_torque=BEARING.slip_torque * (1.0 + SLIP_TOLERANCE * rng.uniform(-1.0, 1.0)),
-                    stiffness=BEARING.stiffness / (1.0 + ANGLE_TOLERANCE * rng.uniform(-1.0, 1.0)),
-                ),
-            ),
-        )
-        for name in GIMBALS
-    ]
-    system, at = remove_delays(whole).system, [p.name for p in whole.outputs].index(OUTPUT)
-    twice = make_twice(system, at)
-    ports = (*whole.outputs, dataclasses.replace(whole.outputs[at], name="read"))
-    plant = Plant(dynamics=twice, inputs=whole.inputs, outputs=ports)
-    return build_rig(
-        plant,
-        sample_hz=RIG_HZ,
-        delay_s=float(whole.delay_s[0, 0]),
-        motors={INPUT: Motor()},
-        sensors={OUTPUT: Sampler(), "read": Sampler(asked.noise["rad"] * np.sqrt(RIG_HZ))},
-        joints=joints if friction else (),
-    )
-
-
-def make_twice(system: StateSpace, at: int) -> StateSpace:
-    """With one output once more."""
-    return StateSpace(
+    joints = [JointElements(name, name, (_bearing(rng),)) for name in GIMBALS]
+    system, at = remove_delays(whole).system, whole.output_indices([OUTPUT])[0]
+    twice = StateSpace(
         system.A, system.B, np.vstack([system.C, system.C[at]]), np.vstack([system.D, system.D[at]])
     )
+    ports = (*whole.outputs, dataclasses.replace(whole.outputs[at], name="read"))
+    plant = Plant(dynamics=twice, inputs=whole.inputs, outputs=ports)
+    noise = asked.noise["rad"] * np.sqrt(RIG_HZ)
+    return tuple(
+        build_rig(
+            plant, sample_hz=RIG_HZ, delay_s=float(whole.delay_s[0, 0]), motors={INPUT: Motor()},
+            sensors={OUTPUT: Sampler(), "read": Sampler(noise)}, joints=rubs,
+        )
+        for rubs in (joints, [])
+    )  # fmt: skip
 
 
-def rig_square(seed: int, asked: Plan, law: Compensator | None, seconds: float, *, friction: bool) -> float:
-    """Mean square of the angle on the rig under noise of the plan's intensity to `TO_HZ`."""
-    rig = true_rig(seed, asked, friction=friction)
-    rng = np.random.default_rng([seed, 25])
+def _bearing(rng: np.random.Generator) -> Friction:
+    return Friction(
+        slip_torque=BEARING.slip_torque * (1.0 + SLIP_TOLERANCE * rng.uniform(-1.0, 1.0)),
+        stiffness=BEARING.stiffness / (1.0 + ANGLE_TOLERANCE * rng.uniform(-1.0, 1.0)),
+    )
+
+
+def friction_db(
+    seed: int, rigs: tuple[Rig, Rig], asked: Plan, law: Compensator | None, seconds: float
+) -> float:
+    """What friction adds to the rms on the rig, under one noise of the plan's intensity to `TO_HZ`."""
     samples = int((RIG_SETTLE_S + seconds) * RIG_HZ)
-    lines = np.arange(samples // 2 + 1) * RIG_HZ / samples <= TO_HZ
+    rng = np.random.default_rng([seed, 25])
+    lines = np.fft.rfftfreq(samples, 1.0 / RIG_HZ) <= TO_HZ
     size = asked.intensity[0] * np.sqrt(0.5 * samples * RIG_HZ)
-    spectrum = size * lines * (rng.standard_normal((2, len(lines))).T @ [1.0, 1.0j])
-    u = np.fft.irfft(spectrum, samples)[:, None]
+    u = np.fft.irfft(size * lines * (rng.standard_normal((len(lines), 2)) @ [1.0, 1.0j]), samples)
     sampled = None
     if law is not None:
         read = dataclasses.replace(law.inputs[0], name="read")
         sampled = emulate(dataclasses.replace(law, inputs=(read,)), 1.0 / RIG_HZ)
-    run = run_closed_loop(rig, sampled, u, periods=1, rng=rng, settle=0, rest_s=0.0, steady=True)
-    if run.record is None:
-        return np.inf
-    return float(np.mean(run.record.y[0, 0, int(RIG_SETTLE_S * RIG_HZ) :, 0] ** 2))
-
-
-def friction_db(seed: int, asked: Plan, law: Compensator | None, seconds: float) -> float:
-    """What friction adds to the rms on the rig, under one noise."""
-    both = [rig_square(seed, asked, law, seconds, friction=f) for f in (True, False)]
-    return 10.0 * float(np.log10(both[0] / both[1]))
+    square: list[float] = []
+    for rig in rigs:
+        noise = np.random.default_rng([seed, 26])
+        run = run_closed_loop(
+            rig, sampled, u[:, None], periods=1, rng=noise, settle=0, rest_s=0.0, steady=True
+        )
+        assert run.record is not None, run.cause
+        square.append(float(np.mean(run.record.y[0, 0, int(RIG_SETTLE_S * RIG_HZ) :, 0] ** 2)))
+    return 10.0 * float(np.log10(square[0] / square[1]))

@@ -68,6 +68,9 @@ def _draw_loops(
         axes.hlines(y, low - middle, end, color=COLOUR["orbit"], linewidth=4.0, alpha=0.5)
         if cautious is not None:
             axes.plot(cautious - middle, y, "|", color=COLOUR["ink"], markersize=10.0)
+        if "without_friction_db" in row:
+            without = row["without_friction_db"][at[0.5]] - middle
+            axes.plot(without, y, "D", color=COLOUR["ink"], markerfacecolor="none", markersize=4.0)
         if verdict is not None and verdict["stable"]:
             _point(axes, verdict["value"] - middle, y, verdict["inside"])
     axes.axvline(0.0, color="black", linewidth=0.7)
@@ -75,7 +78,8 @@ def _draw_loops(
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.margins(x=0.1)
     axes.set_xlabel("dB above the promised median")
-    axes.set_title("compensators, 95 % of draws; bar: 99 % reach this" if rows else "no compensator")
+    said = "compensators, 95 % of draws; bar: 99 % reach this" if rows else "no compensator"
+    axes.set_title("95 % of draws; bar: 99 % reach this; open: no friction" if "friction" in place else said)
 
 
 def _called(row: Mapping[str, Any], at: Mapping[float, int]) -> str:

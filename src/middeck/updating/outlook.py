@@ -173,7 +173,7 @@ def with_friction(
     every = dataclasses.replace(
         drawn, names=(*drawn.names, *slips.names), drawn=np.concatenate([drawn.drawn, slips.drawn], axis=1)
     )
-    angles = law.travel * slips.stiffness / slips.slip_torque
+    angles = law.travel / slips.slip_angle
     return dataclasses.replace(
         outlook,
         stable=stable,

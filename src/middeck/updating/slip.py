@@ -47,9 +47,14 @@ class DrawnSlips:
     """Sliders of all joints, draw by draw, and what was drawn for them in parts of its tolerance."""
 
     slip_torque: Float[np.ndarray, "draw joint"]
-    stiffness: Float[np.ndarray, "draw joint"]
+    slip_angle: Float[np.ndarray, "draw joint"]
     names: tuple[str, ...]
     drawn: Float[np.ndarray, "draw name"]
+
+    @property
+    def stiffness(self) -> Float[np.ndarray, "draw joint"]:
+        """Of the presliding springs [N m/rad]."""
+        return self.slip_torque / self.slip_angle
 
 
 def draw_slips(joints: Sequence[JointSlip], draws: int, rng: np.random.Generator) -> DrawnSlips:
@@ -62,7 +67,7 @@ def draw_slips(joints: Sequence[JointSlip], draws: int, rng: np.random.Generator
     )
     return DrawnSlips(
         slip_torque=slip_torque,
-        stiffness=slip_torque / slip_angle,
+        slip_angle=slip_angle,
         names=(*(f"slip torque of {j.name}" for j in joints), *(f"slip angle of {j.name}" for j in joints)),
         drawn=np.concatenate([torque, angle], axis=1),
     )

@@ -106,7 +106,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
     for place in document["environments"]:
         blocks += [_modes(place)] if place["modes"] else []
         if "compensators" in place:
-            blocks += [_loops(place, document), _highest(place, document)]
+            blocks += [_loops(place, document), *_with_friction(place, document), _highest(place, document)]
         blocks += [_readings(place)] if place.get("load_cases") else []
     blocks += ["", "not valid for", *(f"  {limit}" for limit in document["not_valid_for"])]
     return [*blocks, f"sha256 {document['sha256']}", *([f"wrote {target}"] if target else [])]
@@ -174,6 +174,28 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
     headers = ["compensator", "stable [%]", "at least", "median [dB]", "2.5 %", "97.5 %", "99 %",
                "above the bound [dB]", "would grow", "hangs on"]  # fmt: skip
     return Table(f"promised in {place['name']}: {document['draws']} draws", headers, rows)
+
+
+def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Table]:
+    """What friction costs, where the plan states any."""
+    if "friction" not in place:
+        return []
+    middle = document["shares"].index(0.5)
+
+    def decibel(value: float | None) -> str:
+        return "-" if value is None else f"{value:.2f}"
+
+    rows: list[list[str]] = []
+    for c in place["compensators"]:
+        with_it, without = c["db"][middle], c["without_friction_db"][middle]
+        cost = None if with_it is None or without is None else with_it - without
+        moves = ", ".join(f"{n} {decibel(t)}" for n, t in c["travel_over_slip_angle"].items())
+        stable = f"{100.0 * c['stable_while_sticking']:.1f}"
+        row = [decibel(x) for x in (with_it, without, cost, c["simulation_error_db"])]
+        rows.append([c["name"], *row, stable, moves])
+    headers = ["compensator", "median [dB]", "without friction [dB]", "cost [dB]", "error of a draw [dB]",
+               "stable while sticking [%]", "rms angle over slip angle"]  # fmt: skip
+    return [Table(f"promised in {place['name']}: friction of joints", headers, rows)]
 
 
 def _highest(place: dict[str, Any], document: dict[str, Any]) -> str:

@@ -11,7 +11,7 @@ from middeck.study.chapters.promise import numbers, text
 from middeck.study.chapters.promise.computation import PromiseKept
 from middeck.updating.outlook import LEVELS
 
-WAYS = {"sheet": ("ghost", "s"), "refined": ("orbit", "o"), "measured": ("lab", "^")}
+WAYS = {"sheet": ("rig", "s"), "refined": ("orbit", "o")}
 
 
 def promised_and_came(kept: PromiseKept) -> Figure:
@@ -25,17 +25,24 @@ def promised_and_came(kept: PromiseKept) -> Figure:
 
 @styled
 def routes(kept: PromiseKept) -> Figure:
-    """Decibels on the rig in orbit over authority."""
-    figure = new_figure(3.4)
+    """How far two ways are behind a compensator that was designed on a record from orbit, over authority."""
+    figure = new_figure(3.0)
     axes = figure.subplots()
     said = numbers.promise(kept)
-    level = np.asarray(said["authority_log10"])
-    for way, decibels in numbers.routes(said).items():
-        colour, marker = WAYS[way]
-        db = np.array([np.nan if value is None else value for value in decibels])
-        axes.plot(level, db, marker=marker, color=COLOUR[colour], label=f"designed on: {text.ROUTES[way]}")
+    by = {way: _decibels(db) for way, db in numbers.routes(said).items()}
+    for way, (colour, marker) in WAYS.items():
+        axes.plot(
+            said["authority_log10"], by[way] - by["measured"], marker=marker, color=COLOUR[colour],
+            label=text.ROUTES[way],
+        )  # fmt: skip
+    axes.axhline(0.0, color=COLOUR["ink"], linewidth=0.8)
     axes.set_xlabel("log10 of control authority")
-    axes.set_ylabel("payload angle on the rig in orbit\n[dB re analogue loops alone]")
-    axes.set_title("Three ways to a compensator for orbit")
+    axes.set_ylabel("behind the design on a record\nfrom orbit, on the rig [dB]")
+    axes.set_title("Payload angle in orbit, by what the compensator was designed on")
+    axes.margins(y=0.2)
     axes.legend()
     return figure
+
+
+def _decibels(values: list[float | None]) -> np.ndarray:
+    return np.array([np.nan if value is None else value for value in values])

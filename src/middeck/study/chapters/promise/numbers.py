@@ -34,7 +34,12 @@ def promise(kept: PromiseKept) -> Numbers:
             for one in kept.flown
         ],
         "verdicts": {v.name: {"inside": v.inside, "pessimism_db": v.pessimism} for v in kept.verdicts},
-        "score": kept.score,
+        "score": {
+            "count": kept.score.count,
+            "coverage": kept.score.coverage,
+            "brier": kept.score.brier,
+            "pessimism_db": kept.score.pessimism,
+        },
         "measured": {
             "states": kept.measured.model.states,
             "natural_hz": natural_hz(kept.measured.model),
@@ -77,8 +82,8 @@ def promise_claims(numbers: Numbers) -> list[Claim]:
         above("so many times less than the sheet's", sheet / refined, LEAST_TIMES, "times"),
         row(
             "outcomes within their 95 % intervals [%]",
-            100.0 * numbers["score"].coverage >= COVERED,
-            100.0 * numbers["score"].coverage,
+            100.0 * numbers["score"]["coverage"] >= COVERED,
+            100.0 * numbers["score"]["coverage"],
             f"\u2265 {COVERED:g}",
             "%",
         ),

@@ -7,6 +7,7 @@ from middeck.study.chapters.promise.numbers import routes as by_route
 from middeck.study.words import Line, Numbers, Table, fixed, percent, significant
 
 SECTION = "promise"
+REST_HZ = 0.005  # below which a growing pole is no oscillation
 ROUTES = {"sheet": "model as drawn", "refined": "refined on 1-g records", "measured": "record from orbit"}
 
 
@@ -15,12 +16,13 @@ def promise(figures: Numbers) -> str:
     numbers = figures["promise"]
     score, apart = numbers["score"], median_error_db(numbers)
     decibels = "" if apart is None else f"; decibels were promised within {fixed(apart, 2)} dB in the median"
+    set_ups = "one set-up" if len(numbers["tests"]) == 1 else f"{len(numbers['tests'])} set-ups"
     return (
-        f"Refined on records of {len(numbers['tests'])} set-ups in 1-g alone, the article's first"
+        f"Refined on records of {set_ups} in 1-g alone, the article's first"
         f" {len(numbers['frequencies']['true_hz'])} flexible frequencies in orbit were promised within"
         f" {significant(frequency_error(numbers, 'refined_hz'), 2)} % rms (as drawn:"
-        f" {significant(frequency_error(numbers, 'sheet_hz'), 2)} %){decibels}. Of {score.count} outcomes"
-        f" {percent(score.coverage, 0)} lay within their 95 % intervals."
+        f" {significant(frequency_error(numbers, 'sheet_hz'), 2)} %){decibels}. Of {score['count']} outcomes"
+        f" {percent(score['coverage'], 0)} lay within their 95 % intervals."
     )
 
 
@@ -29,9 +31,10 @@ def routes(figures: Numbers) -> str:
     numbers = figures["promise"]
     law, top = numbers["ground_law"], {key: values[-1] for key, values in by_route(numbers).items()}
     reached = ", ".join(f"{ROUTES[key]}: {_decibel(db)}" for key, db in top.items())
+    grows = f"grows at {fixed(law['growth_hz'], 2)} Hz" if law["growth_hz"] >= REST_HZ else "diverges"
     turned = (
-        f"A compensator for all motors designed on the 1-g record is stable there and grows at"
-        f" {fixed(law['growth_hz'], 2)} Hz in orbit: gravity cannot be taken out of a measurement."
+        f"A compensator for all motors designed on the 1-g record is stable there and {grows} in orbit:"
+        " gravity cannot be taken out of a measurement."
         if law["stable_on_the_ground"] and not law["stable_in_orbit"]
         else "A compensator for all motors designed on the 1-g record is"
         f" {'stable' if law['stable_in_orbit'] else 'unstable'} in orbit."
