@@ -87,7 +87,7 @@ def test_the_verb_ranks_and_names_the_widest(capfd: pytest.CaptureFixture[str]):
         ('at = "n5"', 'at = "n9"', "candidate 'two kilograms', gauge 'slope': no node 'n9'"),
         ("std_deg = 0.001", "std_m = 0.001", "of a tilt"),
         ("std_deg = 0.001", "std_deg = 0.001\nvalue_deg = 1.0", "value_deg"),
-        ('mass = [{ frame = "n3", mass_kg = 2.0 }]', "", "of no load"),
+        ('mass = [{ frame = "n4", mass_kg = 2.0 }]', "", "of no load"),
         ('refinement = "refine.toml"', 'refinement = "none.toml"', "none.toml"),
         ("[[survey]]", "[[surveys]]", "did you mean 'survey'"),
     ],
@@ -164,7 +164,7 @@ refinement = "refine.toml"
 
 [[load_case]]
 name = "three_kilograms"
-mass = [{ frame = "n3", mass_kg = 3.0 }]
+mass = [{ frame = "n4", mass_kg = 3.0 }]
 
 [[gauge]]
 name = "slope"
@@ -199,6 +199,10 @@ def test_readings_that_cannot_be_promised(folder: Path, capfd: pytest.CaptureFix
     ended = middeck(capfd, "candidates", ARTICLE, file)
     assert ended.code == ConfigError.exit_code
     assert "one refinement" in ended.err
+    loads.write_text(LOADS.replace("refine.toml", "./refine.toml").replace('"n4"', '"n3"'))
+    ended = middeck(capfd, "candidates", ARTICLE, file)
+    assert ended.code == ConfigError.exit_code
+    assert "promised gauge 'slope': it reads" in ended.err
     loads.write_text(LOADS.partition("[[load_case]]")[0])
     found = json.loads(middeck(capfd, "candidates", ARTICLE, file, "--json").out)
     assert len(found["promised"]) == 8

@@ -89,8 +89,8 @@ def rank_tests(
     test is a `StaticTest` whose values are not looked at. Each candidate is refined on in thought, see
     `middeck.updating.foreseen.foresee`, which holds for the article as it is now thought to be.
 
-    Raises `ConfigError` for no candidate, nothing promised, names given twice, and as `foresee`, which
-    raises `NumericalError` too.
+    Raises `ConfigError` for no candidate, nothing promised, a gauge that reads no more than its deviation,
+    names given twice, and as `foresee`, which raises `NumericalError` too.
     """
     names = [c.name for c in candidates]
     twice = [name for name in names if names.count(name) > 1]
@@ -130,10 +130,10 @@ def _promised(
     for case in cases:
         for gauge, value, std in zip(case.gauges, case.value.tolist(), case.std.tolist(), strict=True):
             scale = most[gauge.name]
-            if not scale > 0.0:
+            if not scale > gauge.std:
                 raise ConfigError(
-                    "no load case moves it",
-                    where=f"gauge {gauge.name!r}",
+                    f"it reads {scale:.2g} {gauge.unit} at most, within its deviation of {gauge.std:.2g}",
+                    where=f"promised gauge {gauge.name!r}",
                     hint="leave it out, or promise what it reads under another load",
                 )
             found.append(
