@@ -63,7 +63,7 @@ def test_the_verb_ranks_and_names_the_widest(capfd: pytest.CaptureFixture[str]):
     assert widest["std"] == max(p["std"] for p in found["promised"])
     shown = middeck(capfd, "candidates", ARTICLE, SURVEY / "candidates.toml")
     assert shown.code == 0
-    assert shown.out.startswith(f"widest: {widest['mode']} in orbit")
+    assert shown.out.startswith(f"widest: {widest['name']} in orbit")
     assert shown.out.index("longer records") < shown.out.index("two kilograms")
 
 
@@ -87,7 +87,7 @@ def test_the_verb_ranks_and_names_the_widest(capfd: pytest.CaptureFixture[str]):
         ('at = "n5"', 'at = "n9"', "candidate 'two kilograms', gauge 'slope': no node 'n9'"),
         ("std_deg = 0.001", "std_m = 0.001", "of a tilt"),
         ("std_deg = 0.001", "std_deg = 0.001\nvalue_deg = 1.0", "value_deg"),
-        ('mass = [{ frame = "n3", mass_kg = 2.0 }]', "", "of no load"),
+        ('mass = [{ frame = "n4", mass_kg = 2.0 }]', "", "of no load"),
         ('refinement = "refine.toml"', 'refinement = "none.toml"', "none.toml"),
         ("[[survey]]", "[[surveys]]", "did you mean 'survey'"),
     ],
@@ -116,7 +116,7 @@ def test_candidates_that_cannot_be():
     static = asked().tests[-1]
     for tests, environments, what in (
         ([], ORBIT, "no candidate"),
-        ([candidate()], {}, "no environment"),
+        ([candidate()], {}, "nothing is promised"),
         ([candidate(), dataclasses.replace(static, name="new")], ORBIT, "two are called 'new'"),
         ([candidate(channels=(("n9", "x"),))], ORBIT, "no node 'n9'"),
         ([candidate(channels=(("pri_x", "travel"),))], ORBIT, "no joint with a travel"),
@@ -156,3 +156,53 @@ def test_frequencies_alone_need_no_channels():
     for test in found.tests:
         assert test.widest < 0.9
         assert test.foreseen.unseen == ()
+
+
+LOADS = """
+schema = "middeck.promised-loads/1"
+refinement = "refine.toml"
+
+[[load_case]]
+name = "three_kilograms"
+mass = [{ frame = "n4", mass_kg = 3.0 }]
+
+[[gauge]]
+name = "slope"
+at = "n5"
+kind = "tilt"
+direction = [0.0, 1.0, 0.0]
+line = [1.0, 0.0, 0.0]
+std_deg = 0.001
+"""
+
+
+def test_readings_are_promised_beside_frequencies_or_alone(folder: Path, capfd: pytest.CaptureFixture[str]):
+    file, loads = folder / "candidates.toml", folder / "loads.toml"
+    loads.write_text(LOADS)
+    text = file.read_text()
+    file.write_text(text.replace("modes = 8", 'modes = 8\npromised_loads = "loads.toml"'))
+    both = json.loads(middeck(capfd, "candidates", ARTICLE, file, "--json").out)
+    assert [p["unit"] for p in both["promised"]] == 8 * ["Hz"] + ["rad"]
+    assert both["promised"][8]["where"] == "three_kilograms"
+    file.write_text(file.read_text().replace('environments = ["orbit"]', "environments = []"))
+    alone = json.loads(middeck(capfd, "candidates", ARTICLE, file, "--json").out)
+    assert alone["candidates"][0]["name"] == "two kilograms"
+    assert alone["candidates"][0]["ratio_of_the_widest"] < 0.6
+
+
+def test_readings_that_cannot_be_promised(folder: Path, capfd: pytest.CaptureFixture[str]):
+    """On another refinement; by a gauge that no load moves."""
+    file, loads = folder / "candidates.toml", folder / "loads.toml"
+    file.write_text(file.read_text().replace("modes = 8", 'modes = 8\npromised_loads = "loads.toml"'))
+    (folder / "other.toml").write_bytes((folder / "refine.toml").read_bytes())
+    loads.write_text(LOADS.replace("refine.toml", "other.toml"))
+    ended = middeck(capfd, "candidates", ARTICLE, file)
+    assert ended.code == ConfigError.exit_code
+    assert "one refinement" in ended.err
+    loads.write_text(LOADS.replace("refine.toml", "./refine.toml").replace('"n4"', '"n3"'))
+    ended = middeck(capfd, "candidates", ARTICLE, file)
+    assert ended.code == ConfigError.exit_code
+    assert "promised gauge 'slope': it reads" in ended.err
+    loads.write_text(LOADS.partition("[[load_case]]")[0])
+    found = json.loads(middeck(capfd, "candidates", ARTICLE, file, "--json").out)
+    assert len(found["promised"]) == 8

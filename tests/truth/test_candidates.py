@@ -16,6 +16,7 @@ from middeck.structure.model.article import LoadCase, PointLoad
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidate_survey import CandidateSurvey
 from middeck.updating.candidates import rank_tests
+from middeck.updating.deflections import Deflection, predict_deflections
 from middeck.updating.foreseen import foresee
 from middeck.updating.gauges import Gauge
 from middeck.updating.orbit import predict_modes
@@ -202,6 +203,28 @@ def test_a_candidate_beside_static_tests_alone():
     found = rank_tests(before, [candidate()], ORBIT, count=4)
     assert found.tests[0].widest < 0.1
     assert len(found.tests[0].foreseen.refined.compared) == 1
+
+
+def test_what_gauges_will_read_is_promised_too():
+    """Of a push: one half as large tells most of it, one across less, a survey of modes little."""
+    tip = push("promised").gauges[0]
+
+    def readings(refined: Refined) -> tuple[Deflection, ...]:
+        load = push("promised").load_case
+        return predict_deflections(refined, clamped(), [load], [tip])
+
+    tests = [push("half", 0.5), push("across", 0.5, along="z"), candidate("modes", count=2)]
+    found = rank_tests(two_modes_seen(), tests, {}, readings=readings)
+    assert [t.name for t in found.tests] == ["half", "across", "modes"]
+    (told,) = readings(two_modes_seen())
+    (before,) = found.promised
+    assert (before.name, before.where, before.unit) == ("tip", "promised", "m")
+    assert before.std == pytest.approx(told.std[0] / told.value[0], rel=1e-9)
+    (then,) = readings(found.tests[0].foreseen.refined)
+    assert found.tests[0].widest == pytest.approx(then.std[0] / told.std[0], rel=1e-6)
+    assert then.value[0] == pytest.approx(told.value[0], rel=1e-3)
+    both = rank_tests(two_modes_seen(), tests, ORBIT, count=3, readings=readings)
+    assert len(both.promised) == 4
 
 
 def test_modes_that_move_no_channel_are_left_out():

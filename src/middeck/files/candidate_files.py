@@ -13,6 +13,7 @@ from middeck.files.documents import check, find_document, load_setup, load_struc
 from middeck.files.faults import Finding, finding, raise_faults
 from middeck.files.form import Finite, Form, NotNegative, Positive, whole
 from middeck.files.gauge_form import PlannedStaticForm, build_case, build_gauge, planned_findings
+from middeck.files.promised_loads import PromisedLoads, load_promised_loads
 from middeck.files.refinements import Refinement, load_refinement
 from middeck.files.tables import tables
 from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
@@ -38,12 +39,13 @@ class CandidateForm(Form):
 
 
 class CandidatesForm(Form):
-    """Tests that may be made, the refinement that each would add to, and what is promised."""
+    """Tests that may be made, the refinement that each adds to, and what is promised."""
 
     schema_: Literal["middeck.candidates/1"] = Field(alias="schema")
     refinement: str
-    environments: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("orbit",)
+    environments: Annotated[tuple[str, ...], Field(strict=False)] = ("orbit",)
     modes: Annotated[int, whole(1, 10000)] = 10
+    promised_loads: str | None = None
     survey: Annotated[tuple[CandidateForm, ...], Field(strict=False)] = ()
     static: Annotated[tuple[PlannedStaticForm, ...], Field(strict=False)] = ()
 
@@ -55,12 +57,14 @@ class Candidates:
     Attributes:
         environments: Of what is promised, by name.
         modes: How many of the lowest modes are promised in each.
+        loads: What gauges will read, that is promised too.
     """
 
     structure: Structure
     refinement: Refinement
     environments: dict[str, Environment]
     modes: int
+    loads: PromisedLoads | None
     tests: tuple[CandidateSurvey | StaticTest, ...]
 
 
@@ -79,19 +83,35 @@ def load_candidates(path: str | Path, article: str | Path) -> Candidates:
     if twice:
         raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, environment", hint="each once")
 
+    refined_on = Path(path).parent / form.refinement
+    loads = None if form.promised_loads is None else Path(path).parent / form.promised_loads
+
     def there(name: str) -> Environment:
         return load_setup(article, find_document(name, "environment", beside=path))[1]
 
     return Candidates(
         structure=load_structure(article),
-        refinement=load_refinement(Path(path).parent / form.refinement, article),
+        refinement=load_refinement(refined_on, article),
         environments={name: there(name) for name in form.environments},
         modes=form.modes,
+        loads=None if loads is None else _loads(loads, article, refined_on),
         tests=(
             *(_survey(s, there(s.environment)) for s in form.survey),
             *(_static(s, there(s.environment)) for s in form.static),
         ),
     )
+
+
+def _loads(path: Path, article: str | Path, refined_on: Path) -> PromisedLoads:
+    """Load cases that are promised. Raises `ConfigError` where they stand on another refinement."""
+    found = load_promised_loads(path, article)
+    if found.refinement.files[0].resolve() != refined_on.resolve():
+        raise ConfigError(
+            f"promised on {found.refinement.files[0]}, not on {refined_on}",
+            where=str(path),
+            hint="one refinement for what is promised and for the candidates",
+        )
+    return found
 
 
 def _findings(data: Any) -> list[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,7 +11,9 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    from middeck.files.candidate_files import Candidates
     from middeck.updating.candidates import Ranking
+    from middeck.updating.deflections import Deflection
     from middeck.updating.refine import Refined
 
 EPILOG = """\
@@ -31,8 +34,9 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     """Rank tests by what they would tell.
 
     ARTICLE is refined on the tests that were made; each of CANDIDATES, a test that may be made, is then
-    added in thought: docs/reference/files.md. The answer is by how much each narrows the frequencies that are
-    promised, first of all the widest. Each test is taken as it stands, alone; none is optimised.
+    added in thought: docs/reference/files.md. The answer is by how much each narrows what is promised,
+    frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
+    is optimised.
     """
     from middeck.cli.blame import reading
     from middeck.files.candidate_files import load_candidates
@@ -44,9 +48,23 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     asked = load_candidates(candidates, body)
     with reading(body, candidates):
         refined = refine(asked.structure, *asked.refinement.of_refine)
-        ranking = rank_tests(refined, asked.tests, asked.environments, count=asked.modes)
+        ranking = rank_tests(
+            refined, asked.tests, asked.environments, count=asked.modes, readings=_readings(asked)
+        )
     document = describe(refined, ranking)
     show(as_json, document, *_blocks(document))
+
+
+def _readings(asked: Candidates) -> Callable[[Refined], Sequence[Deflection]] | None:
+    from middeck.updating.deflections import predict_deflections
+
+    loads = asked.loads
+    if loads is None:
+        return None
+    return lambda refined: predict_deflections(
+        refined, loads.environment, loads.load_cases, loads.gauges,
+        since_unloaded=loads.since_unloaded, series=loads.series,
+    )  # fmt: skip
 
 
 def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:
@@ -57,12 +75,7 @@ def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:
         "schema": "middeck.candidates-ranked/1",
         "article": refined.structure.title,
         "promised": [
-            {
-                "environment": p.environment,
-                "mode": p.mode,
-                "frequency_hz": p.frequency_hz,
-                "std": p.std,
-            }
+            {"where": p.where, "name": p.name, "value": p.value, "unit": p.unit, "std": p.std}
             for p in ranking.promised
         ],
         "widest": ranking.widest,
@@ -106,11 +119,11 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     ]
     best = document["candidates"][0]
     rows = [
-        [p["environment"], p["mode"], f"{p['frequency_hz']:.4f}", percent(p["std"]), percent(after)]
+        [p["where"], p["name"], f"{p['value']:.5g} {p['unit']}", percent(p["std"]), percent(after)]
         for p, after in zip(promised, best["std"], strict=True)
     ]
     return [
-        f"widest: {w['mode']} in {w['environment']}, {w['frequency_hz']:.4f} Hz +- {percent(w['std'])} %",
+        f"widest: {w['name']} in {w['where']}, {w['value']:.5g} {w['unit']} +- {percent(w['std'])} %",
         Table(
             "candidates",
             ["", "test", "widest, then +- [%]", "ratio", "median ratio", "the widest then"],
@@ -118,7 +131,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         ),
         Table(
             f"promised, and after {best['name']}",
-            ["environment", "mode", "frequency [Hz]", "+- [%]", "then +- [%]"],
+            ["in", "of", "value", "+- [%]", "then +- [%]"],
             rows,
         ),
     ]
@@ -126,4 +139,4 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
 
 def _still_widest(document: dict[str, Any], std: Any) -> str:
     k = max(range(len(std)), key=lambda i: std[i])
-    return f"{document['promised'][k]['mode']}, {100.0 * std[k]:.3g} %"
+    return f"{document['promised'][k]['name']}, {100.0 * std[k]:.3g} %"
