@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from functools import partial
 
 import numpy as np
 import promise_case as case
@@ -26,7 +27,7 @@ from middeck.updating.bound import bound_db
 from middeck.updating.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.orbit import predict_modes
 from middeck.updating.outlook import Outlook, highest_promised, look_ahead, probability_interval
-from middeck.updating.plan import Ladder, plant_of, weights_of
+from middeck.updating.plan import Ladder, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise import design_ladder, promise
 from middeck.updating.refine import Refined
 
@@ -220,3 +221,25 @@ def test_a_performance_without_an_rms_has_no_decibels(refined: Refined):
     )  # fmt: skip
     with pytest.raises((ConfigError, NotStabilisableError), match=r"no rms|does not decay"):
         promise(refined, asked)
+
+
+def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined: Refined):
+    """Five motors at high authority: stable on every draw that floats, and not on all that hang by a cable.
+
+    So it is on the truth, which has one of 0.02 Hz.
+    """
+    reads = ("pri_in_z", *case.PD.names)
+    ladder = Ladder(drives=case.PD.names, reads=reads, authority=np.array([1e3, 1e4]))
+    asked = dataclasses.replace(case.plan([1.0], 1), ladder=ladder)
+    law = design_ladder(case.modes_in_orbit(refined), asked)["LQG 4"]
+    weights = weights_of(asked, law.outputs, law.inputs)
+    held = []
+    for umbilical_hz in (0.0, 0.03):
+        drawn = draw_plants(
+            refined, Environment.orbit(), partial(plant_of, asked), draws=6, rng=np.random.default_rng(2),
+            loop=dataclasses.replace(asked.loop, umbilical_hz=umbilical_hz), finish=partial(close_inner, asked),
+        )  # fmt: skip
+        plants = [group_loop(asked, p, case.PD.names, reads) for p in drawn.plants]
+        held.append(int(np.count_nonzero(noise_on(plants, law, weights)[0])))
+    assert held[0] == 6
+    assert held[1] < 6

@@ -60,6 +60,7 @@ class LoopForm(Form):
     delay_tolerance_s: NotNegative = 0.0
     gain_tolerance: NotNegative = 0.0
     damping_std: NotNegative = 0.3
+    umbilical_hz: NotNegative = 0.0
 
 
 class InnerForm(Form):

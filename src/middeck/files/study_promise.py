@@ -58,6 +58,7 @@ class PromiseForm(Form):
     angle_noise_rad_per_rthz: Positive
     delay_tolerance_s: NotNegative
     gain_tolerance: Annotated[float, within(least=0.0, below=1.0)]
+    umbilical_hz: NotNegative
     pd_loops: Names
     pd_kp_nm_per_rad: Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
     pd_kd_nms_per_rad: Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
@@ -106,7 +107,10 @@ def build_plan(
         band_hz=form.loop_band_hz,
         inner=PDLoops(form.pd_loops, np.array(form.pd_kp_nm_per_rad), np.array(form.pd_kd_nms_per_rad)),
         loop=LoopSpread(
-            delay_s=delay_s, delay_tolerance_s=form.delay_tolerance_s, gain_tolerance=form.gain_tolerance
+            delay_s=delay_s,
+            delay_tolerance_s=form.delay_tolerance_s,
+            gain_tolerance=form.gain_tolerance,
+            umbilical_hz=form.umbilical_hz,
         ),
         modes=form.modes_kept,
         draws=form.draws,

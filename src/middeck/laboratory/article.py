@@ -6,7 +6,6 @@ errors, drawn from a seed as in the frozen case "Updating and promise". Designs 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,8 +18,9 @@ from middeck.laboratory.hidden_errors import (
     spread_damping,
 )
 from middeck.structure.model.article import Structure
-from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer import TUBE_SHEAR, refine_mesh
+from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
@@ -29,7 +29,6 @@ from middeck.values import record
 
 MESH_FACTOR = 3  # times the elements of the article
 RIG_MODES_HZ = 200.0
-UMBILICAL_LENGTH = 1.0  # m, of the springs that stand for a cable in orbit
 
 
 @record
@@ -65,8 +64,7 @@ def solve_rig_article(
     finer = refine_mesh(structure, mesh_factor, shear)
     if hidden is not None:
         finer, environment = hide_in_structure(finer, hidden), hide_in_suspension(environment, hidden)
-    if umbilical_hz > 0.0 and not np.any(environment.gravity):
-        environment = _tie(finer, environment, umbilical_hz)
+    environment = tie_umbilical(finer, environment, umbilical_hz)
     equilibrium = solve_equilibrium(finer, environment)
     return RigArticle(equilibrium, solve_modes(equilibrium), hidden)
 
@@ -99,24 +97,3 @@ def holding_torque(article: RigArticle, joint: str) -> float:
     if joint not in names:
         raise ConfigError(f"no joint {joint!r}", hint=f"one of {', '.join(names)}")
     return float(article.equilibrium.holding_torque[names.index(joint)])
-
-
-def _tie(structure: Structure, environment: Environment, frequency_hz: float) -> Environment:
-    """Three unstrained springs at the middle attach point, along the axes: a weak cable that no model has."""
-    if not structure.attach_points:
-        raise ConfigError("an umbilical needs an attach point", where=f"structure {structure.title!r}")
-    point = structure.attach_points[len(structure.attach_points) // 2]
-    frame = next(n for n in structure.nodes if n.name == point.frame)
-    at = frame.position + point.offset
-    stiffness = structure.mass * (2.0 * np.pi * frequency_hz) ** 2
-    springs = tuple(
-        AnchoredSpring(
-            name=f"umbilical {letter}",
-            attach=point.name,
-            anchor=at + UMBILICAL_LENGTH * axis,
-            stiffness=stiffness,
-            free_length=UMBILICAL_LENGTH,
-        )
-        for letter, axis in zip("xyz", np.eye(3), strict=True)
-    )
-    return dataclasses.replace(environment, springs=(*environment.springs, *springs))

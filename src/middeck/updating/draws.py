@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.port_rows import RATE
 from middeck.systems.modal import ModalSystem
@@ -35,20 +36,29 @@ class LoopSpread:
         delay_tolerance_s: Its tolerance to both sides, all values within as likely.
         gain_tolerance: Of each sensor's gain, relative, likewise; an angle and its rate share one.
         damping_std: Of the logarithm of a damping ratio that no survey measured.
+        umbilical_hz: Frequency that a weak cable may give the article where there is no gravity, all from
+            zero to this as likely (`tie_umbilical`).
     """
 
     delay_s: float = 0.0
     delay_tolerance_s: float = 0.0
     gain_tolerance: float = 0.0
     damping_std: float = 0.3
+    umbilical_hz: float = 0.0
 
     def __post_init__(self) -> None:
-        values = (self.delay_s, self.delay_tolerance_s, self.gain_tolerance, self.damping_std)
+        values = (
+            self.delay_s,
+            self.delay_tolerance_s,
+            self.gain_tolerance,
+            self.damping_std,
+            self.umbilical_hz,
+        )
         sound = all(np.isfinite(v) and v >= 0.0 for v in values)
         if not sound or self.delay_tolerance_s > self.delay_s or self.gain_tolerance >= 1.0:
             raise ConfigError(
                 f"delay {self.delay_s} s +- {self.delay_tolerance_s} s, gain +- {self.gain_tolerance}, "
-                f"damping +- {self.damping_std}",
+                f"damping +- {self.damping_std}, umbilical to {self.umbilical_hz} Hz",
                 where="spread of the loop",
                 hint="zero or positive; a tolerance of the delay within it, of the gain below 1",
             )
@@ -89,12 +99,17 @@ def draw_plants(
     there = set_up(refined.structure, environment, settings, refined.unknowns)
     count = len(require_modal(build(there.solve(refined.x))).omega)
     mean = predict_modes(refined, environment, settings, count)
+    # A stream of its own: with a cable or without, all else is drawn alike.
+    pulls = rng.spawn(1)[0].uniform(0.0, 1.0, draws)
     plants, drawn = [], []
     for number in range(draws):
         n = rng.standard_normal(refined.estimate.root.shape[1])
         alone, lossy = rng.standard_normal((2, len(mean.index)))
         try:
-            modes = there.solve(refined.x + (refined.estimate.root @ n)[: len(refined.unknowns)])
+            tied = tie_umbilical(*there[:2], loop.umbilical_hz * pulls[number])
+            modes = there._replace(environment=tied).solve(
+                refined.x + (refined.estimate.root @ n)[: len(refined.unknowns)]
+            )
         except NumericalError as error:
             error.where = f"draw {number} of {draws}, {error.where}"
             error.hint = "narrower spreads of the unknowns that the surveys do not see"
@@ -111,7 +126,13 @@ def draw_plants(
         delay = loop.delay_s + loop.delay_tolerance_s * late
         plants.append(delay_plant(plant, delay) if delay else plant)
         own = (shift - mean.log_shift) / mean.log_std
-        drawn.append(np.concatenate([_in_deviations(refined, n), own, lossy, [late], gains]))
+        # What has no tolerance was not drawn, and no risk hangs on it.
+        of_loop = [
+            late * (loop.delay_tolerance_s > 0.0),
+            (2.0 * pulls[number] - 1.0) * (loop.umbilical_hz > 0.0),
+            *(gains * (loop.gain_tolerance > 0.0)),
+        ]
+        drawn.append(np.concatenate([_in_deviations(refined, n), own, lossy, of_loop]))
     names = [mean.modes.name[i] for i in mean.index]
     sensors = _sensors(plants[0]) if plants else ()
     return DrawnPlants(
@@ -121,6 +142,7 @@ def draw_plants(
             *(f"frequency of {n}" for n in names),
             *(f"damping of {n}" for n in names),
             "delay",
+            "umbilical",
             *(f"gain of {n}" for n in dict.fromkeys(sensors)),
         ),
         drawn=np.array(drawn),
