@@ -80,10 +80,11 @@ def paper_study():
 
 @pytest.fixture(scope="session")
 def paper_outcomes(paper_study):
-    """Its chapters but the mirror, which has its own tests and takes long; once a session."""
+    """Its chapters but mirror and promise, which have their own tests and take long; once a session."""
     from middeck.study.mission import run_chapters  # with matplotlib, which few tests need
 
-    return {name: run() for name, run in run_chapters(paper_study) if name != "mirror"}
+    apart = "mirror", "promise"
+    return {name: run() for name, run in run_chapters(paper_study) if name not in apart}
 
 
 @pytest.fixture(scope="session")

@@ -242,6 +242,8 @@ from .systems.response import (
 )
 from .systems.sampled_plant import sample_plant as sample_plant
 from .systems.sampling import tustin as tustin
+from .updating.candidate_survey import CandidateSurvey as CandidateSurvey
+from .updating.candidates import rank_tests as rank_tests
 from .updating.draws import LoopSpread as LoopSpread
 from .updating.deflections import predict_deflections as predict_deflections
 from .updating.gauges import Gauge as Gauge, GaugeKind as GaugeKind

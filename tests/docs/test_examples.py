@@ -88,6 +88,9 @@ def refine_on_ground_tests(names: Names) -> None:
     factors = {k: round(v, 4) for k, v in load_factors("refined.toml").items()}
     assert factors["members.E"] == 1.0378
     assert factors["node.n3.mass"] == 1.0258
+    ranked = names["ranking"].tests
+    assert (ranked[0].name, ranked[-1].name) == ("better", "push")
+    assert ranked[-1].ratio == pytest.approx(1.0, abs=1e-3)
 
 
 def load_factors(path: str) -> dict[str, float]:

@@ -17,6 +17,7 @@ from middeck.cli.app import VERBS
 from middeck.files import (
     article_form,
     boundary_form,
+    candidate_files,
     component_form,
     environment_form,
     gauge_form,
@@ -26,6 +27,7 @@ from middeck.files import (
     promises,
     refinements,
     study_form,
+    study_promise,
 )
 from middeck.files.form import Form, unit_of
 
@@ -78,6 +80,8 @@ FORMS: list[type[Form]] = [
     study_form.AuthorityForm,
     study_form.ImprovementForm,
     study_form.SitoForm,
+    study_promise.PromiseForm,
+    study_promise.SetUpForm,
     study_form.MirrorForm,
     refinements.RefinementForm,
     refinements.SurveyForm,
@@ -85,6 +89,9 @@ FORMS: list[type[Form]] = [
     gauge_form.GaugeForm,
     gauge_form.ReadingForm,
     refinements.UnknownForm,
+    candidate_files.CandidatesForm,
+    candidate_files.CandidateForm,
+    gauge_form.PlannedStaticForm,
     promise_plans.PlanForm,
     promise_plans.PerformanceForm,
     promise_plans.NoiseForm,
@@ -123,8 +130,18 @@ def test_what_the_paper_page_names_can_be_imported():
 
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
-    forms = (article_form, boundary_form, component_form, environment_form, link_form, study_form)
-    modules = (*forms, gauge_form, refinements, promise_plans, promised_loads, promises)
+    forms = (article_form, boundary_form, component_form, environment_form, link_form)
+    studies = study_form, study_promise
+    modules = (
+        *forms,
+        *studies,
+        gauge_form,
+        refinements,
+        candidate_files,
+        promise_plans,
+        promised_loads,
+        promises,
+    )
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__
     }

@@ -1,6 +1,7 @@
 """Promises: bounds against optima, probabilities against counts, draws against the linear estimate."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import promise_case as case
@@ -13,6 +14,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.noise import measure_noise_rms
+from middeck.control.robust.monte_carlo import noise_on
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
@@ -98,6 +100,18 @@ def test_probabilities_are_counted_and_the_risk_is_named():
     assert found.risk[1] > 0.95
     assert found.level_db(0.99) == np.inf
     assert found.level_db(0.5) == pytest.approx(np.median(found.db), abs=0.1)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.05])
+def test_bands_add_up_to_the_whole(delay_s: float):
+    """Squares of the rms in three bands beside the rms over all frequencies."""
+    law = design_lqg(approximate_delays(oscillator(3.0, delay_s), 3), WEIGHTS, 1.0)
+    plants = [oscillator(f, delay_s) for f in (2.9, 3.2)]
+    _, *whole = noise_on(plants, law, WEIGHTS)
+    ends = (0.0, 0.3, 2.0, 1e5)
+    parts = np.array([noise_on(plants, law, WEIGHTS, band)[1:] for band in itertools.pairwise(ends)])
+    np.testing.assert_allclose(np.sqrt(np.sum(parts**2, axis=0)), whole, rtol=1e-5)
+    assert np.all(parts < whole)
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 10), (3, 10), (10, 10), (297, 300)])

@@ -12,7 +12,6 @@ from middeck.errors import ConfigError
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
 from middeck.laboratory.article import (
-    TUBE_SHEAR,
     holding_torque,
     rig_article_plant,
     solve_rig_article,
@@ -24,6 +23,7 @@ from middeck.realtime.linear_view import linearise_rig
 from middeck.realtime.runs import run_open_loop
 from middeck.realtime.sensors import Encoder, Gyro
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.finer import TUBE_SHEAR
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.stability import growth_rates

@@ -337,3 +337,19 @@ def test_surveys_that_cannot_be():
         Unknown(name="a", parameters=("members.E", "environment.bounce_hz"), spread=0.1)
     with pytest.raises(ConfigError, match=r"spread of 0\.0"):
         Unknown(name="a", parameters=("members.E",), spread=0.0)
+
+
+def test_an_error_that_only_a_later_survey_saw_is_carried_like_one_of_the_first():
+    """Modes in two surveys of one set-up, whichever saw which: the same errors, carried alike."""
+    article, place = mast(), clamped()
+    seen = modes_of(mast(EI=1.02), place)
+    low, high = (survey_of(seen, TIGHT, k, chosen) for k, chosen in enumerate([range(3), range(3, 6)]))
+    high = dataclasses.replace(high, name="high")
+    once = [refine(article, order, [MODULUS], 0.01) for order in ([low, high], [high, low])]
+    for found in once:
+        assert len(found.estimate.d) == 6
+    told = [predict_modes(found, clamped(0.0), count=6) for found in once]
+    assert np.all(told[0].seen > 0.9)
+    np.testing.assert_allclose(told[0].frequency_hz, told[1].frequency_hz, rtol=1e-5)
+    np.testing.assert_allclose(told[0].log_std, told[1].log_std, rtol=0.02)
+    np.testing.assert_allclose(told[0].ground_hz, seen.frequency_hz[:6], rtol=0.01)

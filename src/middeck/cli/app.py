@@ -12,7 +12,7 @@ from middeck import __version__
 # In the order of the work.
 VERBS = (
     *("new", "study", "convert", "reduce", "check", "level", "modes", "compare", "budget", "path"),
-    *("sensitivity", "correlate", "refine", "promise", "outcome"),
+    *("sensitivity", "correlate", "refine", "candidates", "promise", "outcome"),
     *("response", "excite", "record", "identify", "impact", "drift"),
     *("design", "qualify"),
 )

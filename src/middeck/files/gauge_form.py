@@ -26,6 +26,8 @@ from middeck.updating.gauges import Gauge, GaugeKind
 # Endings of the keys of each kind, and their units over those of a `Gauge`.
 ENDING = {"shift": "m", "tilt": "deg", "force": "n", "moment": "nm"}
 UNIT = {"m": 1.0, "deg": np.pi / 180.0, "n": 1.0, "nm": 1.0}
+# What a reading states of its kind: of a test, and of one that may be made.
+VALUED, PLANNED = ("value", "std"), ("std",)
 
 
 class GaugeForm(Form):
@@ -67,6 +69,21 @@ class StaticForm(Form):
     reading: Annotated[tuple[ReadingForm, ...], Field(strict=False, min_length=1)]
 
 
+class PlannedStaticForm(Form):
+    """A static test that may be made: as `StaticForm`, its gauges without values."""
+
+    name: str
+    environment: str = "lab"
+    load_case: str | None = None
+    load: Annotated[tuple[LoadForm, ...], Field(strict=False)] = ()
+    mass: Annotated[tuple[MassForm, ...], Field(strict=False)] = ()
+    prescribed: Annotated[tuple[PrescribedForm, ...], Field(strict=False)] = ()
+    since: Literal["unloaded", "drawn"] = "unloaded"
+    series: str = ""
+    set: dict[str, Finite] = Field(default_factory=dict)
+    reading: Annotated[tuple[GaugeForm, ...], Field(strict=False, min_length=1)]
+
+
 def build_gauge(form: GaugeForm) -> Gauge:
     """The gauge that a form describes; without a deviation it reads exactly."""
     std = getattr(form, f"std_{ENDING[form.kind]}")
@@ -87,7 +104,7 @@ def value_of(form: ReadingForm) -> float:
     return UNIT[ending] * getattr(form, f"value_{ending}")
 
 
-def build_case(form: StaticForm) -> LoadCase | str | None:
+def build_case(form: StaticForm | PlannedStaticForm) -> LoadCase | str | None:
     """The load case of a static test."""
     if not (form.load or form.mass or form.prescribed):
         return form.load_case
@@ -99,24 +116,29 @@ def build_case(form: StaticForm) -> LoadCase | str | None:
 
 def static_findings(data: Any) -> list[Finding]:
     """What forms cannot say of static tests: keys of another unit, values that lack, loads given twice."""
-    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test)]
+    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, VALUED)]
 
 
-def _of_test(path: Path, test: dict[str, Any]) -> Iterator[Finding]:
+def planned_findings(data: Any) -> list[Finding]:
+    """The same of static tests that may be made, which have no values."""
+    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, PLANNED)]
+
+
+def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
     own = [key for key in ("load", "mass", "prescribed") if key in test]
     if own and "load_case" in test:
         yield finding((*path, "load_case"), f"beside {own[0]} of its own", hint="one or the other")
     if test.get("since", "unloaded") == "unloaded" and not own and "load_case" not in test:
         yield finding(path, "a change since unloaded, of no load", hint='a load, or since = "drawn"')
     for k, reading in tables(test, "reading"):
-        yield from _of_reading((*path, "reading", k), reading)
+        yield from _of_reading((*path, "reading", k), reading, stated)
 
 
-def _of_reading(path: Path, reading: dict[str, Any]) -> Iterator[Finding]:
+def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
     kind = reading.get("kind", "shift")
     if kind not in ENDING:
         return
-    for what in ("value", "std"):
+    for what in stated:
         wanted = f"{what}_{ENDING[kind]}"
         for other in (f"{what}_{ending}" for ending in UNIT):
             if other != wanted and other in reading:

@@ -44,7 +44,7 @@ PARTS = (
 KEYS: dict[str, frozenset[str]] = {
     ARTICLE: frozenset(PARTS),
     ENVIRONMENT: frozenset(("constants", "device", "clamp")),
-    STUDY: frozenset(("control", "rig", "figure_6", "siso", "sito", "mirror")),
+    STUDY: frozenset(("control", "rig", "figure_6", "siso", "sito", "promise", "mirror")),
     CHANNELS: frozenset(("channel",)),
 }
 

@@ -40,6 +40,7 @@ class PerformanceForm(Form):
     weights: Numbers
     disturbances: Names
     intensity_per_rthz: Numbers
+    band_hz: Annotated[tuple[NotNegative, Positive], Field(strict=False)] | None = None
 
 
 class NoiseForm(Form):
@@ -156,6 +157,7 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
         weights=np.array(p.weights),
         disturbances=p.disturbances,
         intensity=np.array(p.intensity_per_rthz),
+        band_hz=p.band_hz,
         noise={unit: value for unit, value in noise.items() if value is not None},
         inner=None
         if inner is None

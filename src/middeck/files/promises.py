@@ -44,9 +44,10 @@ def promise_document(
         "draws": plan.draws,
         "draws_needed": draws_needed(plan.probability),
         "probability": plan.probability,
+        "band_hz": plan.band_hz,
         "shares": LEVELS,
-        "not_valid_for": _limits(plan, promises),
-        "environments": [_environment(name, p, plan) for name, p in promises.items()],
+        "not_valid_for": limits_of(plan, promises),
+        "environments": [promised_there(name, p, plan) for name, p in promises.items()],
     }
     return seal(_head(refined, files, date) | said)
 
@@ -160,10 +161,10 @@ def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
             what = "stable, without its rms_db" if loop.stable else "unstable, with rms_db"
             raise DataError(f"{loop.name} is {what}", where=str(path), hint="rms_db of stable loops alone")
     return (
-        *(Outcome(name=_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
+        *(Outcome(name=name_of_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
         *(Outcome(name=_reading(r.environment, r.load_case, r.gauge), value=r.value) for r in form.reading),
         *(
-            Outcome(name=_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
+            Outcome(name=name_of_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
             for c in form.compensator
         ),
     )
@@ -204,7 +205,7 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
     for place in promise["environments"]:
         for number, mode in enumerate(place["modes"], start=1):
             ends = mode["interval_95_hz"]
-            found.append(Statement(name=_mode(place["name"], number), low=ends[0], high=ends[1]))
+            found.append(Statement(name=name_of_mode(place["name"], number), low=ends[0], high=ends[1]))
         for case in place.get("load_cases", ()):
             for reading in case["readings"]:
                 ends = reading["interval_95"]
@@ -214,7 +215,7 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
             db = loop["db"]
             found.append(
                 Statement(
-                    name=_loop(place["name"], loop["name"]),
+                    name=name_of_loop(place["name"], loop["name"]),
                     low=reached(db[at[0.025]]),
                     high=reached(db[at[0.975]]),
                     probability=loop["probability_stable"],
@@ -224,7 +225,8 @@ def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
     return tuple(found)
 
 
-def _mode(environment: str, number: int) -> str:
+def name_of_mode(environment: str, number: int) -> str:
+    """As outcomes name it; numbered from 1."""
     return f"{environment}: mode {number}"
 
 
@@ -232,7 +234,8 @@ def _reading(environment: str, case: str, gauge: str) -> str:
     return f"{environment}: {case}: {gauge}"
 
 
-def _loop(environment: str, name: str) -> str:
+def name_of_loop(environment: str, name: str) -> str:
+    """As outcomes name it."""
     return f"{environment}: {name}"
 
 
@@ -267,7 +270,7 @@ def _refined(refined: Refined) -> dict[str, Any]:
     }
 
 
-def _limits(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
+def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
     """What the plants of the promise do not have."""
     said = ["friction, play and saturation: every plant is linear"]
     if plan.joints:
@@ -292,7 +295,8 @@ def _limits(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
     return said
 
 
-def _environment(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
+def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
+    """What a document says of one environment: modes and compensators."""
     return {
         "name": name,
         "modes": _modes(promise.modes),

@@ -114,10 +114,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         )
         for t, place in zip(form.static, rests, strict=True)
     )
-    unknowns = tuple(
-        Unknown(name=u.name, parameters=u.parameters, spread=u.spread, mean=u.mean, added=u.added)
-        for u in form.unknown
-    )
+    unknowns = tuple(build_unknown(u) for u in form.unknown)
     files = dict.fromkeys((Path(path), *modes, *environments, *rests))
     return Refinement(
         surveys=surveys,
@@ -126,6 +123,13 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         statics=statics,
         static_error=form.static_error,
         files=tuple(files),
+    )
+
+
+def build_unknown(form: UnknownForm) -> Unknown:
+    """The unknown that ``form`` states."""
+    return Unknown(
+        name=form.name, parameters=form.parameters, spread=form.spread, mean=form.mean, added=form.added
     )
 
 

@@ -29,6 +29,7 @@ from middeck.files.faults import Fault, Finding, finding, raise_faults
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.rig_build import build_loop_test, build_rig_settings
 from middeck.files.study_checks import fixed_axes, signal_findings
+from middeck.files.study_promise import PromiseForm
 from middeck.files.toml_lines import Path as KeyPath
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.structure.model.article import Structure
@@ -96,6 +97,11 @@ class Study:
     def sito(self) -> study_form.SitoForm:
         """The measured loop with two sensors."""
         return _given(self.form.sito, "sito")
+
+    @property
+    def promise(self) -> PromiseForm:
+        """A ground test, and what is promised by it."""
+        return _given(self.form.promise, "promise")
 
     @property
     def mirror(self) -> study_form.MirrorForm:

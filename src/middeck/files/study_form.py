@@ -9,6 +9,7 @@ from pydantic import Field
 
 from middeck.files.faults import Finding, finding, nearest
 from middeck.files.form import Finite, Form, Name, NotNegative, Positive, whole, within
+from middeck.files.study_promise import PromiseForm
 from middeck.files.tables import Table, array_of, table_of
 from middeck.files.toml_lines import Path
 
@@ -173,6 +174,7 @@ class StudyForm(Form):
     figure_6: Figure6Form | None = None
     siso: SisoForm | None = None
     sito: SitoForm | None = None
+    promise: PromiseForm | None = None
     mirror: MirrorForm | None = None
 
     def __hash__(self) -> int:
@@ -180,15 +182,19 @@ class StudyForm(Form):
         return hash((self.title, self.seed))
 
 
-NEEDS = {"figure_6": ("rig", "siso"), "siso": ("rig",), "sito": ("siso",)}
+NEEDS = {"figure_6": ("rig", "siso"), "siso": ("rig",), "sito": ("siso",), "promise": ("rig",)}
 """Tables that the settings of a chapter stand on."""
-CHAPTERS = ("control", "figure_6", "siso", "sito", "mirror")
+CHAPTERS = ("control", "figure_6", "siso", "sito", "promise", "mirror")
 
 
 BANDS = (
     *(("control", "band_hz"), ("figure_6", "band_hz"), ("siso", "band_hz")),
     *(("siso", "fit_band_hz"), ("sito", "fit_band_hz")),
+    *(("promise", "band_hz"), ("promise", "loop_band_hz")),
 )
+
+
+STATES = (("siso", "states"), ("sito", "states"), ("promise", "flight_states"))
 
 
 def study_findings(data: Table) -> list[Finding]:
@@ -201,6 +207,10 @@ def study_findings(data: Table) -> list[Finding]:
         *(f for where in BANDS for f in _ascending(where, table_of(data, where[0]).get(where[1]))),
         *_one_each(table_of(data, "sito"), "sensors", ["angle_noise_rad_per_rthz"], "sito"),
         *_one_each(table_of(data, "sito"), "smaller_states", ["smaller_bands_hz"], "sito"),
+        *_one_each(table_of(data, "promise"), "inputs", ["torque_nm"], "promise"),
+        *_one_each(
+            table_of(data, "promise"), "pd_loops", ["pd_kp_nm_per_rad", "pd_kd_nms_per_rad"], "promise"
+        ),
         *_tables(data),
         *_levels(control),
         *_weighed(control),
@@ -208,7 +218,7 @@ def study_findings(data: Table) -> list[Finding]:
         *_documents(data),
         *_rubs(data),
         *_gap(data),
-        *(f for key in ("siso", "sito") for f in _even((key, "states"), table_of(data, key).get("states"))),
+        *(f for where in STATES for f in _even(where, table_of(data, where[0]).get(where[1]))),
         *_smaller(data),
         *_two_sensors(data),
     ]
@@ -279,10 +289,12 @@ def _even(where: Path, states: Any) -> Iterator[Finding]:
 
 
 def _smaller(data: Table) -> Iterator[Finding]:
-    """The smaller designs of Figure 11: two states for each mode, each in a band."""
+    """The smaller designs of Figure 11, and the fits of a ground test: two states for each mode."""
     sito = table_of(data, "sito")
     for k, states in enumerate(array_of(sito, "smaller_states")):
         yield from _even(("sito", "smaller_states", k), states)
+    for k, states in enumerate(array_of(table_of(data, "promise"), "states")):
+        yield from _even(("promise", "states", k), states)
     for k, band in enumerate(array_of(sito, "smaller_bands_hz")):
         yield from _ascending(("sito", "smaller_bands_hz", k), band)
 
@@ -328,6 +340,7 @@ def _gap(data: Table) -> Iterator[Finding]:
 def _documents(data: Table) -> Iterator[Finding]:
     """Settings name articles and environments of the study."""
     wanted = [("control", "article"), ("figure_6", "article"), ("siso", "article"), ("siso", "environment")]
+    wanted += [("promise", "article"), ("promise", "environment")]
     for where, key in wanted:
         name, known = table_of(data, where).get(key), table_of(data, key)
         if isinstance(name, str) and known and name not in known:
@@ -361,6 +374,17 @@ def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]
         wanted.append(("siso", "sensor", form.siso.sensor, sensors))
         if form.sito is not None:
             wanted.append(("sito", "sensors", form.sito.sensors, sensors))
+    if form.promise is not None:
+        drives, sensors = ports.get(form.promise.article, ([], []))
+        both = [a for a in drives if a in sensors]
+        wanted += [
+            ("promise", "inputs", form.promise.inputs, drives),
+            ("promise", "outputs", form.promise.outputs, sensors),
+            ("promise", "joints", form.promise.joints, both),
+            ("promise", "actuator", form.promise.actuator, drives),
+            ("promise", "sensor", form.promise.sensor, sensors),
+            ("promise", "pd_loops", form.promise.pd_loops, both),
+        ]
     places = [
         ((where, key), given, known) if isinstance(given, str) else ((where, key, i), name, known)
         for where, key, given, known in wanted

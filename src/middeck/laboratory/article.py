@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
@@ -19,8 +18,9 @@ from middeck.laboratory.hidden_errors import (
     hide_in_suspension,
     spread_damping,
 )
-from middeck.structure.model.article import Member, Section, Structure
+from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.model.finer import TUBE_SHEAR, refine_mesh
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
@@ -29,9 +29,6 @@ from middeck.values import record
 
 MESH_FACTOR = 3  # times the elements of the article
 RIG_MODES_HZ = 200.0
-TUBE_SHEAR = 0.62
-"""Cowper's (1966) shear coefficient of a tube of the sheet's proportions, bore half of the diameter, nu 0.37:
-6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2) with m = 0.512."""
 UMBILICAL_LENGTH = 1.0  # m, of the springs that stand for a cable in orbit
 
 
@@ -65,7 +62,7 @@ def solve_rig_article(
     """
     if mesh_factor < 1:
         raise ConfigError(f"a mesh {mesh_factor} times as fine", where="rig article", hint="one or more")
-    finer = _refine(structure, mesh_factor, shear)
+    finer = refine_mesh(structure, mesh_factor, shear)
     if hidden is not None:
         finer, environment = hide_in_structure(finer, hidden), hide_in_suspension(environment, hidden)
     if umbilical_hz > 0.0 and not np.any(environment.gravity):
@@ -102,29 +99,6 @@ def holding_torque(article: RigArticle, joint: str) -> float:
     if joint not in names:
         raise ConfigError(f"no joint {joint!r}", hint=f"one of {', '.join(names)}")
     return float(article.equilibrium.holding_torque[names.index(joint)])
-
-
-def _refine(structure: Structure, factor: int, shear: float | None) -> Structure:
-    def finer(member: Member) -> Member:
-        stiff = partial(_in_shear, coefficient=shear)
-        return dataclasses.replace(
-            member,
-            elements=factor * member.elements,
-            section=stiff(member.section),
-            stations=tuple((at, stiff(section)) for at, section in member.stations),
-        )
-
-    return dataclasses.replace(structure, members=tuple(finer(m) for m in structure.members))
-
-
-def _in_shear(section: Section, coefficient: float | None) -> Section:
-    """k G A of a round section from its other stiffnesses: GJ = 2 G I, so that G A = GJ EA / (2 EI)."""
-    if coefficient is None:
-        return section
-    stiff = coefficient * section.GJ * section.EA / (section.EI_y + section.EI_z)
-    GA_y = section.GA_y if np.isfinite(section.GA_y) else stiff
-    GA_z = section.GA_z if np.isfinite(section.GA_z) else stiff
-    return dataclasses.replace(section, GA_y=GA_y, GA_z=GA_z)
 
 
 def _tie(structure: Structure, environment: Environment, frequency_hz: float) -> Environment:

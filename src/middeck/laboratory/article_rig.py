@@ -5,8 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+import numpy as np
+
+from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
+from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.settings import RigSettings
@@ -16,7 +20,9 @@ from middeck.realtime.rig import Rig, build_rig
 from middeck.realtime.sensors import Sensor
 from middeck.structure.model.article import Actuator, JointState, Structure
 from middeck.structure.model.environment import Environment
+from middeck.structure.plants.port_rows import RATE
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.systems.plant import Plant, delay_plant
 
 
 def build_rig_article(structure: Structure, environment: Environment, settings: RigSettings) -> RigArticle:
@@ -39,12 +45,14 @@ def build_article_rig(
     age_s: float = 0.0,
     drifting: bool = False,
     substeps: int = 1,
+    inner: PDLoops | None = None,
 ) -> Rig:
     """The rig of ``article`` between torque commands at ``inputs`` and samples of the angles ``outputs``.
 
     Every free gimbal axis has the settings' friction and play, commanded or not. A torque on a node is
     a wheel's, at a joint a gimbal's motor's, which also holds the payload; a joint angle is an encoder's, an
-    inertial one an integrated gyro's. ``drifts`` have gone on for ``age_s`` when it is switched on; then they
+    inertial one an integrated gyro's. ``inner`` are analogue loops that hold it without delay, through
+    sensors with their errors of gain. ``drifts`` have gone on for ``age_s`` when it is switched on; then they
     halt or, ``drifting``, go on. Raises `ConfigError` as `build_rig`, for an unknown port, and where
     a motor cannot hold its payload.
     """
@@ -52,11 +60,8 @@ def build_article_rig(
     structure = equilibrium.model.structure
     elements = settings.gimbal_elements
     rubs = [a.name for a in _gimbal_motors(structure)] if elements else []
-    plant = rig_article_plant(
-        article, inputs=_once(*inputs, *rubs), outputs=_once(*outputs, *rubs), to_hz=settings.modes_hz
-    )
-    hidden = article.hidden
-    gains = {} if hidden is None else dict(hidden.gain)
+    plant = held_plant(article, settings, _once(*inputs, *rubs), _once(*outputs, *rubs), inner)
+    gains = _gains(article)
     return build_rig(
         plant if drifting else age_plant(plant, drifts, age_s),
         motors={name: _motor(equilibrium, name, settings) for name in inputs},
@@ -68,6 +73,48 @@ def build_article_rig(
         drifts=drifts if drifting else (),
         age_s=age_s,
     )
+
+
+def held_plant(
+    article: RigArticle,
+    settings: RigSettings,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    inner: PDLoops | None,
+) -> Plant:
+    """The article between ``inputs`` and ``outputs`` as they are, held by its analogue loops."""
+    if inner is None:
+        return rig_article_plant(article, inputs=inputs, outputs=outputs, to_hz=settings.modes_hz)
+    rates = [f"{name}{RATE}" for name in inner.names]
+    plant = rig_article_plant(
+        article,
+        inputs=_once(*inputs, *inner.names),
+        outputs=_once(*outputs, *inner.names, *rates),
+        to_hz=settings.modes_hz,
+    )
+    gain = np.array([_gains(article).get(name, 1.0) for name in inner.names])
+    return close_inner_loop(plant, PDLoops(inner.names, gain * inner.kp, gain * inner.kd))
+
+
+def linear_plant(
+    article: RigArticle,
+    settings: RigSettings,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    inner: PDLoops | None,
+) -> Plant:
+    """As `held_plant`, with the drag of its bearings and the rig's delay: all of the rig that is linear."""
+    rubs = tuple(a.name for a in _gimbal_motors(article.equilibrium.model.structure))
+    drag = sum(e.viscous for e in settings.gimbal_elements if isinstance(e, Friction))
+    ports = _once(*inputs, *rubs), _once(*outputs, *rubs, *(f"{name}{RATE}" for name in rubs))
+    plant = held_plant(article, settings, *ports, inner)
+    turning = close_inner_loop(plant, PDLoops(rubs, np.zeros(len(rubs)), np.full(len(rubs), drag)))
+    return delay_plant(turning, rig_delay(article, settings))
+
+
+def _gains(article: RigArticle) -> dict[str, float]:
+    """Errors of gain of its sensors, by name; those that are not named have none."""
+    return {} if article.hidden is None else dict(article.hidden.gain)
 
 
 def rig_delay(article: RigArticle, settings: RigSettings) -> float:

@@ -17,6 +17,7 @@ from middeck.study.chapters.gravity_modes.chapter import GRAVITY_MODES
 from middeck.study.chapters.gravity_responses.chapter import GRAVITY_RESPONSES
 from middeck.study.chapters.measured_control.chapter import MEASURED_CONTROL
 from middeck.study.chapters.mirror.chapter import MIRROR
+from middeck.study.chapters.promise.chapter import PROMISE
 from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
 from middeck.study.words import Numbers
@@ -27,6 +28,7 @@ CHAPTERS: tuple[Chapter[Any], ...] = (
     ZERO_G_CONTROL,
     MEASURED_CONTROL,
     TWO_SENSOR_CONTROL,
+    PROMISE,
     MIRROR,
 )
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from middeck.updating.refine import MODAL, SORTS, Refined, sorts_of
+from middeck.updating.own_errors import sorts_of
+from middeck.updating.refine import MODAL, SORTS, Refined
 from middeck.updating.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,8 +13,10 @@ from jaxtyping import Float, Int
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.updating.left_out import left_out
+from middeck.updating.own_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.posterior import NORMAL_95
-from middeck.updating.refine import Refined, shared_with, sorts_of
+from middeck.updating.refine import Refined
 from middeck.updating.surveys import Compared, set_up
 from middeck.updating.unknowns import product_slopes
 from middeck.values import record
@@ -21,7 +25,8 @@ from middeck.values import record
 CARRIED = 1e-4
 # Of a measured damping ratio whose deviation the test does not state, relative.
 DAMPING_STD = 0.1
-HALF = 0.5
+# Part of a mode, in squares, that need not have been seen.
+LITTLE = 0.01
 
 
 @record(kw_only=True)
@@ -33,13 +38,13 @@ class Prediction:
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
         log_root: Of their covariance, as far as it is shared: by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
-        damping: What the first survey measured, by what each mode has of the shapes that it saw; of the rest,
+        damping: What the surveys measured, by what each mode has of the shapes that it saw; of the rest,
             and where the survey states none, the article's.
         damping_seen: Part of each damping that was measured.
         damping_spread: Standard deviation of the logarithm of what was measured.
         seen: Part of each shape that the surveys saw.
-        ground_hz: The refined model's frequency of the mode of the first survey that has most of each; not a
-            number where none has half of it.
+        ground_hz: The refined model's frequency of the mode on the ground that has most of each; not a number
+            where none has half of it.
     """
 
     modes: Modes
@@ -80,6 +85,32 @@ class Prediction:
         return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
+class There(NamedTuple):
+    """The refined article in an environment: its modes, which of them are told, and their slopes.
+
+    Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
+    is asked for.
+    """
+
+    modes: Modes
+    told: Int[np.ndarray, " mode"]
+    slope: Float[np.ndarray, "mode unknown"]
+    left_out: Callable[[], Float[np.ndarray, " mode"]]
+
+
+def solve_there(
+    refined: Refined, environment: Environment, settings: Sequence[tuple[str, float]] = (), count: int = 10
+) -> There:
+    """The lowest ``count`` modes that are not rigid, in ``environment``."""
+    there = set_up(refined.structure, environment, settings, refined.unknowns)
+    modes = there.solve(refined.x)
+    index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
+    lam = modes.omega[index] ** 2
+    slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
+    finer = functools.cache(functools.partial(left_out, there, refined.x, modes, index))
+    return There(modes, index, slope, finer)
+
+
 def predict_modes(
     refined: Refined,
     environment: Environment,
@@ -87,48 +118,54 @@ def predict_modes(
     count: int = 10,
 ) -> Prediction:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
-    there = set_up(refined.structure, environment, settings, refined.unknowns)
-    found = refined.estimate
-    modes = there.solve(refined.x)
-    index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
-    first = refined.compared[0] if refined.compared else None
-    share = np.zeros((len(index), 0)) if first is None else shared_with(first, modes)[index]
-    lam = modes.omega[index] ** 2
-    slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    rest = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0) * refined.unseen[sorts_of(modes, index)] ** 2
+    return predict_at(refined, solve_there(refined, environment, settings, count))
+
+
+def predict_at(refined: Refined, there: There) -> Prediction:
+    """What the tests of ``refined`` say of modes that are solved already."""
+    modes, index, slope, finer = there
+    found, compared = refined.estimate, refined.compared
+    errors = OwnErrors.of(compared) if compared else None
+    share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
+    alone = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0)
+    rest = alone * refined.unseen[sorts_of(modes, index)] ** 2
+    if np.any(alone > LITTLE):
+        rest = rest + alone * finer() ** 2
     return Prediction(
         modes=modes,
         index=index,
         log_shift=share @ found.d[: share.shape[1]],
         log_root=np.hstack([slope, share]) @ found.root[: slope.shape[1] + share.shape[1]],
         log_rest=np.sqrt(rest + CARRIED**2),
-        **_damping(modes, index, share, first),
+        **_damping(modes, index, share, errors, compared),
         seen=share.sum(axis=1),
-        ground_hz=_on_the_ground(share, first),
+        ground_hz=_on_the_ground(share, errors, compared),
     )
 
 
-def _on_the_ground(share: np.ndarray, first: Compared | None) -> np.ndarray:
-    if first is None or not share.shape[1]:
+def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequence[Compared]) -> np.ndarray:
+    if errors is None or not share.shape[1]:
         return np.full(len(share), np.nan)
-    hz = first.modes.frequency_hz[first.pairs[share.argmax(axis=1), 0]]
+    hz = errors.ground_hz(compared)[share.argmax(axis=1)]
     return np.where(share.max(axis=1) > HALF, hz, np.nan)
 
 
 def _damping(
-    modes: Modes, index: np.ndarray, share: np.ndarray, first: Compared | None
+    modes: Modes,
+    index: np.ndarray,
+    share: np.ndarray,
+    errors: OwnErrors | None,
+    compared: Sequence[Compared],
 ) -> dict[str, np.ndarray]:
     """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
-    if first is None:
+    if errors is None:
         nothing = np.zeros(len(index))
         return {"damping": own, "damping_seen": nothing, "damping_spread": nothing}
-    measured, at = first.survey.measured, first.pairs[:, 1]
-    zeta, stated = measured.damping[at], measured.damping_std
-    std = np.full(len(at), np.nan) if stated is None else stated[at]
+    zeta, std = _measured_damping(errors, compared)
     # A ratio of zero is none: files of modes have no other way to say so.
     there = zeta > 0.0
-    relative = np.divide(std, zeta, out=np.full(len(at), DAMPING_STD), where=there & np.isfinite(std))
+    relative = np.divide(std, zeta, out=np.full(len(zeta), DAMPING_STD), where=there & np.isfinite(std))
     known = share * there
     seen = np.minimum(known.sum(axis=1), 1.0)
     return {
@@ -136,3 +173,14 @@ def _damping(
         "damping_seen": seen,
         "damping_spread": known @ relative / np.where(seen > 0.0, known.sum(axis=1), 1.0),
     }
+
+
+def _measured_damping(errors: OwnErrors, compared: Sequence[Compared]) -> tuple[np.ndarray, np.ndarray]:
+    """Ratios of the modes that have errors of their own, and deviations, NaN where a survey states none."""
+    found = []
+    for s, p in zip(errors.survey, errors.pair, strict=True):
+        measured, at = compared[s].survey.measured, compared[s].pairs[p, 1]
+        stated = measured.damping_std
+        found.append((measured.damping[at], np.nan if stated is None else stated[at]))
+    zeta, std = np.array(found).reshape(-1, 2).T
+    return zeta, std

@@ -143,10 +143,14 @@ def look_ahead(
     drawn: DrawnPlants,
     weights: LQGWeights,
     alone: Float[np.ndarray, " draw"],
+    band_hz: tuple[float, float] | None = None,
 ) -> Outlook:
-    """``law`` on plants whose groups y and u are its ports; ``alone`` is each plant's rms without it."""
+    """``law`` on plants whose groups y and u are its ports; ``alone`` is each plant's rms without it.
+
+    Both over all frequencies, or in ``band_hz``.
+    """
     plants = drawn.plants
-    decays, rms, effort = noise_on(plants, law, weights)
+    decays, rms, effort = noise_on(plants, law, weights, band_hz)
     stable = decays & np.isfinite(rms)
     unstable = [p for p, held in zip(plants, stable, strict=True) if not held]
     db = np.array([decibels(*both) for both in zip(np.where(stable, rms, np.inf), alone, strict=True)])

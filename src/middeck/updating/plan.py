@@ -53,6 +53,7 @@ class Plan:
         environments: Where, by name; the first is that of the designs.
         performance: Sensors whose weighted rms is promised, and their weights.
         disturbances: Actuators at which white noise acts, and its two-sided intensity [unit/sqrt(Hz)].
+        band_hz: In which disturbances act and the rms counts; None for all frequencies.
         noise: Of a reading, by its unit [unit/sqrt(Hz)].
         inner: Loops without delay that are closed on every plant before all else.
         modes: Kept in each plant.
@@ -68,6 +69,7 @@ class Plan:
     disturbances: tuple[str, ...]
     intensity: Float[np.ndarray, " w"]
     noise: Mapping[str, float]
+    band_hz: tuple[float, float] | None = None
     inner: PDLoops | None = None
     loop: LoopSpread = dataclasses.field(default_factory=LoopSpread)
     modes: int = 26
@@ -83,6 +85,8 @@ class Plan:
         if not self.environments or not (self.laws or self.ladder):
             what = "environment" if not self.environments else "compensator"
             raise ConfigError(f"no {what}", where="promise", hint="one at least")
+        if self.band_hz is not None and not 0.0 <= self.band_hz[0] < self.band_hz[1] < np.inf:
+            raise ConfigError(f"a band of {self.band_hz} Hz", where="promise", hint="0 <= low < high")
         for what, given, names in (
             ("weights", self.weights, self.performance),
             ("intensities", self.intensity, self.disturbances),

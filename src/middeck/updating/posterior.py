@@ -81,7 +81,11 @@ class Estimate:
 
 def estimate(problem: Linear, usual: float | Float[np.ndarray, " sort"] = USUAL) -> Estimate:
     """The most probable tau, and x and d with it; ``usual`` is the tau that is thought likely before."""
-    tau = most_probable(problem, usual)
+    return estimate_at(problem, most_probable(problem, usual))
+
+
+def estimate_at(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Estimate:
+    """The most probable x and d, the errors of the model being as large as ``tau``."""
     std = _deviations(problem, tau)
     n, m = len(problem.spread), len(problem.sort)
     scale = np.concatenate([problem.spread, tau[problem.sort]])

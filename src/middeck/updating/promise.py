@@ -40,7 +40,8 @@ class Promise:
         outlooks: In the order of the plan: compensators given, then those of the ladder.
         rest_rms: Of the performance without any compensator, by draw.
         bound: By name, the median over some draws of the decibels of the compensator, and of those that no
-            linear compensator with its effort passes there; ``nan`` where it is unstable.
+            linear compensator with its effort passes there, both over all frequencies; ``nan`` where it is
+            unstable.
         highest: The last of the ladder that is promised stable, and every one before it; None for none.
         slip_time: How the friction of joints was simulated; None where the plan states none.
     """
@@ -93,14 +94,14 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
     laws = _together(plan.laws, ladder)
     seen = {name: _seen_by(law, drawn, plan) for name, law in laws.items()}
     anyone, weights = next(iter(seen.values()))  # whose ports do not matter without a compensator
-    alone = uncontrolled_rms(anyone.plants, weights)
+    alone = uncontrolled_rms(anyone.plants, weights, plan.band_hz)
     if not np.all(np.isfinite(alone)):
         raise ConfigError(
             "without a compensator the performance has no rms: a mode that it sees does not decay",
             where=f"promise in {place.title}",
             hint="inner loops that hold the article, against whose rms the decibels count",
         )
-    outlooks = tuple(look_ahead(name, law, *seen[name], alone) for name, law in laws.items())
+    outlooks = tuple(look_ahead(name, law, *seen[name], alone, plan.band_hz) for name, law in laws.items())
     slip_time = None
     if plan.joints:
         outlooks, alone, slip_time = _slipping(outlooks, alone, drawn, laws, plan)

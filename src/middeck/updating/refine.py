@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
 from middeck.updating.gauges import Gauge
+from middeck.updating.own_errors import OwnErrors, sorts_of
 from middeck.updating.posterior import USUAL, Estimate, Linear, estimate, unseen_deviations
 from middeck.updating.statics import (
     ComparedStatic,
@@ -53,8 +54,9 @@ class Refined:
     """An article refined on surveys and static tests.
 
     Attributes:
-        compared, statics: Each survey and each static test beside the model at the most probable unknowns.
-        estimate: Unknowns, the model's own errors (of the first survey's modes, of ``fields``, of the
+        compared, statics: Each survey and each static test beside the model.
+        linear_at: The unknowns at which they are compared, a small step from the most probable ones.
+        estimate: Unknowns, the model's own errors (of modes, see `OwnErrors`, of ``fields``, of the
             unloaded readings in the order of ``zeros``), and their covariance, linear about there.
         before_hz: Frequencies of the modes of the mean of the prior that each survey's pairs were then.
         before: What gauges of each static test read of the mean of the prior.
@@ -69,6 +71,7 @@ class Refined:
     unknowns: tuple[Unknown, ...]
     compared: tuple[Compared, ...]
     statics: tuple[ComparedStatic, ...]
+    linear_at: Float[np.ndarray, " unknown"]
     estimate: Estimate
     before_hz: tuple[tuple[float, ...], ...]
     before: tuple[tuple[float, ...], ...]
@@ -140,7 +143,7 @@ def refine(
     while True:
         compared, sagged = places.compare(at, surveys, statics)
         fields = ErrorFields.of(at.loaded) if at.loaded else None
-        problem = _linear(compared, sagged, fields, x - mean, spread)
+        problem = linear_problem(compared, sagged, fields, x - mean, spread)
         found = estimate(problem, usual)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
@@ -154,6 +157,7 @@ def refine(
         unknowns=tuple(unknowns),
         compared=compared,
         statics=sagged,
+        linear_at=x,
         estimate=found,
         before_hz=tuple(_before(old, c) for old, c in zip(first.modes, compared, strict=True)),
         before=tuple(
@@ -264,7 +268,7 @@ class _Errors(NamedTuple):
     row_sort: np.ndarray
 
 
-def _linear(
+def linear_problem(
     compared: Sequence[Compared],
     statics: Sequence[ComparedStatic],
     fields: ErrorFields | None,
@@ -290,18 +294,18 @@ def _linear(
 
 
 def _of_modes(compared: Sequence[Compared]) -> _Errors:
-    first = compared[0]
+    errors = OwnErrors.of(compared)
     own = [np.arange(len(c.rows)) < len(c.pairs) for c in compared]
     S = np.vstack(
         [
-            np.where(mine[:, None], shared_with(first, c.modes)[c.rows[:, 1]], 0.0)
+            np.where(mine[:, None], errors.shared_with(c.modes)[c.rows[:, 1]], 0.0)
             for c, mine in zip(compared, own, strict=True)
         ]
     )
     return _Errors(
         S,
         np.maximum(1.0 - np.sum(S**2, axis=1), 0.0),
-        sorts_of(first.modes, first.pairs[:, 0]),
+        errors.sorts(compared),
         np.concatenate([sorts_of(c.modes, c.rows[:, 1]) for c in compared]),
     )
 
@@ -327,23 +331,6 @@ def _zeros(statics: Sequence[ComparedStatic]) -> tuple[tuple[str, ...], ...]:
 def zero_of(test: StaticTest, gauge: Gauge) -> tuple[str, ...]:
     """The unloaded reading from which a gauge counts in a test."""
     return test.series or test.name, *gauge_key(gauge)
-
-
-def sorts_of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Int[np.ndarray, " mode"]:
-    """Of each mode, its place in `SORTS`."""
-    return np.array([modes.kind[i] == "flexible" for i in index], dtype=int)
-
-
-def shared_with(first: Compared, others: Modes) -> Float[np.ndarray, "mode pair"]:
-    """Part of each of the other modes that is each of the first survey's paired ones, in strain of the whole.
-
-    For a small error of the model d ln f of a mode is the sum of those of the modes that it is made of, each
-    by its share, and of cross terms that nobody knows.
-    """
-    own = first.modes.shapes[:, first.pairs[:, 0]]
-    weighted = first.modes.mass @ others.shapes
-    size = np.einsum("im,im->m", others.shapes, weighted)
-    return ((own.T @ weighted) ** 2 / size).T
 
 
 def _check_names(

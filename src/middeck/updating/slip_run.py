@@ -148,8 +148,10 @@ def _with_friction(
     """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
     time, joints = asked.time, len(asked.wiring.joints)
     size = noise_intensity(asked.plan, law) * np.sqrt(2.0 / time.record_s)
+    low, high = asked.plan.band_hz or (0.0, np.inf)
+    acts = ((time.lines_hz >= low) & (time.lines_hz <= high))[:, None, None]
     coloured = {
-        i: size * noise_response(some.plants[i], some.responses[i], law, asked.wiring, time.lines_hz)
+        i: size * noise_response(some.plants[i], some.responses[i], law, asked.wiring, time.lines_hz) * acts
         for i in forms
     }
     every = [(i, record) for i in forms for record in range(RECORDS if law is not None else ALONE)]
@@ -163,7 +165,7 @@ def _with_friction(
         free = _free(time, [coloured[i] for i in which], seeds)
         made = slide(loops, free, 1.0 / time.sample_hz)[time.settling :]
         for k, z in enumerate((made, free[time.settling :])):
-            square[k, mine] = np.mean(np.sum((asked.plan.weights * z[:, :, joints:]) ** 2, axis=2), axis=0)
+            square[k, mine] = _mean_square(asked.plan.weights * z[:, :, joints:], asked.plan.band_hz, time)
         travel[mine] = np.mean(made[:, :, :joints] ** 2, axis=0)
     each = square.reshape(2, len(forms), -1)
     records = 10.0 * np.log10(each[0] / each[1])
@@ -173,6 +175,18 @@ def _with_friction(
         np.var(records, axis=1, ddof=1) / records.shape[1],
         np.sqrt(np.mean(travel.reshape(len(forms), -1, joints), axis=1)),
     )
+
+
+def _mean_square(
+    z: Float[np.ndarray, "sample loop output"], band_hz: tuple[float, float] | None, time: SlipTime
+) -> Float[np.ndarray, " loop"]:
+    """Of all outputs together; in a band by the lines that the noise has, half a step off zero."""
+    if band_hz is None:
+        return np.mean(np.sum(z**2, axis=2), axis=0)
+    half = np.exp(-1j * np.pi * np.arange(len(z)) / len(z))[:, None, None]
+    hz = np.abs(np.fft.fftfreq(len(z), 1.0 / time.sample_hz) + 0.5 * time.sample_hz / len(z))
+    lines = np.fft.fft(half * z, axis=0, norm="forward")[(hz >= band_hz[0]) & (hz <= band_hz[1])]
+    return np.sum(np.abs(lines) ** 2, axis=(0, 2))
 
 
 def _free(

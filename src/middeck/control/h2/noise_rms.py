@@ -10,7 +10,7 @@ from jaxtyping import Complex
 
 from middeck.control.analysis.closed_response import closed_response
 from middeck.control.analysis.delayed_roots import find_open_poles
-from middeck.control.analysis.loop import approximate_halves, close_channels, form_loop
+from middeck.control.analysis.loop import FeedbackLoop, approximate_halves, close_channels, form_loop
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.h2.generalized_plant import generalize, square_root
 from middeck.control.law.compensator import Compensator
@@ -56,7 +56,7 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
     found = decide_loop(loop)
     if not found.decays:
         return NoiseOutcome(found.stable, np.inf, np.inf)
-    peaks = np.append(poles(close_channels(approximate_halves(loop))), found.pole)
+    peaks = np.append(_peaks(loop), found.pole)
     fastest = np.abs(np.concatenate([find_open_poles(loop), [found.pole]]))
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
     low = REST * float(np.abs(peaks).min(initial=top))
@@ -69,6 +69,26 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
     level = np.linalg.norm(last, axis=2)
     square[(level[1] > 0.5 * level[0]) & (level[1] > 0.0)] = np.inf
     return NoiseOutcome(True, float(np.sqrt(square[:outputs].sum())), float(np.sqrt(square[outputs:].sum())))
+
+
+def integrate_band_noise(
+    plant: Plant, compensator: Compensator, weights: LQGWeights, band_hz: tuple[float, float]
+) -> tuple[float, float]:
+    """(E[z' W^2 z])^1/2 and (E[u' R u])^1/2 of what lies in ``band_hz``, delays exact.
+
+    Of a loop that decays: stability is not looked at. Raises `ConfigError` as `integrate_noise`, and for a
+    band that is not 0 <= low < high < inf.
+    """
+    generalize(remove_delays(plant), weights, 1.0)  # refuses what `integrate_noise` does
+    respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
+    unit = np.eye(len(weights.process) + len(weights.sensor))
+    rms = response_rms(respond, _peaks(form_loop(plant, compensator)), unit, band_hz)
+    return float(np.linalg.norm(rms[:outputs])), float(np.linalg.norm(rms[outputs:]))
+
+
+def _peaks(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
+    """Near which frequencies the response may be narrow."""
+    return poles(close_channels(approximate_halves(loop)))
 
 
 def _noise_response(

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
-from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
+from middeck.control.h2.noise_rms import NoiseOutcome, integrate_band_noise, integrate_noise
 from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
@@ -132,16 +132,23 @@ def _uncontrolled(plant: Plant, weights: LQGWeights) -> Plant:
     return dataclasses.replace(plant, delay_s=late)
 
 
-def uncontrolled_rms(plants: Sequence[Plant], weights: LQGWeights) -> Float[np.ndarray, " plant"]:
-    """(E[z' W^2 z])^1/2 of each plant by itself; ``inf`` where it does not decay."""
+def uncontrolled_rms(
+    plants: Sequence[Plant], weights: LQGWeights, band_hz: tuple[float, float] | None = None
+) -> Float[np.ndarray, " plant"]:
+    """(E[z' W^2 z])^1/2 of each plant alone, in a band if one is given; ``inf`` where it does not decay."""
     alone = [_uncontrolled(p, weights) for p in plants]
-    return noise_on(alone, idle_compensator(plants[0]), weights)[1] if plants else np.zeros(0)
+    return noise_on(alone, idle_compensator(plants[0]), weights, band_hz)[1] if plants else np.zeros(0)
 
 
 def noise_on(
-    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
+    plants: Sequence[Plant],
+    compensator: Compensator,
+    weights: LQGWeights,
+    band_hz: tuple[float, float] | None = None,
 ) -> tuple[Bool[np.ndarray, " plant"], Float[np.ndarray, " plant"], Float[np.ndarray, " plant"]]:
     """Stability, rms of the weighted outputs, and of the weighted inputs, continuous, delays exact.
+
+    Over all frequencies, or of what lies in ``band_hz``.
 
     Raises `ConfigError` for a compensator of other ports than the plants' groups y and u, for one that is
     sampled, and for one with a direct term.
@@ -156,6 +163,9 @@ def noise_on(
         found[i] = outcome
     rows = [(f.stable, f.rms, f.control_rms) for f in found if f is not None]
     stable, rms, control = (np.array(x) for x in zip(*rows, strict=True)) if rows else (np.zeros(0),) * 3
+    if band_hz is not None:
+        for i in np.flatnonzero(np.isfinite(rms)).tolist():
+            rms[i], control[i] = integrate_band_noise(plants[i], compensator, weights, band_hz)
     return stable.astype(bool), rms, control
 
 

@@ -1,0 +1,142 @@
+"""``middeck candidates``: tests that may be made, ranked by what they would tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.files.candidate_files import Candidates
+    from middeck.updating.candidates import Ranking
+    from middeck.updating.deflections import Deflection
+    from middeck.updating.refine import Refined
+
+EPILOG = """\
+\b
+Examples:
+  middeck candidates articles/mace-simple.toml \\
+    data/virtual-survey/candidates.toml
+  middeck candidates articles/mace-simple.toml \\
+    data/virtual-survey/candidates.toml --json
+"""
+
+
+@click.command("candidates", cls=options.Verb, epilog=EPILOG)
+@options.article
+@click.argument("candidates", metavar="CANDIDATES")
+@options.printing
+def verb(article: str, candidates: str, as_json: bool) -> None:
+    """Rank tests by what they would tell.
+
+    ARTICLE is refined on the tests that were made; each of CANDIDATES, a test that may be made, is then
+    added in thought: docs/reference/files.md. The answer is by how much each narrows what is promised,
+    frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
+    is optimised.
+    """
+    from middeck.cli.blame import reading
+    from middeck.files.candidate_files import load_candidates
+    from middeck.files.documents import find_document
+    from middeck.updating.candidates import rank_tests
+    from middeck.updating.refine import refine
+
+    body = find_document(article, "article")
+    asked = load_candidates(candidates, body)
+    with reading(body, candidates):
+        refined = refine(asked.structure, *asked.refinement.of_refine)
+        ranking = rank_tests(
+            refined, asked.tests, asked.environments, count=asked.modes, readings=_readings(asked)
+        )
+    document = describe(refined, ranking)
+    show(as_json, document, *_blocks(document))
+
+
+def _readings(asked: Candidates) -> Callable[[Refined], Sequence[Deflection]] | None:
+    from middeck.updating.deflections import predict_deflections
+
+    loads = asked.loads
+    if loads is None:
+        return None
+    return lambda refined: predict_deflections(
+        refined, loads.environment, loads.load_cases, loads.gauges,
+        since_unloaded=loads.since_unloaded, series=loads.series,
+    )  # fmt: skip
+
+
+def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:
+    """The JSON document."""
+    from middeck.updating.findings import findings
+
+    return {
+        "schema": "middeck.candidates-ranked/1",
+        "article": refined.structure.title,
+        "promised": [
+            {"where": p.where, "name": p.name, "value": p.value, "unit": p.unit, "std": p.std}
+            for p in ranking.promised
+        ],
+        "widest": ranking.widest,
+        "candidates": [
+            {
+                "name": t.name,
+                "ratio_of_the_widest": t.widest,
+                "median_ratio": t.median,
+                "std": t.std,
+                "not_seen": [{"mode": name, "frequency_hz": hz} for name, hz in t.foreseen.unseen],
+            }
+            for t in ranking.tests
+        ],
+        "warnings": [
+            *findings(refined),
+            *(
+                f"{t.name}: its channels do not see {name} of {hz:.4g} Hz"
+                for t in ranking.tests
+                for name, hz in t.foreseen.unseen
+            ),
+        ],
+    }
+
+
+def _blocks(document: dict[str, Any]) -> list[str | Table]:
+    def percent(std: float) -> str:
+        return f"{100.0 * std:.3g}"
+
+    promised = document["promised"]
+    w = promised[document["widest"]]
+    tests = [
+        [
+            str(k),
+            t["name"],
+            percent(t["std"][document["widest"]]),
+            f"{t['ratio_of_the_widest']:.3f}",
+            f"{t['median_ratio']:.3f}",
+            _still_widest(document, t["std"]),
+        ]
+        for k, t in enumerate(document["candidates"], start=1)
+    ]
+    best = document["candidates"][0]
+    rows = [
+        [p["where"], p["name"], f"{p['value']:.5g} {p['unit']}", percent(p["std"]), percent(after)]
+        for p, after in zip(promised, best["std"], strict=True)
+    ]
+    return [
+        f"widest: {w['name']} in {w['where']}, {w['value']:.5g} {w['unit']} +- {percent(w['std'])} %",
+        Table(
+            "candidates",
+            ["", "test", "widest, then +- [%]", "ratio", "median ratio", "the widest then"],
+            tests,
+        ),
+        Table(
+            f"promised, and after {best['name']}",
+            ["in", "of", "value", "+- [%]", "then +- [%]"],
+            rows,
+        ),
+    ]
+
+
+def _still_widest(document: dict[str, Any], std: Any) -> str:
+    k = max(range(len(std)), key=lambda i: std[i])
+    return f"{document['promised'][k]['name']}, {100.0 * std[k]:.3g} %"

@@ -1,0 +1,1 @@
+"""A promise made from ground tests alone, and what came in orbit."""

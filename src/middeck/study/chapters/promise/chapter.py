@@ -1,0 +1,45 @@
+"""From ground test to orbit: what was promised, and what came."""
+
+from __future__ import annotations
+
+from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapters.promise import computation, drawing, numbers, text
+
+TITLE_A = "Promise and outcome in orbit"
+TITLE_B = "Three ways to a compensator for orbit"
+
+PROMISE = Chapter(
+    name="promise",
+    topic="a promise for orbit",
+    tables=("promise",),
+    share=0.6,
+    stream=6,
+    compute=computation.compute,
+    entries=(
+        Entry(
+            key="promise",
+            numbers=numbers.promise,
+            claims_at="promise",
+            warnings_at="promise",
+            claims=numbers.promise_claims,
+        ),
+    ),
+    drawings=(
+        Drawing(
+            key="promise",
+            title=TITLE_A,
+            draw=drawing.promised_and_came,
+            sentence=text.promise,
+            tables=text.promise_tables,
+        ),
+        Drawing(
+            key="promise-routes",
+            title=TITLE_B,
+            draw=drawing.routes,
+            sentence=text.routes,
+            tables=text.route_tables,
+        ),
+    ),
+    result=text.result,
+    shortfalls=text.shortfalls,
+)

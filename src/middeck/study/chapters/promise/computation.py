@@ -1,0 +1,193 @@
+"""From ground test to orbit: test, refine, take gravity out, promise; then fly, and compare."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.control.analysis.stability import LoopStability, decide_stability
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import approximation_order
+from middeck.control.lqg import LQGCompensator, design_filter, design_lqg
+from middeck.files.promises import name_of_loop, name_of_mode, promised_there, statements_of
+from middeck.files.studies import Study
+from middeck.files.study_promise import PromiseForm, build_plan
+from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.plants.measured_plant import measured_plant
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.article_rig import build_rig_article, linear_plant
+from middeck.laboratory.settings import RigSettings
+from middeck.structure.correlation.measured_modes import measure_modes
+from middeck.structure.modes.solve import Modes
+from middeck.study.chapters.promise.flight import Flown, fly, launch
+from middeck.study.chapters.promise.ground import Ground, run_ground_tests
+from middeck.study.shared import find_modes
+from middeck.systems.delay_approximation import approximate_delays
+from middeck.updating.outlook import LEVELS
+from middeck.updating.plan import Plan, weights_of
+from middeck.updating.promise import Promise, design_ladder, promise
+from middeck.updating.score import Outcome, Score, Verdict, judge, score
+from middeck.updating.surveys import pair, set_up
+from middeck.values import record
+
+FLEXIBLE = 10  # frequencies that are judged together
+SHEET = "{}, sheet"
+MEASURED = "{}, measured"
+
+
+@record(kw_only=True)
+class GroundLaw:
+    """A compensator for all motors and sensors, designed on the ground test alone; is it stable there, and in
+    orbit?"""
+
+    log10_authority: float
+    lab: LoopStability
+    orbit: LoopStability
+
+
+@record(kw_only=True)
+class Frequencies:
+    """The first flexible modes in orbit [Hz], paired by shape: true, refined and of the sheet."""
+
+    true_hz: Float[np.ndarray, " mode"]
+    refined_hz: Float[np.ndarray, " mode"]
+    sheet_hz: Float[np.ndarray, " mode"]
+
+
+@record(kw_only=True)
+class PromiseKept:
+    """What was promised before flight, and what came.
+
+    Attributes:
+        there: What the promise's document says of orbit.
+        outcomes, verdicts, score: Frequencies of the article, decibels measured on the rig.
+        flown: Compensators of the sheet, of the refined article, and of a record taken in orbit.
+        measured: The fit to that record.
+        ground_law: Why gravity cannot be taken out of a measurement.
+    """
+
+    ground: Ground
+    plan: Plan
+    promise: Promise
+    there: dict[str, Any]
+    frequencies: Frequencies
+    outcomes: tuple[Outcome, ...]
+    verdicts: tuple[Verdict, ...]
+    score: Score
+    flown: tuple[Flown, ...]
+    measured: FitResult
+    ground_law: GroundLaw
+
+
+def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
+    """The whole chain; the article in orbit is used by `fly` and the comparison alone."""
+    form = study.promise
+    settings = dataclasses.replace(study.rig, hidden_seed=form.hidden_seed)
+    article, orbit = study.case(form.article, "orbit")
+    ground = run_ground_tests(study, settings, rng)
+    found = [one.friction for one in ground.tests]
+    plan = build_plan(form, orbit, found, delay_s=settings.delay_s, seed=study.seed)
+    sheet = find_modes(article, orbit)
+    given = {SHEET.format(name): law for name, law in design_ladder(sheet, plan).items()}
+    plan = dataclasses.replace(plan, laws=given)
+    (promised,) = promise(ground.refined, plan).values()
+    there = promised_there("orbit", promised, plan)
+
+    refined = set_up(ground.refined.structure, orbit, (), ground.refined.unknowns).solve(ground.refined.x)
+    truth = build_rig_article(article, orbit, settings)
+    above = launch(truth, form, settings, plan, rng)
+    fit = fit_response(above.without, states=form.flight_states, cost="logarithmic")
+    ladders = design_ladder(refined, plan), _measured_ladder(fit, form, plan)
+    laws: dict[str, Compensator] = {**given, **ladders[0], **ladders[1]}
+    flown = fly(above, laws, form, settings, plan, rng)
+    statements = statements_of({"shares": LEVELS, "environments": [there]})
+    outcomes = _outcomes(promised, truth.modes, flown)
+    verdicts = judge(statements, outcomes)
+    return PromiseKept(
+        ground=ground,
+        plan=plan,
+        promise=promised,
+        there=there,
+        frequencies=_frequencies(promised, sheet, truth.modes),
+        outcomes=tuple(outcomes),
+        verdicts=verdicts,
+        score=score(verdicts),
+        flown=flown,
+        measured=fit,
+        ground_law=_ground_law(study, ground.tests[0].fit, plan, settings, truth),
+    )
+
+
+def _measured_ladder(fit: FitResult, form: PromiseForm, plan: Plan) -> dict[str, LQGCompensator]:
+    """The same authorities on the record from orbit."""
+    u, y = (form.actuator,), (form.sensor,)
+    late = measured_plant(fit.model, w=u, u=u, z=y, y=y)
+    model = approximate_delays(late, approximation_order(late))
+    weights = weights_of(plan, late.inputs, late.outputs)
+    kalman = design_filter(model, weights)
+    return {
+        MEASURED.format(f"LQG {level:g}"): design_lqg(model, weights, 10.0**level, kalman=kalman)
+        for level in form.log10_authority
+    }
+
+
+def _true_pairs(modes: Modes, truth: Modes, kept: Int[np.ndarray, " mode"]) -> dict[int, float]:
+    """The truth's frequency [Hz] of each of ``kept``, by shape."""
+    flexible = [i for i, kind in enumerate(truth.kind) if kind == "flexible"]
+    seen = measure_modes(truth, chosen=flexible[: len(kept)])
+    return {int(i): float(seen.frequency_hz[j]) for i, j in pair(modes, seen) if i in kept}
+
+
+def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> Frequencies:
+    found = promised.modes
+    chosen = [i for i in found.index.tolist() if found.modes.kind[i] == "flexible"][:FLEXIBLE]
+    true = _true_pairs(found.modes, truth, np.array(chosen))
+    by_sheet = {hz: sheet.frequency_hz[i] for i, hz in _true_pairs(sheet, truth, found.index).items()}
+    hz = dict(zip(found.index.tolist(), found.frequency_hz.tolist(), strict=True))
+    both = [i for i in chosen if i in true and true[i] in by_sheet]
+    return Frequencies(
+        true_hz=np.array([true[i] for i in both]),
+        refined_hz=np.array([hz[i] for i in both]),
+        sheet_hz=np.array([by_sheet[true[i]] for i in both]),
+    )
+
+
+def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Outcome]:
+    """Of what was promised: modes that can be paired, and compensators."""
+    said, index = {o.name for o in promised.outlooks}, promised.modes.index
+    true = _true_pairs(promised.modes.modes, truth, index)
+    modes = [
+        Outcome(name=name_of_mode("orbit", number), value=true[i])
+        for number, i in enumerate(index.tolist(), start=1)
+        if i in true
+    ]
+    loops = [
+        Outcome(name=name_of_loop("orbit", one.name), value=one.rig_db, stable=one.rig_db is not None)
+        for one in flown
+        if one.name in said
+    ]
+    return [*modes, *loops]
+
+
+def _ground_law(
+    study: Study, fit: FitResult, plan: Plan, settings: RigSettings, truth: RigArticle
+) -> GroundLaw:
+    """LQG for all motors and sensors on the fit of the first ground test, there and in orbit."""
+    form = study.promise
+    # What is left of modes above the band does not fall with frequency: a constant, which no noise may pass.
+    model = dataclasses.replace(fit.model, direct=np.zeros_like(fit.model.direct))
+    groups = {"w": (form.actuator,), "u": form.inputs, "z": (form.sensor,), "y": form.outputs}
+    late = measured_plant(model, **groups)
+    plant = approximate_delays(late, approximation_order(late))
+    weights = weights_of(plan, plant.inputs, plant.outputs)
+    law = design_lqg(plant, weights, 10.0**form.ground_log10_authority)
+    ports = form.inputs, form.outputs
+    lab = build_rig_article(*study.case(form.article, form.environment), settings)
+    return GroundLaw(
+        log10_authority=form.ground_log10_authority,
+        lab=decide_stability(linear_plant(lab, settings, *ports, None), law),
+        orbit=decide_stability(linear_plant(truth, settings, *ports, plan.inner), law),
+    )

@@ -1,0 +1,48 @@
+"""Promise against outcome at a glance, and three ways to a compensator side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from middeck.plot.promises import promise_figure
+from middeck.plot.style import COLOUR, new_figure, styled
+from middeck.study.chapters.promise import numbers, text
+from middeck.study.chapters.promise.computation import PromiseKept
+from middeck.updating.outlook import LEVELS
+
+WAYS = {"sheet": ("rig", "s"), "refined": ("orbit", "o")}
+
+
+def promised_and_came(kept: PromiseKept) -> Figure:
+    """Intervals promised before flight, and what the rig in orbit then showed."""
+    came = {
+        v.name: {"value": o.value, "stable": o.stable, "inside": v.inside}
+        for v, o in zip(kept.verdicts, kept.outcomes, strict=True)
+    }
+    return promise_figure(kept.there, list(LEVELS), came, "Promised from 1-g for orbit; dots: what came")
+
+
+@styled
+def routes(kept: PromiseKept) -> Figure:
+    """How far two ways are behind a compensator that was designed on a record from orbit, over authority."""
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    said = numbers.promise(kept)
+    by = {way: _decibels(db) for way, db in numbers.routes(said).items()}
+    for way, (colour, marker) in WAYS.items():
+        axes.plot(
+            said["authority_log10"], by[way] - by["measured"], marker=marker, color=COLOUR[colour],
+            label=text.ROUTES[way],
+        )  # fmt: skip
+    axes.axhline(0.0, color=COLOUR["ink"], linewidth=0.8)
+    axes.set_xlabel("log10 of control authority")
+    axes.set_ylabel("behind the design on a record\nfrom orbit, on the rig [dB]")
+    axes.set_title("Payload angle in orbit, by what the compensator was designed on")
+    axes.margins(y=0.2)
+    axes.legend()
+    return figure
+
+
+def _decibels(values: list[float | None]) -> np.ndarray:
+    return np.array([np.nan if value is None else value for value in values])

@@ -1,0 +1,137 @@
+"""In flight: compensators on the article behind the rig in orbit, which no promise has seen."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from middeck.control.law.compensator import Compensator
+from middeck.control.qualification import decibels
+from middeck.control.robust.monte_carlo import noise_on, uncontrolled_rms
+from middeck.control.sampled import emulate
+from middeck.files.study_promise import PromiseForm
+from middeck.identification.spectra import estimate_response
+from middeck.laboratory.article import RigArticle
+from middeck.laboratory.article_rig import build_article_rig, linear_plant
+from middeck.laboratory.settings import RigSettings
+from middeck.realtime.rig import Rig
+from middeck.realtime.runs import run_closed_loop
+from middeck.signals.excitation import random_multisine
+from middeck.structure.plants.port_rows import RATE
+from middeck.systems.plant import Plant
+from middeck.systems.response import FrequencyResponse
+from middeck.systems.statespace import StateSpace
+from middeck.updating.plan import Plan, group_loop, weights_of
+from middeck.values import record
+
+SETTLE = 1  # unrecorded period of a run
+
+
+@record(kw_only=True)
+class Flown:
+    """One compensator in orbit.
+
+    Attributes:
+        db: Of the article itself, linear: rms with the compensator over that without, in the band. None where
+            it is unstable.
+        rig_db: The same measured on the rig, with friction, limits and noise; None where there is no record,
+            for ``cause``.
+    """
+
+    name: str
+    db: float | None
+    rig_db: float | None
+    cause: str
+
+
+@record(kw_only=True)
+class Orbit:
+    """The article in orbit behind its rig, held by its analogue loops, and the response without control."""
+
+    article: RigArticle
+    plant: Plant
+    rig: Rig
+    excitation: np.ndarray
+    without: FrequencyResponse
+
+
+def launch(
+    article: RigArticle, form: PromiseForm, settings: RigSettings, plan: Plan, rng: np.random.Generator
+) -> Orbit:
+    """Switch the rig of ``article`` on in orbit and measure it without a compensator."""
+    ports = (form.actuator,), (form.sensor,)
+    plant = linear_plant(article, settings, *ports, plan.inner)
+    rig = build_article_rig(article, settings, inputs=ports[0], outputs=ports[1], inner=plan.inner)
+    u = random_multisine(
+        form.loop_band_hz, form.flight_period_s, settings.sample_hz, form.disturbance_nm, rng
+    )[:, None]
+    taken, cause = _measure(rig, None, u, form, settings, rng)
+    assert taken is not None, cause
+    return Orbit(article=article, plant=plant, rig=rig, excitation=u, without=taken)
+
+
+def fly(
+    orbit: Orbit,
+    laws: Mapping[str, Compensator],
+    form: PromiseForm,
+    settings: RigSettings,
+    plan: Plan,
+    rng: np.random.Generator,
+) -> tuple[Flown, ...]:
+    """Every compensator in turn."""
+    return tuple(_flown(orbit, name, law, form, settings, plan, rng) for name, law in laws.items())
+
+
+def _flown(
+    orbit: Orbit,
+    name: str,
+    law: Compensator,
+    form: PromiseForm,
+    settings: RigSettings,
+    plan: Plan,
+    rng: np.random.Generator,
+) -> Flown:
+    taken, cause = _measure(orbit.rig, law, orbit.excitation, form, settings, rng)
+    rig_db = None if taken is None else decibels(_rms(taken), _rms(orbit.without))
+    return Flown(name=name, db=_linear_db(orbit, law, plan), rig_db=rig_db, cause=cause)
+
+
+def _rms(response: FrequencyResponse) -> float:
+    """Per unit of the excitation, whose lines are all alike."""
+    return float(np.linalg.norm(response.H))
+
+
+def _linear_db(orbit: Orbit, law: Compensator, plan: Plan) -> float | None:
+    u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
+    plant, weights = group_loop(plan, orbit.plant, u, y), weights_of(plan, law.outputs, law.inputs)
+    stable, rms, _ = noise_on([plant], _as_it_reads(law, orbit.article), weights, plan.band_hz)
+    if not stable[0]:
+        return None
+    return decibels(float(rms[0]), float(uncontrolled_rms([plant], weights, plan.band_hz)[0]))
+
+
+def _as_it_reads(law: Compensator, article: RigArticle) -> Compensator:
+    """``law`` behind the errors of gain of the sensors that it reads."""
+    gains = {} if article.hidden is None else dict(article.hidden.gain)
+    gain = np.array([gains.get(p.name.removesuffix(RATE), 1.0) for p in law.inputs])
+    s = law.system
+    return dataclasses.replace(law, dynamics=StateSpace(s.A, s.B * gain, s.C, s.D * gain))
+
+
+def _measure(
+    rig: Rig,
+    law: Compensator | None,
+    u: np.ndarray,
+    form: PromiseForm,
+    settings: RigSettings,
+    rng: np.random.Generator,
+) -> tuple[FrequencyResponse | None, str]:
+    sampled = None if law is None else emulate(law, rig.period_s)
+    run = run_closed_loop(
+        rig, sampled, u, periods=form.flight_periods, rng=rng, settle=SETTLE, rest_s=settings.rest_s
+    )
+    if run.record is None:
+        return None, run.cause
+    return estimate_response(run.record, band_hz=form.loop_band_hz), ""

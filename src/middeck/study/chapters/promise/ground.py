@@ -1,0 +1,90 @@
+"""Before flight: ground tests on the rig, friction out, modes found, the article refined by them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.files.studies import Study
+from middeck.files.study_promise import PromiseForm, SetUpForm, build_modal_test, build_unknowns
+from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.friction import JointFriction, find_friction, without_friction
+from middeck.identification.spectra import estimate_response
+from middeck.laboratory.article_rig import build_rig_article
+from middeck.laboratory.modal_test import take_modal_test
+from middeck.laboratory.settings import RigSettings
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.systems.response import FrequencyResponse
+from middeck.updating.fitted_survey import survey_from_fit
+from middeck.updating.refine import Refined, refine
+from middeck.updating.surveys import Survey
+from middeck.values import record
+
+
+@record(kw_only=True)
+class GroundTest:
+    """One set-up: friction of the joints, the fit behind it, and the modes that are certain."""
+
+    friction: JointFriction
+    fit: FitResult
+    survey: Survey
+
+
+@record(kw_only=True)
+class Ground:
+    """All that is known before flight."""
+
+    tests: tuple[GroundTest, ...]
+    refined: Refined
+
+
+def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> Ground:
+    """Every set-up tested on the rig in the laboratory; the article refined by what was found."""
+    form = study.promise
+    article, lab = study.case(form.article, form.environment)
+    tests = tuple(_tested(article, lab, one, form, settings, rng) for one in form.test)
+    return Ground(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
+
+
+def _tested(
+    article: Structure,
+    lab: Environment,
+    set_up: SetUpForm,
+    form: PromiseForm,
+    settings: RigSettings,
+    rng: np.random.Generator,
+) -> GroundTest:
+    as_set = tuple(set_up.set.items())
+    there = build_rig_article(*_placed(article, lab, as_set), settings)
+    taken = take_modal_test(there, settings, build_modal_test(form), rng)
+    joints = [(name, name) for name in form.joints]
+    friction = find_friction(taken, joints, band_hz=form.band_hz, delay_s=settings.delay_s)
+    with warnings.catch_warnings():  # of free motions that are not over, which the variance holds
+        warnings.simplefilter("ignore", UserWarning)
+        response = estimate_response(without_friction(taken, friction), band_hz=form.band_hz)
+    fit = _fit(response, form.states)
+    seen = survey_from_fit(article, fit, gain_std=form.gain_std)
+    survey = Survey(name=set_up.name, measured=seen, environment=lab, settings=as_set)
+    return GroundTest(friction=friction, fit=fit, survey=survey)
+
+
+def _placed(
+    article: Structure, lab: Environment, as_set: tuple[tuple[str, float], ...]
+) -> tuple[Structure, Environment]:
+    both = article, lab
+    for name, value in as_set:
+        both = set_parameter(*both, find_parameters(*both, [name])[0], value)
+    return both
+
+
+def _fit(response: FrequencyResponse, states: Sequence[int]) -> FitResult:
+    """The first that is sure of a mode, or the last: one that misses a mode doubts them all."""
+    # Dampers at joints make the modes complex; all paths are as late as each other.
+    fit = fit_response(response, states=states[0], constants="complex", delay="common")
+    if fit.standing.count("sound") or len(states) == 1:
+        return fit
+    return _fit(response, states[1:])

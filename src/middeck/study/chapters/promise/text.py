@@ -1,0 +1,118 @@
+"""Sentences and tables of promise and outcome."""
+
+from __future__ import annotations
+
+from middeck.study.chapters.promise.numbers import frequency_error, median_error_db
+from middeck.study.chapters.promise.numbers import routes as by_route
+from middeck.study.words import Line, Numbers, Table, fixed, percent, significant
+
+SECTION = "promise"
+REST_HZ = 0.005  # below which a growing pole is no oscillation
+ROUTES = {"sheet": "model as drawn", "refined": "refined on 1-g records", "measured": "record from orbit"}
+
+
+def promise(figures: Numbers) -> str:
+    """How good the promise was."""
+    numbers = figures["promise"]
+    score, apart = numbers["score"], median_error_db(numbers)
+    decibels = "" if apart is None else f"; decibels were promised within {fixed(apart, 2)} dB in the median"
+    set_ups = "one set-up" if len(numbers["tests"]) == 1 else f"{len(numbers['tests'])} set-ups"
+    return (
+        f"Refined on records of {set_ups} in 1-g alone, the article's first"
+        f" {len(numbers['frequencies']['true_hz'])} flexible frequencies in orbit were promised within"
+        f" {significant(frequency_error(numbers, 'refined_hz'), 2)} % rms (as drawn:"
+        f" {significant(frequency_error(numbers, 'sheet_hz'), 2)} %){decibels}. Of {score['count']} outcomes"
+        f" {percent(score['coverage'], 0)} lay within their 95 % intervals."
+    )
+
+
+def routes(figures: Numbers) -> str:
+    """Which way led where."""
+    numbers = figures["promise"]
+    law, top = numbers["ground_law"], {key: values[-1] for key, values in by_route(numbers).items()}
+    reached = ", ".join(f"{ROUTES[key]}: {_decibel(db)}" for key, db in top.items())
+    grows = f"grows at {fixed(law['growth_hz'], 2)} Hz" if law["growth_hz"] >= REST_HZ else "diverges"
+    turned = (
+        f"A compensator for all motors designed on the 1-g record is stable there and {grows} in orbit:"
+        " gravity cannot be taken out of a measurement."
+        if law["stable_on_the_ground"] and not law["stable_in_orbit"]
+        else "A compensator for all motors designed on the 1-g record is"
+        f" {'stable' if law['stable_in_orbit'] else 'unstable'} in orbit."
+    )
+    return f"At the highest authority the rig in orbit shows, {reached}. {turned}"
+
+
+def _decibel(db: float | None) -> str:
+    return "unstable" if db is None else f"{fixed(db, 1)} dB"
+
+
+def result(figures: Numbers) -> Line:
+    """Frequencies and decibels, promised and come."""
+    numbers = figures["promise"]
+    apart = median_error_db(numbers)
+    loops = "" if apart is None else f", decibels within {fixed(apart, 2)} dB"
+    error = significant(frequency_error(numbers, "refined_hz"), 2)
+    return Line(
+        f"Promised from 1-g records for 0-g: frequencies within {error} %{loops} of what came.", SECTION
+    )
+
+
+def shortfalls(figures: Numbers) -> list[Line]:
+    """Outcomes outside their intervals."""
+    missed = [name for name, verdict in figures["promise"]["verdicts"].items() if not verdict["inside"]]
+    if not missed:
+        return []
+    return [Line(f"Outside their promised 95 % intervals: {', '.join(missed)}.", SECTION)]
+
+
+def promise_tables(figures: Numbers) -> list[Table]:
+    """Ground tests, compensators, and what the promise is not valid for."""
+    numbers = figures["promise"]
+    tests = [
+        [t["name"], str(t["modes"]), *(
+            f"{significant(torque, 3)} / {fixed(t['slip_angle_deg'][joint], 4)}"
+            for joint, torque in t["slip_torque_nm"].items()
+        )]
+        for t in numbers["tests"]
+    ]  # fmt: skip
+    joints = [f"{name}: slips at [N m] / after [deg]" for name in numbers["tests"][0]["slip_torque_nm"]]
+    limits = [[str(k), text] for k, text in enumerate(numbers["not_valid_for"], start=1)]
+    return [
+        Table("Ground tests", ("set-up", "modes that are certain", *joints), tests),
+        _loops_table(numbers),
+        Table("What the promise is not valid for", ("", "limit"), limits),
+    ]
+
+
+def _loops_table(numbers: Numbers) -> Table:
+    shares = list(numbers["shares"])
+    came = {c["name"]: c for c in numbers["came"]}
+    rows = [
+        [
+            c["name"],
+            percent(c["probability_stable"], 1),
+            *(_level(c["db"][shares.index(s)]) for s in (0.025, 0.5, 0.975)),
+            _level(came[c["name"]]["rig_db"]),
+            _level(came[c["name"]]["linear_db"]),
+        ]
+        for c in numbers["orbit"]["compensators"]
+    ]
+    head = ("compensator", "promised stable", "2.5 % [dB]", "median [dB]", "97.5 % [dB]", "rig in orbit [dB]",
+            "without friction and limits [dB]")  # fmt: skip
+    return Table(f"Compensators, promised by {numbers['draws']} draws, and what came", head, rows)
+
+
+def _level(db: float | None) -> str:
+    return "unstable" if db is None else fixed(db, 2)
+
+
+def route_tables(figures: Numbers) -> list[Table]:
+    """Decibels on the rig by way of design."""
+    numbers = figures["promise"]
+    by = by_route(numbers)
+    rows = [
+        [fixed(level, 2), *(_level(by[key][k]) for key in ROUTES)]
+        for k, level in enumerate(numbers["authority_log10"])
+    ]
+    head = ("log10 authority", *(f"{words} [dB]" for words in ROUTES.values()))
+    return [Table("On the rig in orbit, by what the compensator was designed on", head, rows)]

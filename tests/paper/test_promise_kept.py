@@ -1,0 +1,73 @@
+"""The study's chain from a ground test to orbit: what was promised on records from 1-g comes in 0-g."""
+
+import json
+from importlib.resources import files
+
+import jsonschema
+import numpy as np
+import pytest
+
+from middeck.files.json_output import json_text
+from middeck.files.studies import load_study
+from middeck.study.chapters.promise.chapter import PROMISE
+from middeck.study.chapters.promise.computation import PromiseKept
+from middeck.study.chapters.promise.numbers import promise, promise_claims
+from repeats import LONG
+
+QUICK = () if LONG else ("promise.draws=10", "promise.log10_authority=[0, 3]")
+
+
+@pytest.fixture(scope="module")
+def kept() -> PromiseKept:
+    study = load_study("studies/mace-1993.toml", QUICK)
+    return PROMISE.compute(study, PROMISE.rng(study.seed))
+
+
+def test_its_numbers_follow_the_schema(kept: PromiseKept) -> None:
+    schema = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
+    entry = schema["properties"]["figures"]["properties"]["promise"] | {"additionalProperties": False}
+    jsonschema.validate(json.loads(json_text(promise(kept))), entry)
+
+
+def test_every_claim_of_the_chain_holds(kept: PromiseKept) -> None:
+    rows = promise_claims(promise(kept))
+    assert [row["claim"] for row in rows if not row["holds"]] == []
+    assert all(row["number"] is not None for row in rows)
+
+
+def test_refining_in_1_g_finds_the_0_g_frequencies_of_another_article(kept: PromiseKept) -> None:
+    f = kept.frequencies
+    assert len(f.true_hz) == 10
+    refined, sheet = (np.abs(np.log(hz / f.true_hz)) for hz in (f.refined_hz, f.sheet_hz))
+    assert np.all(refined < sheet)
+    assert np.median(refined) < 2e-4
+
+
+def test_the_friction_found_is_that_of_the_rig(kept: PromiseKept) -> None:
+    (one,) = kept.ground.tests
+    np.testing.assert_allclose(one.friction.slip_torque, 0.002, rtol=0.01)
+    np.testing.assert_allclose(np.degrees(one.friction.slip_angle), 0.05, rtol=0.1)
+
+
+def test_friction_is_what_parts_the_rig_from_a_linear_article(kept: PromiseKept) -> None:
+    """Promised with it the medians are nearer to the rig than those promised without."""
+    at = {o.name: o.friction for o in kept.promise.outlooks}
+    for one in kept.flown:
+        friction = at.get(one.name)
+        if friction is not None:
+            assert one.rig_db is not None
+            with_it = next(o.level_db(0.5) for o in kept.promise.outlooks if o.name == one.name)
+            assert abs(with_it - one.rig_db) < abs(np.median(friction.without_db) - one.rig_db)
+
+
+def test_gravity_cannot_be_taken_out_of_a_measurement(kept: PromiseKept) -> None:
+    assert kept.ground_law.lab.stable
+    assert not kept.ground_law.orbit.stable
+    assert kept.ground_law.orbit.frequency_hz < 0.1
+
+
+def test_modes_that_no_test_saw_are_told_apart_and_are_uncertain(kept: PromiseKept) -> None:
+    seen = np.array([mode["seen"] for mode in kept.there["modes"]])
+    width = np.array([np.diff(np.log(mode["interval_95_hz"]))[0] for mode in kept.there["modes"]])
+    assert np.count_nonzero(seen < 0.5) >= 4
+    assert np.median(width[seen < 0.5]) > 5.0 * np.median(width[seen >= 0.5])
