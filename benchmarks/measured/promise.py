@@ -29,6 +29,7 @@ SEEDS, DRAWS = 50, 60
 LADDERS, ALL_DRAWS = 3, 300
 AUTHORITY = 10.0 ** np.array([0.0, 2.0, 4.0, 6.0])
 RUNGS = 10.0 ** np.arange(-2.0, 12.01, 0.125)
+ALL_RUNGS = 10.0 ** np.arange(-2.0, 6.01, 0.25)
 COARSE = 8
 LEAST_DB = -20.0
 TOGETHER = 50  # draws that are decided at once
@@ -78,9 +79,17 @@ def _compensators(seed: int) -> list[Came]:
 
 def frontier_rows(_: str) -> list[dict[str, Any]]:
     """Ladders on the refined model and on the sheet, to authorities at which the truth is unstable."""
-    found = [d for seed in range(LADDERS) for d in _frontiers(seed)]
+    plans = {
+        "one motor": case.plan(RUNGS, ALL_DRAWS),
+        "five motors": case.with_all_motors(case.plan(ALL_RUNGS, ALL_DRAWS)),
+    }
+    return [row for name, asked in plans.items() for row in _frontier_rows(name, asked)]
+
+
+def _frontier_rows(name: str, asked: Plan) -> list[dict[str, Any]]:
+    found = [d for seed in range(LADDERS) for d in _frontiers(seed, asked)]
     late = np.array([d for d in found if np.isfinite(d)])
-    title = f"frontier, {len(found)} ladders of {LADDERS} truths"
+    title = f"frontier, {name}, {len(found)} ladders of {LADDERS} truths"
     return [
         row(title, "promised above the true one", "%", 100.0 * np.mean(late < 0.0), 2.0),
         row(title, "promised below the true one, median", "dB", np.median(late), 1.0),
@@ -89,10 +98,9 @@ def frontier_rows(_: str) -> list[dict[str, Any]]:
     ]
 
 
-def _frontiers(seed: int) -> list[float]:
+def _frontiers(seed: int, asked: Plan) -> list[float]:
     """By how many decibels the promised frontier is below the true one, of both ladders."""
     refined = case.refined(seed)
-    asked = case.plan(RUNGS, ALL_DRAWS)
     place = next(iter(asked.environments.values()))
     drawn = draw_plants(
         refined, place, partial(plant_of, asked), draws=asked.draws,
@@ -106,9 +114,11 @@ def _frontiers(seed: int) -> list[float]:
 
 def _distance(laws: Mapping[str, Compensator], drawn: DrawnPlants, truth: Plant, asked: Plan) -> float:
     ladder = list(laws.values())
-    came = [case.true_db(truth, law, asked) for law in ladder]
+    u, y = (tuple(p.name for p in side) for side in (ladder[0].outputs, ladder[0].inputs))
+    came = [case.true_db(group_loop(asked, truth, u, y), law, asked) for law in ladder]
     true = next((k for k, db in enumerate(came) if not np.isfinite(db)), len(ladder)) - 1
     said = _first_not_promised(ladder, drawn, asked) - 1
+    print(f"true frontier {true}, promised {said} of {len(ladder)}; {came[max(true, 0)]:.2f} dB", flush=True)
     if said < 0 or true < 0:
         return 0.0 if said == true else (np.nan if said < 0 else -np.inf)
     return -1.0 if said > true else came[said] - came[true]

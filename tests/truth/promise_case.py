@@ -40,6 +40,7 @@ PD = PDLoops(
     np.array([0.007619, 0.3142, 0.3629, 0.01004, 0.01406]),
     np.array([0.04042, 1.667, 1.925, 0.01997, 0.02798]),
 )
+ALL_ANGLES = (OUTPUT, *PD.names)
 TORQUE_NM, TO_HZ = 0.3, 60.0
 # What a plan knows of the gimbals' friction.
 SLIP_TOLERANCE, ANGLE_TOLERANCE = 0.1, 0.2
@@ -77,6 +78,16 @@ def plan(
         bounded=bounded,
         laws=laws or {},
         ladder=Ladder(drives=(INPUT,), reads=(OUTPUT,), authority=np.asarray(authority, dtype=float)),
+    )
+
+
+def with_all_motors(asked: Plan) -> Plan:
+    """The plan with its ladder for five motors and six angles, and a cable of up to 0.03 Hz in orbit."""
+    assert asked.ladder is not None
+    return dataclasses.replace(
+        asked,
+        ladder=dataclasses.replace(asked.ladder, drives=PD.names, reads=ALL_ANGLES),
+        loop=dataclasses.replace(asked.loop, umbilical_hz=0.03),
     )
 
 

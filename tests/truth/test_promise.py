@@ -228,18 +228,17 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
 
     So it is on the truth, which has one of 0.02 Hz.
     """
-    reads = ("pri_in_z", *case.PD.names)
-    ladder = Ladder(drives=case.PD.names, reads=reads, authority=np.array([1e3, 1e4]))
-    asked = dataclasses.replace(case.plan([1.0], 1), ladder=ladder)
+    asked = case.with_all_motors(case.plan([1e3, 1e4], 1))
     law = design_ladder(case.modes_in_orbit(refined), asked)["LQG 4"]
     weights = weights_of(asked, law.outputs, law.inputs)
     held = []
     for umbilical_hz in (0.0, 0.03):
+        loop = dataclasses.replace(asked.loop, umbilical_hz=umbilical_hz)
         drawn = draw_plants(
             refined, Environment.orbit(), partial(plant_of, asked), draws=6, rng=np.random.default_rng(2),
-            loop=dataclasses.replace(asked.loop, umbilical_hz=umbilical_hz), finish=partial(close_inner, asked),
+            loop=loop, finish=partial(close_inner, asked),
         )  # fmt: skip
-        plants = [group_loop(asked, p, case.PD.names, reads) for p in drawn.plants]
+        plants = [group_loop(asked, p, case.PD.names, case.ALL_ANGLES) for p in drawn.plants]
         held.append(int(np.count_nonzero(noise_on(plants, law, weights)[0])))
     assert held[0] == 6
     assert held[1] < 6
