@@ -25,7 +25,7 @@ from middeck.values import record
 CARRIED = 1e-4
 # Of a measured damping ratio whose deviation the test does not state, relative.
 DAMPING_STD = 0.1
-# Part of a mode, in squares, that need not have been seen.
+# Part of a mode that need not have been seen.
 LITTLE = 0.01
 
 
@@ -129,8 +129,9 @@ def predict_at(refined: Refined, there: There) -> Prediction:
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
     alone = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0)
     rest = alone * refined.unseen[sorts_of(modes, index)] ** 2
-    if np.any(alone > LITTLE):
-        rest = rest + alone * finer() ** 2
+    unseen = np.maximum(1.0 - share.sum(axis=1), 0.0)
+    if np.any(unseen > LITTLE):
+        rest = rest + (unseen * finer()) ** 2
     return Prediction(
         modes=modes,
         index=index,
