@@ -242,3 +242,25 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
         held.append(int(np.count_nonzero(noise_on(plants, law, weights)[0])))
     assert held[0] == 6
     assert held[1] < 6
+
+
+@pytest.mark.parametrize(
+    "changed", [{"weights": np.zeros(1)}, {"intensity": np.zeros(1)}, {"weights": [-1.0]}]
+)
+def test_a_performance_that_is_nothing_is_refused(changed: dict[str, list[float]]):
+    with pytest.raises(ConfigError, match="nothing to promise"):
+        dataclasses.replace(case.plan([1.0], 1), **changed)
+
+
+def test_a_plant_without_an_optimum_has_no_bound():
+    """A double integrator that no sensor sees beside the oscillator."""
+    seen = oscillator(3.0)
+    A, B, C = seen.system.A, seen.system.B, seen.system.C
+    drifts = make_plant(
+        np.block([[A, np.zeros((2, 1))], [np.zeros((1, 2)), np.zeros((1, 1))]]), np.vstack([B, [[1.0]]]),
+        np.hstack([C, [[0.0]]]), inputs=["f"], outputs=["x"], w=["f"], u=["f"], z=["x"], y=["x"],
+    )  # fmt: skip
+    law = design_lqg(seen, WEIGHTS, 1.0)
+    both = bound_db([seen, drifts], law, WEIGHTS, 1.0)
+    assert np.all(np.isfinite(both[0]))
+    assert not np.isfinite(both[1, 1])

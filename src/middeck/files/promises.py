@@ -283,6 +283,9 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
             for name, p in promises.items()
             if p.slip_time is not None and p.slip_time.short
         ]
+    if plan.draws + 1 < 1.0 / (1.0 - LEVELS[-1]):
+        held = 100.0 * plan.draws / (plan.draws + 1)
+        said.append(f"levels beyond {held:.3g} %: the worst of {plan.draws} draws stands for them")
     said += [
         f"{name}: what lies above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes"
         for name, p in promises.items()

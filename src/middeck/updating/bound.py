@@ -20,6 +20,7 @@ from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import decibels
+from middeck.errors import NotStabilisableError
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant
 
@@ -36,7 +37,8 @@ def bound_db(
 
     Both relative to the plant without control; delays by Pade approximations that keep every mode's phase.
     ``authority`` is about where the trade of the law lies: it moves the bound's tightness, never its truth.
-    The bound is ``nan`` where the law is unstable: without an effort there is no bound at it.
+    The bound is ``nan`` where the law is unstable: without an effort there is no bound at it; and on a plant
+    that has no optimum, for a mode that hardly decays and no sensor sees.
     """
     return np.array([_one(plant, law, weights, authority) for plant in plants]).reshape(len(plants), 2)
 
@@ -47,7 +49,10 @@ def _one(late: Plant, law: Compensator, weights: LQGWeights, authority: float) -
     own = measure_noise_rms(plant, law, weights)
     if not np.isfinite(own.rms):
         return np.inf, np.nan
-    kalman = design_filter(plant, weights)
+    try:
+        kalman = design_filter(plant, weights)
+    except NotStabilisableError:
+        return decibels(own.rms, alone), np.nan
 
     def surplus(log_authority: float) -> float:
         level = float(np.exp(log_authority))

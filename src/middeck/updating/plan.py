@@ -95,6 +95,12 @@ class Plan:
                 raise ConfigError(
                     f"{len(given)} {what} for {len(names)} ports", where="promise", hint="one for each"
                 )
+            if not np.all(np.isfinite(given)) or np.any(given < 0.0) or not np.any(given):
+                raise ConfigError(
+                    f"{what} of {', '.join(f'{x:g}' for x in given)}: nothing to promise",
+                    where="promise",
+                    hint="from zero, one above it at least",
+                )
 
 
 def plant_of(plan: Plan, modes: Modes) -> Plant:

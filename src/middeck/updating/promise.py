@@ -156,7 +156,8 @@ def _bound(law: Compensator, some: DrawnPlants, weights: LQGWeights) -> tuple[fl
     if authority is None or not some.plants:
         return np.nan, np.nan
     both = bound_db(some.plants, law, weights, float(authority))
-    if not np.all(np.isfinite(both)):
+    told = both[np.all(np.isfinite(both), axis=1)]
+    if not np.all(np.isfinite(both[:, 0])) or not len(told):
         return np.nan, np.nan
-    own, least = np.median(both, axis=0).tolist()
+    own, least = np.median(told, axis=0).tolist()
     return own, least
