@@ -43,7 +43,10 @@ def campaign():
 
 
 # They take the paper's study, and stay on one worker so that it runs once.
-PAPER = {"tests/edges/test_numbers.py", "tests/edges/test_report.py", "tests/paper/test_study_claims.py"}
+PAPER = {
+    *("tests/edges/test_numbers.py", "tests/edges/test_report.py"),
+    *("tests/paper/test_promise_kept.py", "tests/paper/test_study_claims.py"),
+}
 # They fit the mirror's records alike, once (`cli_runner.identify_once`).
 MIRROR = {"tests/docs/test_examples.py", "tests/edges/test_cli_hygiene.py"}
 # They fit the same simulated gimbals, once (`gimbal_fits`, `two_modes`).
@@ -80,11 +83,16 @@ def paper_study():
 
 @pytest.fixture(scope="session")
 def paper_outcomes(paper_study):
-    """Its chapters but mirror and promise, which have their own tests and take long; once a session."""
+    """Its chapters but the mirror, which has its own tests and takes long; once a session.
+
+    `make test` promises fewer compensators by fewer draws.
+    """
     from middeck.study.mission import run_chapters  # with matplotlib, which few tests need
 
-    apart = "mirror", "promise"
-    return {name: run() for name, run in run_chapters(paper_study) if name not in apart}
+    fewer = () if LONG else ("promise.draws=10", "promise.log10_authority=[0, 3]")
+    quick = load_study(Path(__file__).parents[1] / "studies/mace-1993.toml", fewer)
+    chapters = {**dict(run_chapters(paper_study)), "promise": dict(run_chapters(quick))["promise"]}
+    return {name: run() for name, run in chapters.items() if name != "mirror"}
 
 
 @pytest.fixture(scope="session")

@@ -28,6 +28,7 @@ from middeck.files import (
     refinements,
     study_form,
     study_promise,
+    unknown_form,
 )
 from middeck.files.form import Form, unit_of
 
@@ -88,7 +89,7 @@ FORMS: list[type[Form]] = [
     gauge_form.StaticForm,
     gauge_form.GaugeForm,
     gauge_form.ReadingForm,
-    refinements.UnknownForm,
+    unknown_form.UnknownForm,
     candidate_files.CandidatesForm,
     candidate_files.CandidateForm,
     gauge_form.PlannedStaticForm,
@@ -137,6 +138,7 @@ def test_every_form_has_its_table():
         *studies,
         gauge_form,
         refinements,
+        unknown_form,
         candidate_files,
         promise_plans,
         promised_loads,

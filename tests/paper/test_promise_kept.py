@@ -2,25 +2,20 @@
 
 import json
 from importlib.resources import files
+from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 
 from middeck.files.json_output import json_text
-from middeck.files.studies import load_study
-from middeck.study.chapters.promise.chapter import PROMISE
 from middeck.study.chapters.promise.computation import PromiseKept
 from middeck.study.chapters.promise.numbers import promise, promise_claims
-from repeats import LONG
-
-QUICK = () if LONG else ("promise.draws=10", "promise.log10_authority=[0, 3]")
 
 
 @pytest.fixture(scope="module")
-def kept() -> PromiseKept:
-    study = load_study("studies/mace-1993.toml", QUICK)
-    return PROMISE.compute(study, PROMISE.rng(study.seed))
+def kept(paper_outcomes: dict[str, Any]) -> PromiseKept:
+    return paper_outcomes["promise"]
 
 
 def test_its_numbers_follow_the_schema(kept: PromiseKept) -> None:

@@ -16,6 +16,7 @@ from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.gauge_form import StaticForm, build_case, build_gauge, static_findings, value_of
 from middeck.files.survey_files import load_survey_modes
+from middeck.files.unknown_form import UnknownForm
 from middeck.updating.posterior import USUAL
 from middeck.updating.refine import USUAL_STATIC
 from middeck.updating.statics import StaticTest
@@ -35,16 +36,6 @@ class SurveyForm(Form):
     environment: str = "lab"
     frequency_std: Positive | None = None
     set: dict[str, Finite] = Field(default_factory=dict)
-
-
-class UnknownForm(Form):
-    """Parameters that move together, and how well they are known before."""
-
-    name: str
-    parameters: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
-    spread: Positive
-    mean: Finite = 0.0
-    added: bool = False
 
 
 class RefinementForm(Form):

@@ -28,8 +28,8 @@ CHAPTERS: tuple[Chapter[Any], ...] = (
     ZERO_G_CONTROL,
     MEASURED_CONTROL,
     TWO_SENSOR_CONTROL,
-    PROMISE,
     MIRROR,
+    PROMISE,
 )
 
 

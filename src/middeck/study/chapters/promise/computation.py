@@ -12,9 +12,10 @@ from middeck.control.analysis.stability import LoopStability, decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGCompensator, design_filter, design_lqg
+from middeck.files.promise_build import build_plan
 from middeck.files.promises import name_of_loop, name_of_mode, promised_there, statements_of
 from middeck.files.studies import Study
-from middeck.files.study_promise import PromiseForm, build_plan
+from middeck.files.study_promise import PromiseForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.laboratory.article import RigArticle

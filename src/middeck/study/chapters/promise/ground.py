@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from middeck.files.promise_build import build_modal_test, build_unknowns
 from middeck.files.studies import Study
-from middeck.files.study_promise import PromiseForm, SetUpForm, build_modal_test, build_unknowns
+from middeck.files.study_promise import PromiseForm, SetUpForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.friction import JointFriction, find_friction, without_friction
 from middeck.identification.spectra import estimate_response
