@@ -15,7 +15,7 @@ from middeck import __version__
 from middeck.errors import DataError
 from middeck.files.documents import check, read_source, sha256_of
 from middeck.files.faults import raise_faults
-from middeck.files.form import Finite, Form
+from middeck.files.form import Finite, Form, Positive
 from middeck.files.sealed import SEAL, read_sealed, seal
 from middeck.updating.deflections import Deflection
 from middeck.updating.findings import findings
@@ -116,7 +116,7 @@ class ModeOutcomeForm(Form):
 
     environment: str
     number: Annotated[int, Field(ge=1)]
-    frequency_hz: Annotated[float, Field(gt=0.0)]
+    frequency_hz: Positive
 
 
 class LoopOutcomeForm(Form):

@@ -24,14 +24,34 @@ def seal(document: Mapping[str, Any]) -> dict[str, Any]:
 def read_sealed(path: str | Path, schema: str) -> dict[str, Any]:
     """The document in ``path``. Raises `DataError` for another document, and where the seal does not fit."""
     found = read_json(path, schema, "the file as it was written")
+    doubled = _doubled(Path(path).read_text(encoding="utf-8-sig"))
+    if doubled:  # a reader sees the first, a parser the last
+        raise DataError(f"key {doubled!r} stands twice", where=str(path), hint="the file as it was written")
     inside = {key: value for key, value in found.items() if key != SEAL}
-    if found.get(SEAL) != _hash(inside):
+    try:
+        fits = found.get(SEAL) == _hash(inside)
+    except ValueError:  # NaN or infinity, which no sealed document holds
+        fits = False
+    if not fits:
         raise DataError(
             f"the document is not what was sealed: its {SEAL} does not fit its content",
             where=str(path),
             hint="the file as it was written; a changed promise is none",
         )
     return found
+
+
+def _doubled(text: str) -> str:
+    """The first key that a table of ``text`` has twice; empty for none."""
+    twice: list[str] = []
+
+    def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        names = [name for name, _ in pairs]
+        twice.extend(name for name in names if names.count(name) > 1)
+        return dict(pairs)
+
+    json.loads(text, object_pairs_hook=table)
+    return next(iter(twice), "")
 
 
 def _hash(values: Mapping[str, Any]) -> str:

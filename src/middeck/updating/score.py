@@ -72,9 +72,14 @@ class Score:
 def judge(statements: Sequence[Statement], outcomes: Sequence[Outcome]) -> tuple[Verdict, ...]:
     """Each outcome beside the statement of its name; statements without an outcome are left open.
 
-    Raises `DataError` for an outcome of which nothing was said, or said twice.
+    Raises `DataError` for an outcome of which nothing was said, or two of one name,
+    and for two statements of one name.
     """
     known = {s.name: s for s in statements}
+    if len(known) < len(statements):
+        said = [s.name for s in statements]
+        both = next(n for n in said if said.count(n) > 1)
+        raise DataError(f"two statements of {both!r}", where="promise", hint="another name for one of them")
     for outcome in outcomes:
         if outcome.name not in known:
             raise DataError(
