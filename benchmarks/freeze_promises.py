@@ -19,7 +19,7 @@ from measured import garteur, garteur_promise
 from measured.result_file import DATA
 from middeck.cli.main import execute
 from middeck.files.json_output import write_json
-from middeck.files.promises import loads_document
+from middeck.files.promises import hash_files, loads_document
 
 HERE = Path(__file__).resolve().parents[1] / "promises"
 PAZY = ("pazy-mid-chord", "pazy-behind")
@@ -45,7 +45,7 @@ def aeroplane(name: str, chosen: tuple[int, ...], data: Path, date: str) -> None
     found = garteur_promise.refined(modes, chosen)
     said = md.predict_modes(found, place, count=MODES)
     source = data / "garteur_smag19" / "garteur_geometry_tut.jl"
-    document = loads_document(found, "bungees", (), said, files=(source,), date=date)
+    document = loads_document(found, "bungees", (), said, files=hash_files((source,)), date=date)
     write_json(HERE / f"{name}.json", document)
 
 

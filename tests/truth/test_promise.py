@@ -26,7 +26,7 @@ from middeck.systems.statespace import StateSpace
 from middeck.updating.bound import bound_db
 from middeck.updating.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.orbit import predict_modes
-from middeck.updating.outlook import Outlook, highest_promised, look_ahead, probability_interval
+from middeck.updating.outlook import Outlook, highest_promised, look_ahead, probability_interval, risk_of
 from middeck.updating.plan import Ladder, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise import design_ladder, promise
 from middeck.updating.refine import Refined
@@ -264,3 +264,15 @@ def test_a_plant_without_an_optimum_has_no_bound():
     both = bound_db([seen, drifts], law, WEIGHTS, 1.0)
     assert np.all(np.isfinite(both[0]))
     assert not np.isfinite(both[1, 1])
+
+
+def test_a_risk_that_chance_may_be_is_not_named():
+    """Fifty names that have nothing to do with it: in 24 draws the largest correlation is about a half."""
+    rng = np.random.default_rng(4)
+    named = 0
+    for _ in range(40):
+        drawn = DrawnPlants((), tuple(map(str, range(50))), rng.standard_normal((24, 50)))
+        named += risk_of(drawn, rng.standard_normal(24))[0] != ""
+    assert named <= 6
+    drawn = DrawnPlants((), ("cause", "other"), rng.standard_normal((24, 2)))
+    assert risk_of(drawn, 3.0 * drawn.drawn[:, 0])[0] == "cause"

@@ -36,7 +36,12 @@ DIGITS = 6
 
 
 def promise_document(
-    refined: Refined, plan: Plan, promises: Mapping[str, Promise], *, files: Sequence[Path], date: str
+    refined: Refined,
+    plan: Plan,
+    promises: Mapping[str, Promise],
+    *,
+    files: Sequence[tuple[str, str]],
+    date: str,
 ) -> dict[str, Any]:
     """The sealed document: what was promised when, on what, by which versions and seed."""
     said = {
@@ -45,6 +50,9 @@ def promise_document(
         "draws_needed": draws_needed(plan.probability),
         "probability": plan.probability,
         "band_hz": plan.band_hz,
+        "performance": dict(zip(plan.performance, plan.weights.tolist(), strict=True)),
+        "disturbance_per_rthz": dict(zip(plan.disturbances, plan.intensity.tolist(), strict=True)),
+        "noise_per_rthz": dict(plan.noise),
         "shares": LEVELS,
         "not_valid_for": limits_of(plan, promises),
         "environments": [promised_there(name, p, plan) for name, p in promises.items()],
@@ -58,7 +66,7 @@ def loads_document(
     deflections: Sequence[Deflection],
     modes: Prediction | None,
     *,
-    files: Sequence[Path],
+    files: Sequence[tuple[str, str]],
     date: str,
 ) -> dict[str, Any]:
     """The sealed document of readings under load cases, and of frequencies beside them."""
@@ -74,13 +82,18 @@ def loads_document(
     return seal(_head(refined, files, date) | said)
 
 
-def _head(refined: Refined, files: Sequence[Path], date: str) -> dict[str, Any]:
+def hash_files(files: Sequence[Path]) -> tuple[tuple[str, str], ...]:
+    """Name and SHA-256 of each, to be taken before the work: what is saved later was not promised on."""
+    return tuple((file.name, sha256_of(file)) for file in files)
+
+
+def _head(refined: Refined, files: Sequence[tuple[str, str]], date: str) -> dict[str, Any]:
     return {
         "schema": PROMISE,
         "article": refined.structure.title,
         "date": date,
         "versions": _versions(),
-        "files": [{"name": file.name, "sha256": sha256_of(file)} for file in files],
+        "files": [{"name": name, "sha256": digest} for name, digest in files],
         "refined": _refined(refined),
     }
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import beta, rankdata
+from scipy.stats import t as student
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -28,6 +29,7 @@ CONFIDENCE = 0.95
 LEVELS = (0.01, 0.025, 0.25, 0.5, 0.75, 0.975, 0.99)
 """Of the distribution of decibels, from the best to the worst."""
 TIE = 1e-9  # of a rank, by rounding
+FEW = 4  # draws of which no correlation is told
 COMPARED = 12
 """Unstable draws whose leading mode is looked for."""
 
@@ -160,7 +162,7 @@ def look_ahead(
         db=db,
         control_rms=np.where(stable, effort, np.inf),
         unstable_mode=_growing(unstable[:COMPARED], law),
-        risk=_risk(drawn, db),
+        risk=risk_of(drawn, db),
     )
 
 
@@ -178,7 +180,7 @@ def with_friction(
         outlook,
         stable=stable,
         db=db,
-        risk=_risk(every, db),
+        risk=risk_of(every, db),
         friction=FrictionOutlook(
             without_db=outlook.db,
             sticks=law.sticks,
@@ -201,15 +203,21 @@ def _growing(plants: Sequence[Plant], law: Compensator) -> str:
     return max(modes, key=modes.count, default="")
 
 
-def _risk(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
-    """Spearman's rank correlation, the largest of all that was drawn."""
+def risk_of(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
+    """Spearman's rank correlation, the largest of all that was drawn; nothing where chance may be it.
+
+    Chance of so many names together is 5 % (Bonferroni), by Student's distribution of r sqrt((n-2)/(1-r^2)).
+    """
     ranks = rankdata(db)
     spread = float(np.std(ranks))
-    if not spread > 0.0 or not drawn.names:
+    n = len(ranks)
+    if not spread > 0.0 or not drawn.names or n < FEW:
         return "", 0.0
     others = rankdata(drawn.drawn, axis=0)
     others = others - others.mean(axis=0)
     size = np.linalg.norm(others, axis=0) * np.linalg.norm(ranks - ranks.mean())
     found = (ranks - ranks.mean()) @ others / np.where(size > 0.0, size, 1.0)
     k = int(np.argmax(np.abs(found)))
-    return drawn.names[k], float(found[k])
+    beyond = student.ppf(1.0 - 0.5 * (1.0 - CONFIDENCE) / len(drawn.names), n - 2)
+    chance = float(beyond / np.sqrt(n - 2 + beyond**2))
+    return (drawn.names[k], float(found[k])) if abs(found[k]) > chance else ("", 0.0)

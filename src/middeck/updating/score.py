@@ -61,12 +61,14 @@ class Score:
         coverage: Share of outcomes within their 95 % intervals.
         brier: Mean, of loops; 0 is perfect, 0.25 is a coin. None without loops.
         pessimism: Median [dB], of loops. None without decibels.
+        lost: Loops that came unstable, or were promised no decibels with 99 %: not in the pessimism.
     """
 
     count: int
     coverage: float
     brier: float | None
     pessimism: float | None
+    lost: int
 
 
 def judge(statements: Sequence[Statement], outcomes: Sequence[Outcome]) -> tuple[Verdict, ...]:
@@ -105,6 +107,7 @@ def score(verdicts: Sequence[Verdict]) -> Score:
         coverage=float(np.mean([v.inside for v in verdicts])),
         brier=float(np.mean(brier)) if brier else None,
         pessimism=float(np.median(pessimism)) if pessimism else None,
+        lost=len(brier) - len(pessimism),
     )
 
 

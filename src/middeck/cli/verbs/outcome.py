@@ -76,6 +76,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
         f"inside        {100.0 * s['coverage']:.0f} % of {s['count']}",
         *([] if s["brier"] is None else [f"Brier score   {s['brier']:.4f}"]),
         *([] if s["pessimism"] is None else [f"pessimism     {s['pessimism']:.2f} dB in the median"]),
+        *([f"lost          {s['lost']}: came unstable, or no decibels promised"] if s["lost"] else []),
     ]
     headers = ["quantity", "promised, 95 %", "came", "inside", "pessimism [dB]"]
     return [*said, Table("outcomes", headers, rows), *(["", f"wrote {target}"] if target else [])]

@@ -71,26 +71,28 @@ def verb(
 def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
     from middeck.cli.blame import reading
     from middeck.files.promise_plans import load_plan
-    from middeck.files.promises import promise_document
+    from middeck.files.promises import hash_files, promise_document
     from middeck.updating.promise import promise
     from middeck.updating.refine import refine
 
     loaded = load_plan(plan, body)
+    files = hash_files(loaded.files)
     with reading(body, plan):
         refined = refine(loaded.structure, *loaded.refinement.of_refine)
         promised = promise(refined, loaded.plan)
-    return promise_document(refined, loaded.plan, promised, files=loaded.files, date=day)
+    return promise_document(refined, loaded.plan, promised, files=files, date=day)
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     from middeck.cli.blame import reading
     from middeck.files.promised_loads import load_promised_loads
-    from middeck.files.promises import loads_document
+    from middeck.files.promises import hash_files, loads_document
     from middeck.updating.deflections import predict_deflections
     from middeck.updating.orbit import predict_modes
     from middeck.updating.refine import refine
 
     asked = load_promised_loads(load_cases, body)
+    files = hash_files(asked.files)
     with reading(body, load_cases):
         refined = refine(asked.structure, *asked.refinement.of_refine)
         deflections = predict_deflections(
@@ -98,7 +100,7 @@ def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
             since_unloaded=asked.since_unloaded, series=asked.series,
         )  # fmt: skip
         modes = predict_modes(refined, asked.environment, count=asked.modes) if asked.modes else None
-    return loads_document(refined, asked.environment_name, deflections, modes, files=asked.files, date=day)
+    return loads_document(refined, asked.environment_name, deflections, modes, files=files, date=day)
 
 
 def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Table]:
