@@ -18,6 +18,7 @@ from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.sealed import SEAL, read_sealed, seal
 from middeck.updating.deflections import Deflection
+from middeck.updating.draws import LoopSpread
 from middeck.updating.findings import findings
 from middeck.updating.orbit import Prediction
 from middeck.updating.outlook import LEVELS, FrictionOutlook, Outlook, draws_needed, level
@@ -33,6 +34,7 @@ SEEN = 0.5
 _DEGREE = np.pi / 180.0
 # Digits that are promised: more would hang on the machine.
 DIGITS = 6
+SHARE_DIGITS, TRAVEL_DIGITS = 4, 3
 
 
 def promise_document(
@@ -72,7 +74,7 @@ def loads_document(
     """The sealed document of readings under load cases, and of frequencies beside them."""
     place = {
         "name": environment,
-        "modes": [] if modes is None else _modes(modes),
+        "modes": [] if modes is None else _modes(modes, LoopSpread().damping_std),
         "load_cases": [_case(case) for case in deflections],
     }
     said = {
@@ -315,7 +317,7 @@ def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
     """What a document says of one environment: modes and compensators."""
     return {
         "name": name,
-        "modes": _modes(promise.modes),
+        "modes": _modes(promise.modes, plan.loop.damping_std),
         "without_control_rms": [_few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
         if np.all(np.isfinite(promise.rest_rms))
         else None,
@@ -346,21 +348,24 @@ def _friction(time: SlipTime, plan: Plan) -> dict[str, Any]:
     }
 
 
-def _modes(modes: Prediction) -> list[dict[str, Any]]:
+def _modes(modes: Prediction, unseen_damping: float) -> list[dict[str, Any]]:
+    """``unseen_damping`` is the spread of the logarithms of ratios that no survey measured."""
     return [
         {
             "name": modes.modes.name[i],
             "frequency_hz": _few(hz),
             "interval_95_hz": [_few(end) for end in ends],
             "damping": _few(zeta),
-            "seen": _few(min(seen, 1.0)),
+            "damping_deviation": _few(zeta * spread),
+            "seen": round(min(float(seen), 1.0), SHARE_DIGITS),
             "ground_hz": _few(ground),
         }
-        for i, hz, ends, zeta, seen, ground in zip(
+        for i, hz, ends, zeta, spread, seen, ground in zip(
             modes.index,
             modes.frequency_hz,
             modes.interval_hz,
             modes.damping,
+            modes.damping_std(unseen_damping),
             modes.seen,
             modes.ground_hz,
             strict=True,
@@ -393,7 +398,8 @@ def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
         "without_friction_db": [_few(level(friction.without_db, share)) for share in LEVELS],
         "stable_while_sticking": float(np.mean(friction.sticks)),
         "travel_over_slip_angle": {
-            name: _few(travel) for name, travel in zip(names, friction.travel, strict=True)
+            name: float(f"{travel:.{TRAVEL_DIGITS}g}")
+            for name, travel in zip(names, friction.travel, strict=True)
         },
         "simulation_error_db": _few(friction.error_db),
     }

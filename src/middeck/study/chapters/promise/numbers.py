@@ -6,6 +6,7 @@ import numpy as np
 
 from middeck.files.promises import limits_of
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.uncertainty.parameters import stated
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, PromiseKept
 from middeck.study.chapters.promise.ground import GroundTest
 from middeck.study.words import Claim, Numbers, above, at_most, row
@@ -43,7 +44,9 @@ def promise(kept: PromiseKept) -> Numbers:
         "measured": {
             "states": kept.measured.model.states,
             "natural_hz": natural_hz(kept.measured.model),
+            "natural_hz_deviation": stated(kept.measured.uncertainty.natural_hz),
             "damping": damping_ratio(kept.measured.model),
+            "damping_deviation": stated(kept.measured.uncertainty.damping),
             "relative_error": kept.measured.error[0],
         },
         "ground_law": {
