@@ -96,6 +96,10 @@ from .files.models import (
     load_model as load_model,
     write_model as write_model,
 )
+from .files.packages import (
+    load_package as load_package,
+    write_package as write_package,
+)
 from .files.records import (
     load_record as load_record,
     load_response as load_response,
@@ -148,6 +152,11 @@ from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
 from .plot.nichols import draw_nichols as draw_nichols
 from .plot.nyquist import draw_nyquist as draw_nyquist
 from .plot.shapes import draw_shapes as draw_shapes
+from .realtime.generate.c_source import generate_c as generate_c
+from .realtime.package.build import package_law as package_law
+from .realtime.package.package import ControllerPackage as ControllerPackage
+from .realtime.package.reference import ReferenceLaw as ReferenceLaw
+from .realtime.package.single import to_single as to_single
 from .realtime.drift import (
     Drift as Drift,
     age_plant as age_plant,

@@ -136,6 +136,7 @@ WRITES = {
     ("promise", "--figure"): options.FIGURES,
     ("outcome", "--output"): (".json",),
     ("outcome", "--figure"): options.FIGURES,
+    ("generate", "--output"): (".mdk", ".json", ".c", ".h"),
 }
 ENDINGS = (
     ".json",

@@ -316,6 +316,7 @@ def test_a_compensator_comes_back_from_a_mat_file(negative: bool, tmp_path: Path
         cost=made.cost,
         inert=made.inert,
         method="LQGCompensator",
+        applied=made.applied,
     )
     contents = scipy.io.loadmat(tmp_path / "law.mat")
     np.testing.assert_array_equal(contents["C"], -made.system.C if negative else made.system.C)

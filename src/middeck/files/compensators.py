@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,13 +39,14 @@ class StoredCompensator(Compensator):
 def write_compensator(path: str | Path, compensator: Compensator) -> None:
     """Write u = K y whole or not at all: A, B, C, D, the ports in their order, and how it was made.
 
-    ``period_s`` is null for a continuous law.
+    ``period_s`` is null for a continuous law; ``applied`` stands there where the law has it.
     """
     ports = {"inputs": compensator.inputs, "outputs": compensator.outputs}
     matrices = {name: getattr(compensator.dynamics, name) for name in "ABCD"}
     period = {"period_s": compensator.period_s}
+    applied = {} if compensator.applied is None else {"applied": compensator.applied}
     made = {"made": how_made(compensator)}
-    write_json(path, {"schema": COMPENSATOR_SCHEMA, **ports, **period, **matrices, **made})
+    write_json(path, {"schema": COMPENSATOR_SCHEMA, **ports, **period, **matrices, **applied, **made})
 
 
 def how_made(compensator: Compensator) -> dict[str, Any]:
@@ -74,7 +76,21 @@ def load_compensator(path: str | Path) -> StoredCompensator:
     period = data.get("period_s")
     if period is not None:
         period = float(json_numbers(period, f"{path}, period_s", ragged=AGAIN, infinite=AGAIN))
-    return build_stored(matrices, period, inputs, outputs, data.get("made") or {}, str(path))
+    law = build_stored(matrices, period, inputs, outputs, data.get("made") or {}, str(path))
+    if data.get("applied") is None:
+        return law
+    given = json_numbers(data["applied"], f"{path}, applied", ragged=AGAIN, infinite=AGAIN)
+    return with_applied(law, given, str(path))
+
+
+def with_applied(law: StoredCompensator, applied: np.ndarray, where: str) -> StoredCompensator:
+    """``law`` with the path of the applied command; raises `DataError` where it does not fit."""
+    shape = (len(law.dynamics.A), len(law.outputs))
+    if applied.shape != shape and (
+        applied.size or shape[0]
+    ):  # an empty one may have lost its shape on the way
+        raise DataError(f"applied has shape {applied.shape}, not {shape}", where=where, hint=AGAIN)
+    return dataclasses.replace(law, applied=applied.reshape(shape))
 
 
 def build_stored(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 ARTICLE, ENVIRONMENT, STUDY, CHANNELS = "an article", "an environment", "a study", "a file of channels"
 MODEL, LAW, SURVEY = "a fitted model", "a compensator", "the measured modes of a survey"
-PROMISE = "a promise"
+PROMISE, PACKAGE = "a promise", "a controller package"
 FOLDER, EMPTY, BINARY, TEXT = "a folder", "an empty file", "a binary file", "plain text"
 TABLE, ARCHIVE, ARRAY = "a table of numbers", "an archive of arrays (NPZ)", "one array (NPY)"
 MAT, HDF5, UNIVERSAL = "a MATLAB file", "an HDF5 file", "a universal file"
@@ -16,7 +16,21 @@ JSON, TOML, NOT_UTF8 = "a JSON file", "a TOML file", "text that is not UTF-8"
 PAGE, NUMBERS = "a drawing or a web page", "the numbers of a study"
 
 # What no record looks like, whatever its ending; the reader of the ending speaks of the rest.
-NO_RECORD = (ARTICLE, ENVIRONMENT, STUDY, CHANNELS, TOML, MODEL, LAW, SURVEY, PROMISE, NUMBERS, JSON, PAGE)
+NO_RECORD = (
+    ARTICLE,
+    ENVIRONMENT,
+    STUDY,
+    CHANNELS,
+    TOML,
+    MODEL,
+    LAW,
+    SURVEY,
+    PROMISE,
+    PACKAGE,
+    NUMBERS,
+    JSON,
+    PAGE,
+)
 
 HEAD = 65536
 MAGIC = {
@@ -24,10 +38,17 @@ MAGIC = {
     b"\x93NUMPY": ARRAY,
     b"\x89HDF\r\n": HDF5,
     b"MATLAB": MAT,
+    b"MIDDECKP": PACKAGE,
     b"\xff\xfe": NOT_UTF8,
     b"\xfe\xff": NOT_UTF8,
 }
-SCHEMAS = {"model": MODEL, "compensator": LAW, "measured-modes": SURVEY, "promise": PROMISE}
+SCHEMAS = {
+    "model": MODEL,
+    "compensator": LAW,
+    "measured-modes": SURVEY,
+    "promise": PROMISE,
+    "package": PACKAGE,
+}
 PARTS = (
     "node",
     "strut",

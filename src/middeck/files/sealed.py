@@ -24,7 +24,7 @@ def seal(document: Mapping[str, Any]) -> dict[str, Any]:
 def read_sealed(path: str | Path, schema: str) -> dict[str, Any]:
     """The document in ``path``. Raises `DataError` for another document, and where the seal does not fit."""
     found = read_json(path, schema, "the file as it was written")
-    doubled = _doubled(Path(path).read_text(encoding="utf-8-sig"))
+    doubled = doubled_key(Path(path).read_text(encoding="utf-8-sig"))
     if doubled:  # a reader sees the first, a parser the last
         raise DataError(f"key {doubled!r} stands twice", where=str(path), hint="the file as it was written")
     inside = {key: value for key, value in found.items() if key != SEAL}
@@ -41,8 +41,8 @@ def read_sealed(path: str | Path, schema: str) -> dict[str, Any]:
     return found
 
 
-def _doubled(text: str) -> str:
-    """The first key that a table of ``text`` has twice; empty for none."""
+def doubled_key(text: str) -> str:
+    """The first key that a table of the JSON ``text`` has twice; empty for none."""
     twice: list[str] = []
 
     def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

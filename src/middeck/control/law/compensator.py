@@ -25,6 +25,9 @@ class Compensator:
         inputs: Plant outputs that are measured, in the order of the columns.
         outputs: Plant inputs that are driven, in the order of the rows.
         method: Name of the design method; empty if unknown.
+        applied: How the command really applied, less the one asked for, enters the states' equation: of an
+            observer the input matrix of its plant, and so it estimates from what a limited actuator does.
+            None for a law that does not know of limits.
 
     Raises `ConfigError` where the ports do not fit the law, for a port named twice, and for a gain that is
     not finite.
@@ -34,6 +37,7 @@ class Compensator:
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     method: str = dataclasses.field(default="", kw_only=True)
+    applied: Float[np.ndarray, "state output"] | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.dynamics.D.shape != (len(self.outputs), len(self.inputs)):
@@ -50,7 +54,16 @@ class Compensator:
                     f"the compensator {verb} {twice[0]!r} twice",
                     hint="sum its columns (or rows) into one",
                 )
-        if not all(np.isfinite(getattr(self.dynamics, matrix)).all() for matrix in "ABCD"):
+        paths = () if self.applied is None else (self.applied,)
+        for path in paths:
+            if path.shape != (len(self.dynamics.A), len(self.outputs)):
+                raise ConfigError(
+                    f"a path of applied commands of {path.shape} for {len(self.dynamics.A)} states and "
+                    f"{len(self.outputs)} outputs",
+                    hint="one row for each state, one column for each output",
+                )
+        matrices = [*(getattr(self.dynamics, name) for name in "ABCD"), *paths]
+        if not all(np.isfinite(matrix).all() for matrix in matrices):
             raise ConfigError(
                 "the compensator has a gain that is not finite", hint="look for NaN or inf in A, B, C and D"
             )
@@ -135,6 +148,7 @@ def arrange_ports(compensator: Compensator, y: Sequence[Port], u: Sequence[Port]
     return dataclasses.replace(
         compensator,
         dynamics=select_paths(compensator.dynamics, columns, rows),
+        applied=None if compensator.applied is None else compensator.applied[:, rows],
         inputs=tuple(compensator.inputs[i] for i in columns),
         outputs=tuple(compensator.outputs[i] for i in rows),
     )

@@ -96,6 +96,7 @@ def design_lqg(
         cost=cost,
         inert=part.inert,
         state_names=names,
+        applied=np.vstack([_driven(model, kalman.gain), np.zeros((len(model.integral), len(ports[1])))]),
     )
 
 
@@ -108,12 +109,17 @@ def _require_ports(model: LQGProblem) -> None:
 def _join(model: LQGProblem, gain: np.ndarray, injection: np.ndarray) -> StateSpace:
     """u = -K (xhat, integrals); the integrals are of the measurements, hence known exactly."""
     n, rows = len(model.A), list(model.integral)
-    driven = model.control - injection @ model.D22
+    driven = _driven(model, injection)
     A = np.zeros((n + len(rows), n + len(rows)))
     A[:n] = -driven @ gain
     A[:n, :n] += model.A - injection @ model.C2
     B = np.vstack([injection, np.eye(len(model.C2))[rows]])
     return StateSpace(A, B, -gain, np.zeros((len(gain), len(model.C2))))
+
+
+def _driven(model: LQGProblem, injection: np.ndarray) -> np.ndarray:
+    """How a command moves the estimate: by the plant's input, and by the answer that is expected at once."""
+    return model.control - injection @ model.D22
 
 
 def _cost(model: LQGProblem, regulator: Regulator, error: np.ndarray) -> float:

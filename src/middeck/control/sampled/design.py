@@ -140,6 +140,7 @@ def design_sampled_lqg(
         noise_cost=price.noise,
         inert=held.inert,
         method=f"direct, {form}",
+        applied=system.B - estimator.gain.T @ system.D if form == "predictor" else system.B,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled.matched import match_roots
 from middeck.errors import ConfigError
-from middeck.systems.sampling import sample_dynamics, tustin
+from middeck.systems.sampling import hold_inputs, sample_dynamics, tustin
 from middeck.systems.statespace import SampledStateSpace, StateSpace
 
 Rule = Literal["hold", "tustin", "matched"]
@@ -58,10 +58,32 @@ def emulate(
         system = _prewarped(compensator.system, period_s, at)
     else:
         system = match_roots(compensator.system, period_s, at)
-    return Compensator(system, compensator.inputs, compensator.outputs, method=rule)
+    applied = (
+        None
+        if compensator.applied is None
+        else _hold_applied(compensator.system, compensator.applied, period_s, at, rule)
+    )
+    return Compensator(system, compensator.inputs, compensator.outputs, method=rule, applied=applied)
+
+
+def _hold_applied(
+    system: StateSpace, applied: np.ndarray, period_s: float, omega: float, rule: Rule
+) -> np.ndarray | None:
+    """What a command missing over a whole period does to the states; None for a matched law, of other states.
+
+    Of Tustin's rule the states are (I - A T/2) x / sqrt(T), less what the input holds of them.
+    """
+    if rule == "hold":
+        return hold_inputs(
+            dataclasses.replace(system, B=applied, D=np.zeros((len(system.C), applied.shape[1]))), period_s
+        )[1]
+    return np.sqrt(_warped_period(period_s, omega)) * applied if rule == "tustin" else None
 
 
 def _prewarped(system: StateSpace, period_s: float, omega: float) -> SampledStateSpace:
     """s = w / tan(w T / 2) (z - 1)/(z + 1): a period of 2 tan(w T / 2) / w in Tustin's rule."""
-    warped = 2.0 * np.tan(0.5 * omega * period_s) / omega if omega > 0.0 else period_s
-    return dataclasses.replace(tustin(system, warped), period_s=period_s)
+    return dataclasses.replace(tustin(system, _warped_period(period_s, omega)), period_s=period_s)
+
+
+def _warped_period(period_s: float, omega: float) -> float:
+    return 2.0 * np.tan(0.5 * omega * period_s) / omega if omega > 0.0 else period_s

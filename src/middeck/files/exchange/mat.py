@@ -17,7 +17,13 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.atomic import replacing
 from middeck.files.channels import build_channel
-from middeck.files.compensators import StoredCompensator, build_stored, build_system, how_made
+from middeck.files.compensators import (
+    StoredCompensator,
+    build_stored,
+    build_system,
+    how_made,
+    with_applied,
+)
 from middeck.files.exchange.foreign import real_matrix, settle_period
 from middeck.files.exchange.named import Exchangeable, as_compensator, exchanged, matrices_of
 from middeck.files.json_output import json_text
@@ -39,8 +45,8 @@ def write_mat(path: str | Path, value: Exchangeable, *, negative_feedback: bool 
     Variables: A, B, C, D, Ts (0: continuous), InputName, OutputName, StateName, InputUnit, OutputUnit (cell
     arrays), Kind; of a plant its groups w, u, z and y and its delays [s] as ``ss`` has them, InputDelay and
     OutputDelay, and IODelay [output, input] for what a path is delayed beyond their sum; of a compensator
-    Feedback, Method, Authority, Cost and Inert. ``negative_feedback=True`` writes -K, for u = -K y, and says
-    so in Feedback.
+    Feedback, Method, Authority, Cost and Inert, and Applied where it has that path.
+    ``negative_feedback=True`` writes -K, for u = -K y, and says so in Feedback.
 
     Raises `ConfigError` for what cannot be exchanged.
     """
@@ -75,12 +81,14 @@ def _of_its_kind(value: Exchangeable, negative_feedback: bool) -> dict[str, Any]
             return {"Kind": "plant"} | {group: _cells(getattr(value, group)) for group in GROUPS}
         case Compensator():
             made = how_made(value)
+            applied = {} if value.applied is None else {"Applied": value.applied}
             known = {name.title(): made[name] for name in ("authority", "cost") if made[name] is not None}
             return {
                 "Kind": "compensator",
                 "Feedback": NEGATIVE if negative_feedback else POSITIVE,
                 "Method": made["method"],
                 "Inert": _cells(made["inert"]),
+                **applied,
                 **known,
             }
         case _:
@@ -219,7 +227,13 @@ def _compensator(found: Mapping[str, np.ndarray], plant: Plant, where: str) -> S
     made: dict[str, Any] = {"method": _text(found, "Method"), "inert": _texts(found, "Inert")}
     made |= {name.lower(): float(found[name].item()) for name in ("Authority", "Cost") if name in found}
     matrices = {name: getattr(system, name) for name in "ABCD"}
-    return build_stored(matrices, plant.period_s, plant.inputs, plant.outputs, made, where)
+    law = build_stored(matrices, plant.period_s, plant.inputs, plant.outputs, made, where)
+    if "Applied" not in found:
+        return law
+    try:
+        return with_applied(law, real_matrix(found["Applied"], "Applied"), where)
+    except ConfigError as error:
+        raise DataError(error.what, where=f"{where}, {error.where}", hint=error.hint) from None
 
 
 def _ports(

@@ -1,0 +1,196 @@
+"""``middeck generate``: a controller package of a compensator, and its C."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from middeck.realtime.package.package import ControllerPackage
+
+EPILOG = """\
+\b
+Examples:
+  middeck generate law.json --rate 500 --limit 0.25 --range 0.1 \\
+    -o law.mdk -o law.c
+  middeck generate law.mdk --without-applied --single -o small.mdk
+"""
+LIMITS = ("input_range", "limit", "slew_rate")
+PACKAGES = (".mdk", ".json", ".c", ".h")
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
+
+
+def _writable(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
+    for value in values:
+        options.require_writable(value, PACKAGES, param.opts[0])
+    return values
+
+
+def _each(flag: str, name: str, help: str) -> Any:
+    return click.option(flag, name, type=options.Numbers(), metavar="X[,X...]", help=help)
+
+
+@click.command("generate", cls=options.Verb, epilog=EPILOG)
+@click.argument("law_file", metavar="LAW.json|mat|mdk")
+@click.option(
+    "-o",
+    "--output",
+    "target",
+    multiple=True,
+    callback=_writable,
+    metavar="FILE.mdk|json|c|h",
+    help="Write the package, its JSON twin, its C source with the header, or the header; may be repeated.",
+)
+@click.option("--rate", type=POSITIVE, metavar="HZ", help="Sampling rate of a continuous law.")
+@click.option(
+    "--rule",
+    type=click.Choice(["tustin", "hold", "matched"]),
+    default="tustin",
+    show_default=True,
+    help="How a continuous law is sampled.",
+)
+@_each("--range", "input_range", "Largest magnitude of each input, its unit; one stands for all.")
+@_each("--limit", "limit", "Largest magnitude of each output; same.")
+@_each("--slew", "slew_rate", "Largest rate of each output, its unit/s; same.")
+@click.option(
+    "--ramp",
+    "ramp_s",
+    type=click.FloatRange(min=0.0),
+    default=0.0,
+    metavar="SECONDS",
+    help="Time to full authority.",
+)
+@click.option(
+    "--form",
+    type=click.Choice(["auto", "modal", "dense"]),
+    default="auto",
+    show_default=True,
+    help="Form of the law; auto is modal where its poles are far enough apart.",
+)
+@click.option("--unstable", is_flag=True, help="Declare poles on or outside the unit circle.")
+@click.option("--without-applied", is_flag=True, help="Estimate from the command asked for.")
+@click.option("--single", is_flag=True, help="Single precision, with a proved bound of its error.")
+@click.option("--name", metavar="NAME", help="Name of the package.  [default: that of LAW]")
+@options.printing
+def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) -> None:
+    """A controller package of a compensator, and its C.
+
+    A package is data: the law, its ports, limits and test vectors, known by its hash. The same bits come out
+    of the C here, on a small processor and in the reference. LAW is a compensator (at --rate, if it is
+    continuous), or a package, which is written anew or in single precision.
+    """
+    from middeck.cli.blame import reading
+    from middeck.files.packages import write_package
+
+    with reading(law_file):
+        package = _package(law_file, given)
+    files = [file for path in target for file in write_package(path, package)]
+    document = describe(package, files)
+    show(as_json, document, *_tables(document))
+
+
+def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
+    from pathlib import Path
+
+    from middeck.cli.systems import load_law
+    from middeck.control.sampled.emulation import emulate
+    from middeck.errors import ConfigError
+    from middeck.files.packages import is_package, load_package
+    from middeck.realtime.package.build import package_law, without_applied
+    from middeck.realtime.package.single import to_single
+
+    settings: Any = {key: _one_or_each(given[key]) for key in LIMITS if given[key] is not None}
+    if is_package(law_file):
+        if settings or given["ramp_s"] or given["unstable"] or given["rate"] or given["name"]:
+            raise ConfigError(
+                "a package has its name, rate, ranges and limits: they cannot be told anew",
+                where=law_file,
+                hint="generate from the compensator",
+            )
+        package = load_package(law_file)
+    else:
+        law = load_law(law_file)
+        if law.period_s is None:
+            if given["rate"] is None:
+                raise ConfigError("a continuous law", where=law_file, hint="--rate HZ, at which it is to run")
+            law = emulate(law, 1.0 / given["rate"], given["rule"])
+        elif given["rate"] is not None and not same_rate(law.period_s, given["rate"]):
+            raise ConfigError(
+                f"--rate is {given['rate']:g} Hz, the law is sampled at {1.0 / law.period_s:g} Hz",
+                where=law_file,
+                hint="leave --rate out",
+            )
+        name = given["name"] or Path(law_file).stem
+        package = package_law(
+            law, name, ramp_s=given["ramp_s"], form=given["form"], unstable=given["unstable"], **settings
+        )
+    if given["without_applied"]:
+        package = without_applied(package)
+    return to_single(package) if given["single"] else package
+
+
+def _one_or_each(values: tuple[float, ...]) -> float | tuple[float, ...]:
+    return values[0] if len(values) == 1 else values
+
+
+def same_rate(period_s: float, rate_hz: float) -> bool:
+    """Whether they agree to rounding."""
+    return abs(period_s * rate_hz - 1.0) < 1e-9
+
+
+def describe(package: ControllerPackage, files: list[Path]) -> dict[str, Any]:
+    """The JSON document; null stands for a limit that is not there."""
+    import numpy as np
+
+    from middeck.files.packages import package_document
+    from middeck.realtime.package.binary import encode_package
+
+    radius = float(np.abs(np.linalg.eigvals(package.core.A)).max(initial=0.0))
+    keys = (
+        "sha256", "name", "period_s", "precision", "unstable", "inputs", "input_range", "outputs", "lower",
+        "upper", "slew_per_sample", "ramp_samples", "error_bound",
+    )  # fmt: skip
+    twin = package_document(package)
+    return {
+        "schema": "middeck.generate/1",
+        **{key: twin[key] for key in keys},
+        "form": "dense" if package.core.pairs is None else "modal",
+        "states": len(package.core.A),
+        "applied": package.core.drives,
+        "pole_radius": radius,
+        "bytes": len(encode_package(package)),
+        "samples": len(twin["vectors"].y),
+        "files": files,
+    }
+
+
+def _tables(document: dict[str, Any]) -> list[str | Table]:
+    def number(value: float | None) -> str:
+        return "-" if value is None else f"{value:g}"
+
+    stable = "stable" if document["pole_radius"] < 1.0 else "UNSTABLE by itself, declared"
+    sees = "the torque really applied" if document["applied"] else "the torque asked for"
+    ranges = zip(document["inputs"], document["input_range"], strict=True)
+    columns = ("lower", "upper", "slew_per_sample", "error_bound")
+    limits = [document[k] or [None] * len(document["outputs"]) for k in columns]
+    outputs = zip(document["outputs"], *limits, strict=True)
+    return [
+        f"package      {document['name']}, {document['bytes']} bytes, SHA-256 {document['sha256']}",
+        f"law          {document['states']} states, {document['form']}, {document['precision']}, {stable}",
+        f"rate         {1.0 / document['period_s']:g} Hz, ramp of {document['ramp_samples']} samples",
+        f"estimates    from {sees}",
+        f"tested by    {document['samples']} samples, to the last bit",
+        Table("inputs", ["input", "unit", "range"], [[p.name, p.unit, number(r)] for p, r in ranges]),
+        Table(
+            "outputs",
+            ["output", "unit", "from", "to", "slew a sample", "error of single"],
+            [[p.name, p.unit, *map(number, numbers)] for p, *numbers in outputs],
+        ),
+        *(f"wrote        {file}" for file in document["files"]),
+    ]

@@ -1,0 +1,1 @@
+"""Stand-alone C of a controller package."""

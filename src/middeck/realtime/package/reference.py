@@ -1,0 +1,158 @@
+"""The law of a package sample by sample, in the order of rounding that every computer of it keeps.
+
+Columns are added one after another, so that no sum is associated anew; products are rounded before they are
+added. Inputs come first and the states' own terms, the largest, last: they meet the fewest roundings. C,
+engine and small processors do the same and give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.realtime.package.core import Core
+from middeck.realtime.package.package import ControllerPackage, largest
+from middeck.realtime.package.section import Section
+
+Array = np.ndarray
+
+
+class ReferenceLaw:
+    """The law from reset on: `compute`, then `commit` with what was really applied; `step` is both.
+
+    With ``fast`` the states move by one stacked product, whose sums are associated as the library likes: the
+    same to some 1e-12, several times as fast, and in double precision whatever the package's.
+
+    Attributes:
+        engaged, level: Whether the ramp rises, and where it stands.
+    """
+
+    def __init__(self, package: ControllerPackage, *, fast: bool = False) -> None:
+        self.package = package
+        self.real = np.float32 if package.single and not fast else np.float64
+        real, core = self.real, package.core
+        self.x: Array = np.zeros(len(core.A), real)
+        self.next, self.wanted = self.x, np.zeros(len(package.outputs), real)
+        self.last = np.zeros(len(package.outputs), real)
+        self.held = np.zeros(len(package.inputs), real)
+        self.filters = [_Filter(place.section, real) for place in package.filters]
+        self.paths = [_Filter(path.section, real) for path in package.paths]
+        most = largest(package.single)
+        self.range, self.lower, self.upper, self.slew = (
+            np.clip(limit, -most, most).astype(real)
+            for limit in (package.input_range, package.lower, package.upper, package.slew)
+        )
+        self.engaged, self.level = True, 0
+        self.advance = _stacked(core) if fast else _advance_of(core, real)
+
+    def step(self, y: Float[np.ndarray, " input"]) -> Float[np.ndarray, " output"]:
+        """The outputs for ``y``, taken as applied."""
+        u = self.compute(y)
+        self.commit(u)
+        return u
+
+    def compute(self, y: Float[np.ndarray, " input"]) -> Float[np.ndarray, " output"]:
+        """The outputs for ``y`` after fade, slew and limits."""
+        with np.errstate(all="ignore"):  # as in C: what grows beyond the numbers is limited
+            self.held = self._within_range(np.asarray(y).astype(self.real))
+            c, self.next = self.advance(self.x, self._filtered(self.held))
+            p = self._inner_loop(self.held)
+            self.wanted = p + c
+            return self._limited(p + self.fade() * c)
+
+    def commit(self, applied: Float[np.ndarray, " output"]) -> None:
+        """End the sample: what was ``applied`` moves the states."""
+        with np.errstate(all="ignore"):
+            applied = np.asarray(applied).astype(self.real)
+            x = self.next
+            for column, missing in zip(
+                self.package.core.E.T.astype(self.real), applied - self.wanted, strict=True
+            ):
+                if missing != 0.0:
+                    x = x + column * missing
+            self.x, self.last = x, applied
+        if self.engaged:
+            self.level = min(self.level + 1, self.package.ramp)
+        else:
+            self.level = max(self.level - 1, 0)
+
+    def fade(self) -> np.floating:
+        """3 s^2 - 2 s^3 of the ramp: no corner at either end, and no library to compute it."""
+        if self.package.ramp == 0:
+            return self.real(1.0 if self.engaged else 0.0)
+        s = self.real(self.level) / self.real(self.package.ramp)
+        return s * s * (self.real(3.0) - self.real(2.0) * s)
+
+    def _within_range(self, y: Array) -> Array:
+        """An input that is no number keeps its last value; one beyond its range is taken as its end."""
+        y = np.where(np.isfinite(y), y, self.held)
+        return np.where(y > self.range, self.range, np.where(y < -self.range, -self.range, y))
+
+    def _filtered(self, y: Array) -> Array:
+        filtered = y.copy()
+        for place, section in zip(self.package.filters, self.filters, strict=True):
+            filtered[place.input] = section.step(filtered[place.input])
+        return filtered
+
+    def _inner_loop(self, y: Array) -> Array:
+        p = np.zeros(len(self.package.outputs), self.real)
+        for path, section in zip(self.package.paths, self.paths, strict=True):
+            p[path.output] += section.step(y[path.input])
+        return p
+
+    def _limited(self, t: Array) -> Array:
+        """Slew, then size; a command that is no number asks for zero."""
+        t = np.where(np.isnan(t), self.real(0.0), t)
+        low, high = self.last - self.slew, self.last + self.slew
+        t = np.where(t < low, low, np.where(t > high, high, t))
+        return np.where(t < self.lower, self.lower, np.where(t > self.upper, self.upper, t))
+
+
+class _Filter:
+    def __init__(self, section: Section, real: type[np.floating]) -> None:
+        self.b, self.a = section.b.astype(real), section.a.astype(real)
+        self.s1 = self.s2 = real(0.0)
+
+    def step(self, value: np.floating) -> np.floating:
+        out = self.b[0] * value + self.s1
+        self.s1 = (self.b[1] * value - self.a[0] * out) + self.s2
+        self.s2 = self.b[2] * value - self.a[1] * out
+        return out
+
+
+def _advance_of(core: Core, real: type[np.floating]) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """(x, y) to (c, next x)."""
+    A, B, C, D = (matrix.astype(real) for matrix in (core.A, core.B, core.C, core.D))
+    n = len(A)
+
+    def add_states(moved: Array, x: Array) -> Array:
+        if core.pairs is None:
+            return _add(moved, A, x)
+        first, second = slice(0, core.pairs), slice(core.pairs, 2 * core.pairs)
+        moved[first] += np.diag(A, core.pairs)[: core.pairs] * x[second]
+        moved[second] += np.diag(A, -core.pairs)[: core.pairs] * x[first]
+        return moved + np.diag(A) * x
+
+    def advance(x: Array, y: Array) -> tuple[Array, Array]:
+        c = _add(_add(np.zeros(len(C), real), D, y), C, x)
+        return c, add_states(_add(np.zeros(n, real), B, y), x)
+
+    return advance
+
+
+def _stacked(core: Core) -> Callable[[Array, Array], tuple[Array, Array]]:
+    stacked, outputs = np.block([[core.C, core.D], [core.A, core.B]]), len(core.C)
+
+    def advance(x: Array, y: Array) -> tuple[Array, Array]:
+        both = stacked @ np.concatenate([x, y])
+        return both[:outputs], both[outputs:]
+
+    return advance
+
+
+def _add(total: Array, columns: Array, values: Sequence[np.floating] | Array) -> Array:
+    for column, value in zip(columns.T, values, strict=True):
+        total = total + column * value
+    return total

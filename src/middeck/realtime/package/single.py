@@ -1,0 +1,153 @@
+"""A law in single precision, with a bound of how far its outputs can be from those in double precision."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.errors import ConfigError, NumericalError
+from middeck.realtime.package.core import Core
+from middeck.realtime.package.modal_form import to_modal
+from middeck.realtime.package.package import ControllerPackage, largest
+from middeck.realtime.package.peak import bound_peaks
+from middeck.realtime.package.rounding import UNIT, LinearLaw, rounding_of, unfold_law
+from middeck.realtime.package.section import Section
+from middeck.realtime.package.vectors import add_test_vectors
+
+SLACK = 1e-2
+"""Errors of the signals over the signals, beyond which the bound is given up; and its own allowance."""
+NOTHING = 2.0**-100
+"""Below all that matters, and above what is lost where numbers of single precision end (2^-149)."""
+DOUBLE = "double precision"
+
+Array = np.ndarray
+
+
+def to_single(package: ControllerPackage) -> ControllerPackage:
+    """``package`` for a processor of single precision, with new test vectors.
+
+    ``error_bound`` holds for all inputs, which are kept within their ranges, and whatever the limits do: the
+    difference to the law of ``package`` in double precision never exceeds it. No operation overflows there.
+    Where a law estimates from what was applied, limits and fade act as gains from 0 to 1; about one half they
+    must not amplify errors without end (Khalil 2002, section 7.1).
+
+    Raises `ConfigError` for a law that is single already, unstable, without a range at an input, or with a
+    slew limit, in which roundings add up without end; and where no bound is found.
+    """
+    if package.single:
+        raise ConfigError("the package is in single precision already", hint="leave it as it is")
+    _require_bounded(package)
+    core = package.core
+    modal = to_modal(core) if core.pairs is None else core
+    exact = dataclasses.replace(package, core=modal or core, vectors=None)
+    bound = bound_error(exact)
+    rounded = dataclasses.replace(
+        exact,
+        core=_round_core(exact.core),
+        filters=tuple(dataclasses.replace(f, section=_round_section(f.section)) for f in exact.filters),
+        paths=tuple(dataclasses.replace(p, section=_round_section(p.section)) for p in exact.paths),
+        input_range=_rounded(exact.input_range),
+        lower=_rounded(exact.lower),
+        upper=_rounded(exact.upper),
+        single=True,
+        error_bound=bound,
+    )
+    return add_test_vectors(rounded, len(package.vectors.y) if package.vectors else 48)
+
+
+def bound_error(package: ControllerPackage) -> Array:
+    """The most by which each output of the law in single precision differs from that in double precision."""
+    linear = unfold_law(package)
+    closed = _close_limits(package, linear)
+    m, p = len(package.inputs), len(package.outputs)
+    try:
+        gain = bound_peaks(closed.F, closed.G, closed.H, closed.J)
+    except NumericalError as error:
+        raise ConfigError(f"no bound of the error in single precision: {error.what}", hint=DOUBLE) from None
+    by_y, by_e, by_error = gain[:, :m], gain[:, m : m + p], gain[:, m + p :]
+    # Ranges are rounded too.
+    peaks = _with_limits(package, linear, by_y @ (package.input_range * (1.0 + UNIT)), by_e)
+    if peaks.max() > 1e-2 * largest(single=True):
+        raise ConfigError(f"a signal of {peaks.max():.1e} overflows in single precision", hint=DOUBLE)
+    rounded = rounding_of(linear.sums, peaks * (1.0 + SLACK) + NOTHING)
+    limited = _rounding_at_limits(package, peaks[list(linear.law)], peaks[list(linear.loop)])
+    wanted = rounded[[w - linear.first for w in linear.wanted]]
+    errors = _with_limits(package, linear, by_error @ rounded, by_e, limited + 0.5 * wanted)
+    if np.any(errors > SLACK * peaks + NOTHING):
+        worst = float(np.max(errors[peaks > 0.0] / peaks[peaks > 0.0]))
+        raise ConfigError(f"rounding may change a signal by {100.0 * worst:.0f} %", hint=DOUBLE)
+    return (1.0 + SLACK) * (errors[list(linear.law)] + errors[list(linear.loop)] + limited)
+
+
+def _rounding_at_limits(package: ControllerPackage, law: Array, loop: Array) -> Array:
+    """Of p + f c itself, of the fade f (seven operations), and of limits cut to single precision."""
+    fade = 8.0 * UNIT if package.ramp else 0.0
+    limits = np.where(np.isfinite(package.upper), package.upper, 0.0)
+    limits = np.maximum(limits, np.where(np.isfinite(package.lower), -package.lower, 0.0))
+    return (1.0 + SLACK) * (loop * UNIT + law * (3.0 * UNIT + fade) + limits * UNIT) + NOTHING
+
+
+class _Closed(NamedTuple):
+    F: Array
+    G: Array
+    H: Array
+    J: Array
+
+
+def _close_limits(package: ControllerPackage, linear: LinearLaw) -> _Closed:
+    """The law with e = -w/2 + e' in place of e: a limit about the middle of its gains from 0 to 1."""
+    if not package.core.drives:
+        return _Closed(linear.F, linear.G, linear.H, linear.J)
+    m, p = len(package.inputs), len(package.outputs)
+    w, e = list(linear.wanted), slice(m, m + p)
+    F = linear.F - 0.5 * linear.G[:, e] @ linear.H[w]
+    G = linear.G - 0.5 * linear.G[:, e] @ linear.J[w]
+    H = linear.H - 0.5 * linear.J[:, e] @ linear.H[w]
+    J = linear.J - 0.5 * linear.J[:, e] @ linear.J[w]
+    return _Closed(F, G, H, J)
+
+
+def _with_limits(
+    package: ControllerPackage, linear: LinearLaw, alone: Array, by_e: Array, more: Array | float = 0.0
+) -> Array:
+    """Peaks of the signals where |e'| <= (|p| + |c|)/2 + ``more`` feeds back; ``alone`` without it."""
+    if not package.core.drives:
+        return alone
+    law, loop = list(linear.law), list(linear.loop)
+    fed = 0.5 * (by_e[law] + by_e[loop])
+    if np.abs(np.linalg.eigvals(fed)).max() >= 1.0:
+        raise ConfigError(
+            "no bound of the error in single precision: the path of the applied command may amplify it",
+            hint=f"{DOUBLE}, or without that path",
+        )
+    e = np.linalg.solve(np.eye(len(fed)) - fed, 0.5 * (alone[law] + alone[loop]) + more)
+    return alone + by_e @ e
+
+
+def _require_bounded(package: ControllerPackage) -> None:
+    if package.unstable or not all(place.section.stable for place in (*package.filters, *package.paths)):
+        raise ConfigError("an unstable law in single precision: its error has no bound", hint=DOUBLE)
+    for port, reach in zip(package.inputs, package.input_range.tolist(), strict=True):
+        if not np.isfinite(reach):
+            raise ConfigError(
+                f"input {port.name} has no range: its error has no bound", hint="declare its range"
+            )
+    if np.any(np.isfinite(package.slew)):
+        raise ConfigError(
+            "a slew limit in single precision: its roundings add up without a bound",
+            hint=f"{DOUBLE}, or limit the slew where commands are applied",
+        )
+
+
+def _round_core(core: Core) -> Core:
+    return Core(**{name: _rounded(getattr(core, name)) for name in "ABCDE"}, pairs=core.pairs)
+
+
+def _round_section(section: Section) -> Section:
+    return Section(_rounded(section.b), _rounded(section.a))
+
+
+def _rounded(values: Array) -> Array:
+    return values.astype(np.float32).astype(float)

@@ -1,0 +1,54 @@
+"""Test vectors: inputs that move every part of a law, and what the law gives for them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from middeck.errors import ConfigError
+from middeck.realtime.package.package import SAMPLES, ControllerPackage, TestVectors
+from middeck.realtime.package.reference import ReferenceLaw
+
+UNBOUNDED = 1.0
+"""Amplitude at an input without a range."""
+
+
+def add_test_vectors(package: ControllerPackage, samples: int = 48) -> ControllerPackage:
+    """``package`` with test vectors: what its computer must reproduce to the last bit before it may run.
+
+    Three thirds: noise of a tenth of the range, where most laws stay within their limits; the ends of the
+    range, in the signs of a random sequence; and noise of twice the range, which is cut. The ramp is full at
+    first, falls in the second third and rises in the last. Raises `ConfigError` for a law whose outputs leave
+    the numbers on the way, and for a number of samples outside 3 to `SAMPLES`.
+    """
+    if not 3 <= samples <= SAMPLES:
+        raise ConfigError(f"{samples} test samples", hint=f"3 to {SAMPLES}")
+    rng = np.random.default_rng(samples)
+    reach = np.where(np.isfinite(package.input_range), package.input_range, UNBOUNDED)
+    third = np.arange(samples) * 3 // samples
+    noise = rng.uniform(-1.0, 1.0, (samples, len(reach)))
+    y = np.choose(third[:, None], [0.1 * noise, np.sign(noise), 2.0 * noise]) * reach
+    if package.single:
+        y = y.astype(np.float32).astype(float)
+    vectors = run_vectors(package, y, third != 1, package.ramp)
+    if not np.isfinite(vectors.u).all():
+        raise ConfigError("the law gives numbers that are not finite", hint="limits of its outputs")
+    return dataclasses.replace(package, vectors=vectors)
+
+
+def run_vectors(
+    package: ControllerPackage,
+    y: Float[np.ndarray, "sample input"],
+    engaged: Bool[np.ndarray, " sample"],
+    start_level: int,
+) -> TestVectors:
+    """What the reference gives for ``y`` from a reset."""
+    law = ReferenceLaw(package)
+    law.level = start_level
+    u = np.empty((len(y), len(package.outputs)))
+    for k, (row, rising) in enumerate(zip(y, engaged.tolist(), strict=True)):
+        law.engaged = rising
+        u[k] = law.step(row)
+    return TestVectors(start_level=start_level, engaged=engaged, y=y, u=u)

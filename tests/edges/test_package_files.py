@@ -1,0 +1,253 @@
+"""Packages on disk: what is written is read back, and nothing else is taken for a package."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from cli_runner import middeck
+from middeck.errors import ConfigError, DataError, MiddeckError
+from middeck.files.compensators import load_compensator, write_compensator
+from middeck.files.packages import load_package, write_package
+from middeck.realtime.package.binary import decode_package, encode_package, hash_package
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.section import InputFilter, LoopPath, Section
+from middeck.realtime.package.single import to_single
+from middeck.realtime.package.vectors import add_test_vectors
+from packaged_laws import random_law
+from repeats import LONG
+
+SECTION = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
+
+
+def whole():
+    """A package with something in every field."""
+    law = random_law(np.random.default_rng(1), 7, 2, 2)
+    package = package_law(
+        law, "law-7", input_range=0.1, limit=[0.5, np.inf], slew_rate=[10.0, np.inf], ramp_s=0.01,
+        filters=(InputFilter(1, SECTION),),
+    )  # fmt: skip
+    return add_test_vectors(dataclasses.replace(package, paths=(LoopPath(0, 1, SECTION),)), 6)
+
+
+PACKAGES = {
+    "whole": whole,
+    "dense": lambda: package_law(random_law(np.random.default_rng(2), 4, 1, 1), "d", form="dense"),
+    "gain": lambda: package_law(random_law(np.random.default_rng(3), 0, 1, 2, applied=False), "g"),
+    "single": lambda: to_single(
+        package_law(random_law(np.random.default_rng(4), 4, 2, 1), "s", input_range=1.0)
+    ),
+}
+
+
+@pytest.mark.parametrize("ending", ["mdk", "json"])
+@pytest.mark.parametrize("name", PACKAGES)
+def test_what_is_written_is_read_back(name, ending, tmp_path):
+    package, file = PACKAGES[name](), tmp_path / f"law.{ending}"
+    assert write_package(file, package) == (file,)
+    found = load_package(file)
+    assert found == package
+    assert hash_package(found) == hash_package(package)
+    assert encode_package(found) == encode_package(package)
+
+
+def sealed(body: bytes) -> bytes:
+    return body + hashlib.sha256(body).digest()
+
+
+def patched(at: int, form: str, value: float) -> bytes:
+    body = bytearray(encode_package(whole())[:-32])
+    struct.pack_into(form, body, at, value)
+    return sealed(bytes(body))
+
+
+DATA = encode_package(whole())
+# Words of the head stand from byte 8: format, flags, states, pairs, inputs, outputs, filters, paths, ...
+BROKEN = {
+    "empty": (b"", "is empty"),
+    "another file": (b"PK\x03\x04" + DATA[4:], "begins otherwise"),
+    "cut to its head": (DATA[:40], "cut short"),
+    "truncated": (DATA[:-1], "hash does not fit"),
+    "a byte more": (DATA + b"\0", "hash does not fit"),
+    "corrupted": (DATA[:300] + bytes([DATA[300] ^ 1]) + DATA[301:], "hash does not fit"),
+    "wrong endianness": (sealed(DATA[:8] + DATA[8:12][::-1] + DATA[12:-32]), "other order"),
+    "a later format": (patched(8, "<I", 2), "format 2"),
+    "an unknown flag": (patched(12, "<I", 16), "flags 16"),
+    "another flag": (patched(12, "<I", 9 + 2), "."),
+    "too many states": (patched(16, "<I", 70_000), "states 70000"),
+    "more states than bytes": (patched(16, "<I", 1000), "cut short"),
+    "more blocks than states": (patched(20, "<I", 200), "200 blocks"),
+    "no inputs": (patched(24, "<I", 0), "."),
+    "one output less": (patched(28, "<I", 1), "."),
+    "a reserved word": (patched(52, "<I", 1), "reserved 1"),
+    "a period of zero": (patched(56, "<d", 0.0), "period of 0.0"),
+    "a period that is none": (patched(56, "<d", np.nan), "period of nan"),
+    "a body more": (sealed(DATA[:-32] + bytes(8)), "not the one encoding"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_is_broken_is_refused_with_its_reason(name, tmp_path):
+    data, reason = BROKEN[name]
+    (tmp_path / "law.mdk").write_bytes(data)
+    with pytest.raises(DataError, match=reason) as refused:
+        load_package(tmp_path / "law.mdk")
+    assert "law.mdk" in str(refused.value)
+
+
+def number_places() -> list[int]:
+    """Where the doubles of the package stand."""
+    first = next(k for k in range(64, len(DATA), 8) if struct.unpack_from("<d", DATA, k)[0] == 0.1)
+    return list(range(first, len(DATA) - 40, 8))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_no_coefficient_may_be_other_than_finite(value):
+    """Limits may be infinite, to their side; nothing may be NaN."""
+    limits = 2 + 3 * 2
+    for k, place in enumerate(number_places()):
+        if k < limits and np.isinf(value):
+            continue
+        with pytest.raises(DataError):
+            decode_package(patched(place, "<d", value))
+
+
+def test_any_changed_bit_is_refused():
+    rng = np.random.default_rng(0)
+    for place in rng.integers(0, 8 * len(DATA), 2000):
+        data = bytearray(DATA)
+        data[place // 8] ^= 1 << (place % 8)
+        with pytest.raises(DataError):
+            decode_package(bytes(data))
+
+
+def test_fuzzed_packages_neither_crash_nor_lie():
+    """Bytes changed or cut, four of ten sealed again: refused, or the one encoding of what they say."""
+    rng, accepted, count = np.random.default_rng(1993), 0, 1_000_000 if LONG else 50_000
+    bodies = [encode_package(make())[:-32] for make in PACKAGES.values()]
+    for _ in range(count):
+        body = bytearray(bodies[rng.integers(len(bodies))])
+        for _ in range(rng.integers(1, 4)):
+            place = int(rng.integers(min(len(body), 160) if rng.random() < 0.7 else len(body)))
+            body[place] = int(rng.choice([0, 1, 255, rng.integers(256)]))
+        if rng.random() < 0.2:
+            body = body[: int(rng.integers(8, len(body)))]
+        data = sealed(bytes(body)) if rng.random() < 0.4 else bytes(body) + bytes(32)
+        try:
+            package = decode_package(data)
+        except DataError:
+            continue
+        assert encode_package(package) == data
+        accepted += 1
+    assert accepted < 0.5 * count
+
+
+def test_a_changed_twin_is_refused(tmp_path):
+    file = tmp_path / "law.json"
+    write_package(file, whole())
+    document = json.loads(file.read_text())
+    changes = [
+        {"period_s": 0.004}, {"period_s": "0.002"}, {"A": 3}, {"A": [[1.0]]}, {"inputs": []}, {"pairs": 2.0},
+        {"lower": [0.0, 0.0]}, {"upper": [None, "x"]}, {"name": "*/"}, {"filters": [{}]}, {"paths": {}},
+        {"vectors": {}}, {"unstable": 1}, {"extra": 1}, {"sha256": "0" * 64}, {"ramp_samples": 10**30},
+        {"slew_per_sample": [1e999, None]}, {"precision": "half"}, {"B": [[[1.0]]]}, {"D": None},
+    ]  # fmt: skip
+    for change in changes:
+        file.write_text(json.dumps(document | change))
+        with pytest.raises(DataError):
+            load_package(file)
+    for key in document:
+        file.write_text(json.dumps({k: v for k, v in document.items() if k != key}))
+        with pytest.raises(DataError):
+            load_package(file)
+    text = json.dumps(document)
+    file.write_text(text[:-1] + ', "name": "law-7"}')
+    with pytest.raises(DataError, match="twice"):
+        load_package(file)
+    file.write_text(text)
+    assert load_package(file) == whole()
+
+
+def test_packages_that_do_not_fit_together():
+    law = random_law(np.random.default_rng(1), 4, 2, 2)
+    for given, reason in [
+        ({"limit": [1.0]}, "1 limits for 2"),
+        ({"limit": 0.0}, "limits from"),
+        ({"input_range": -1.0}, "ranges of"),
+        ({"slew_rate": np.nan}, "slew limits"),
+        ({"ramp_s": -1.0}, "a ramp of"),
+        ({"form": "other"}, "no form"),
+        ({"filters": (InputFilter(2, SECTION),)}, "section at input 2"),
+        ({"name": "no name"}, "the name"),
+    ]:
+        with pytest.raises(ConfigError, match=reason):
+            package_law(law, **({"name": "law"} | given))
+    with pytest.raises(ConfigError, match="test samples"):
+        add_test_vectors(package_law(law, "law"), 2)
+    with pytest.raises(ConfigError, match="no writer"):
+        write_package("law.bin", package_law(law, "law"))
+
+
+def test_a_compensator_keeps_its_path_in_its_file(tmp_path):
+    law, file = random_law(np.random.default_rng(1), 4, 2, 3), tmp_path / "law.json"
+    write_compensator(file, law)
+    assert np.array_equal(load_compensator(file).applied, law.applied)
+    document = json.loads(file.read_text())
+    file.write_text(json.dumps(document | {"applied": np.transpose(law.applied).tolist()}))
+    with pytest.raises(DataError, match="applied has shape"):
+        load_compensator(file)
+
+
+@pytest.fixture
+def law_file(tmp_path):
+    file = tmp_path / "gimbal.json"
+    write_compensator(file, random_law(np.random.default_rng(1), 6, 2, 1))
+    return file
+
+
+def test_the_verb_writes_all_forms(law_file, tmp_path, capfd):
+    out = [tmp_path / f"out.{ending}" for ending in ("mdk", "json", "c")]
+    written = [word for file in out for word in ("-o", file)]
+    done = middeck(capfd, "generate", law_file, "--range", "0.1,2", "--limit", "0.25", "--json", *written)
+    assert done.code == 0, done.err
+    document = json.loads(done.out)
+    assert {f.name for f in tmp_path.iterdir()} == {"gimbal.json", "out.mdk", "out.json", "out.c", "out.h"}
+    assert load_package(out[0]) == load_package(out[1])
+    assert document["sha256"] == hash_package(load_package(out[0]))
+    assert document["sha256"] in out[2].with_suffix(".h").read_text()
+    again = middeck(capfd, "generate", out[0], "--single", "-o", tmp_path / "small.mdk")
+    assert again.code == 0
+    assert "single" in again.out
+    assert load_package(tmp_path / "small.mdk").single
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["-o", "law.txt"], 2, "a file that ends in .mdk, .json, .c, .h"),
+        (["--rate", "100"], 2, "the law is sampled at 500 Hz"),
+        (["--limit", "1,2,3"], 2, "3 limits for 1 ports"),
+        (["--single"], 2, "has no range"),
+        (["--name", "a b"], 2, "the name 'a b'"),
+    ],
+)
+def test_the_verb_refuses(law_file, arguments, code, says, capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = middeck(capfd, "generate", law_file, *arguments)
+    assert done.code == code
+    assert says in done.err
+
+
+def test_other_files_are_named_for_what_they_are(law_file, tmp_path, capfd):
+    package = tmp_path / "law.mdk"
+    write_package(package, whole())
+    assert "a controller package" in middeck(capfd, "record", package).err
+    assert middeck(capfd, "generate", package, "--limit", "1").code == 2
+    assert middeck(capfd, "generate", tmp_path / "none.mdk").code == 4
+    with pytest.raises(MiddeckError, match=r"begins otherwise|schema"):
+        load_package(law_file)

@@ -1,0 +1,304 @@
+"""What a package computes: the law, the observer that sees limits, and single precision within its bound."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+import scipy.signal
+
+from middeck.control.law.classical import PDLoops
+from middeck.control.law.compensator import Compensator, arrange_ports
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.emulation import emulate
+from middeck.errors import ConfigError
+from middeck.files.exchange.named import as_compensator
+from middeck.files.exchange.python_control import from_control
+from middeck.files.exchange.scipy_signal import from_scipy
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.modal_form import to_modal
+from middeck.realtime.package.peak import bound_peaks
+from middeck.realtime.package.reference import ReferenceLaw
+from middeck.realtime.package.section import InputFilter, Section
+from middeck.realtime.package.single import to_single
+from middeck.signals.ports import Port
+from middeck.systems.plant import Plant
+from middeck.systems.sampling import sample_dynamics
+from middeck.systems.simulation import simulate
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+from packaged_laws import PERIOD_S, compile_law, ports, random_law
+from repeats import LONG
+
+
+def run(package, y, fast=False):
+    law = ReferenceLaw(package, fast=fast)
+    return np.array([law.step(row) for row in y])
+
+
+@pytest.mark.parametrize(("form", "allowed"), [("dense", 1e-12), ("modal", 1e-10)])
+def test_the_law_is_the_compensator(form, allowed, tmp_path):
+    """C, and the fast law, beside a simulation of A, B, C, D: over 1e5 steps in the long form."""
+    rng = np.random.default_rng(11)
+    law = random_law(rng, 60, 14, 5)
+    package = package_law(law, "law", form=form)
+    y = rng.standard_normal((100_000 if LONG else 4000, 14))
+    truth = simulate(law.sampled, y, np.zeros(60))[0]
+    scale = np.abs(truth).max()
+    assert np.abs(compile_law(package, tmp_path)(y) - truth).max() < allowed * scale
+    assert np.abs(run(package, y[:20_000], fast=True) - truth[:20_000]).max() < allowed * scale
+
+
+def observed_beam():
+    """Two modes with position sensors, and their observers."""
+    A = sla.block_diag([[0.0, 6.0], [-6.0, -0.12]], [[0.0, 20.0], [-20.0, -0.4]])
+    plant = StateSpace(
+        A, np.array([[0.0], [1.0], [0.0], [0.7]]), np.array([[1.0, 0.0, 0.8, 0.0]]), np.zeros((1, 1))
+    )
+    way, push = (Port("way", "m"),), (Port("push", "N"),)
+    named = Plant(dynamics=plant, inputs=push, outputs=way, w=("push",), u=("push",), z=("way",), y=("way",))
+    weights = LQGWeights(
+        output=np.array([1.0]), input=np.array([1.0]), disturbed=("push",),
+        process=np.array([[1.0]]), sensor=np.array([1e-4]),
+    )  # fmt: skip
+    return named, weights
+
+
+def observe(plant, law, gain, y, limit):
+    """x+ = A x + B v + L (y - C x), u = -K x with v = u within the limits: written from the textbook."""
+    x, out = np.zeros(len(plant.A)), []
+    for row in y:
+        v = np.clip(law.C @ x, -limit, limit)
+        out.append(v)
+        x = plant.A @ x + plant.B @ v + gain @ (row - plant.C @ x)
+    return np.array(out)
+
+
+def test_an_observer_sees_the_torque_really_applied():
+    named, weights = observed_beam()
+    law = design_sampled_lqg(named, weights, 1e3, 0.01)
+    held = sample_dynamics(named.system, 0.01)
+    gain = law.sampled.B  # the predictor's injection
+    y = 0.3 * np.random.default_rng(2).standard_normal((400, 1))
+    expected = observe(held, law.sampled, gain, y, 0.5)
+    for form in ("dense", "modal"):
+        found = run(package_law(law, "law", limit=0.5, form=form), y)
+        assert np.abs(found - expected).max() < 1e-9
+    assert np.mean(np.abs(expected) == 0.5) > 0.2
+    blind = run(package_law(dataclasses.replace(law, applied=None), "law", limit=0.5), y)
+    assert np.abs(blind - expected).max() > 0.1
+
+
+def test_what_is_applied_elsewhere_can_be_told():
+    """`commit` with another command than `compute` gave: the estimate follows the plant."""
+    named, weights = observed_beam()
+    law = design_sampled_lqg(named, weights, 1e3, 0.01)
+    held, package = sample_dynamics(named.system, 0.01), package_law(law, "law")
+    y = 0.3 * np.random.default_rng(4).standard_normal((200, 1))
+    reference, x = ReferenceLaw(package), np.zeros(4)
+    for k, row in enumerate(y):
+        u = reference.compute(row)
+        assert np.abs(u - law.sampled.C @ x).max() < 1e-9
+        v = u if k % 7 else np.array([0.2])
+        reference.commit(v)
+        x = held.A @ x + held.B @ v + law.sampled.B @ (row - held.C @ x)
+
+
+@pytest.mark.parametrize("rule", ["hold", "tustin"])
+def test_a_continuous_observer_keeps_its_path_when_it_is_sampled(rule):
+    """Held measurements and a missing command, against the continuous law integrated between the samples."""
+    named, weights = observed_beam()
+    law = design_lqg(named, weights, 1e2)
+    s, T = law.system, 0.0005
+    package = package_law(emulate(law, T, rule), "law")
+    reference, x = ReferenceLaw(package), np.zeros(len(s.A))
+    both = np.zeros((len(s.A) + 2, len(s.A) + 2))
+    both[: len(s.A)] = np.hstack([s.A, s.B, law.applied])
+    step = sla.expm(both * T)[: len(s.A)]
+    worst = 0.0
+    for k in range(4000):
+        y = np.array([np.sin(0.02 * k)])
+        u = reference.compute(y)
+        e = np.array([0.3 * np.sin(0.011 * k + 1.0)])
+        reference.commit(u + e)
+        worst = max(worst, float(np.abs(u - (s.C @ x + s.D @ y)).max()))
+        x = step @ np.concatenate([x, y, e])
+    peak = float(np.abs(s.C @ x).max())
+    # The hold is exact; Tustin's rule takes the mean of two samples, half a sample apart from a hold.
+    assert worst < (1e-9 if rule == "hold" else 0.05 * max(peak, 0.1))
+
+
+def test_ports_in_another_order_keep_the_path():
+    law = random_law(np.random.default_rng(1), 6, 2, 3)
+    turned = arrange_ports(law, law.inputs[::-1], law.outputs[::-1])
+    y = np.random.default_rng(2).standard_normal((200, 2))
+    first = run(package_law(law, "law", limit=0.4, form="dense"), y)
+    second = run(package_law(turned, "law", limit=0.4, form="dense"), y[:, ::-1])
+    assert np.abs(first - second[:, ::-1]).max() < 1e-9
+
+
+def test_filters_and_inner_loop():
+    """Filters before the law, a PD loop beside it that does not fade: against SciPy's sections."""
+    rng = np.random.default_rng(3)
+    dynamics = SampledStateSpace([[0.8]], [[1.0, 0.5]], [[0.3]], [[0.1, -0.2]], period_s=PERIOD_S)
+    reads = (Port("pri", "rad"), Port("pri_rate", "rad/s"))
+    law = Compensator(dynamics, reads, (Port("pri", "N m"),))
+    notch = Section(np.array([0.9, -1.2, 0.8]), np.array([-1.1, 0.7]))
+    pd = PDLoops(("pri",), np.array([2.0]), np.array([0.1]))
+    package = package_law(
+        law, "law", ramp_s=0.1, inner=pd, filters=(InputFilter(0, notch), InputFilter(0, notch))
+    )
+    y = rng.standard_normal((300, 2))
+    sos = np.array([[*notch.b, 1.0, *notch.a]] * 2)
+    filtered = np.column_stack([scipy.signal.sosfilt(sos, y[:, 0]), y[:, 1]])
+    c = simulate(dynamics, filtered, np.zeros(1))[0]
+    s = np.minimum(np.arange(300) / package.ramp, 1.0)[:, None]
+    expected = s * s * (3.0 - 2.0 * s) * c - y @ np.array([[2.0], [0.1]])
+    assert np.abs(run(package, y) - expected).max() < 1e-12
+
+
+def test_modal_form_is_the_same_law_and_refuses_poles_that_coincide():
+    law = random_law(np.random.default_rng(8), 9, 2, 2)
+    dense = package_law(law, "law", form="dense").core
+    modal = to_modal(dense)
+    z = np.exp(2j * np.pi * np.linspace(0.01, 0.49, 50))[:, None, None]
+    responses = [
+        m.C @ np.linalg.solve(z * np.eye(9) - m.A, np.hstack([m.B, m.E])[None]) for m in (dense, modal)
+    ]
+    assert np.abs(responses[0] - responses[1]).max() < 1e-10 * np.abs(responses[0]).max()
+    jordan = dataclasses.replace(dense, A=0.5 * np.eye(9) + np.eye(9, k=1))
+    assert to_modal(jordan) is None
+    assert package_law(twice(), "law").core.pairs is None
+    with pytest.raises(ConfigError, match="nearly coincide"):
+        package_law(twice(), "law", form="modal")
+
+
+def twice() -> Compensator:
+    """Two samples of delay in a row: a defective pole at zero."""
+    shift = SampledStateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], period_s=0.01)
+    return Compensator(shift, *ports(2, 1, 1))
+
+
+def test_laws_of_other_programs():
+    control = pytest.importorskip("control")
+    a, b = [1.0, -1.5, 0.9], [0.2, 0.1, 0.05]
+    y = np.random.default_rng(0).standard_normal((500, 1))
+    expected = scipy.signal.lfilter(b, a, y[:, 0])
+    for plant in (from_control(control.tf(b, a, 0.01)), from_scipy(scipy.signal.dlti(b, a, dt=0.01))):
+        found = run(package_law(as_compensator(plant), "law"), y)[:, 0]
+        assert np.abs(found - expected).max() < 1e-10
+        turned = run(package_law(as_compensator(plant, negative_feedback=True), "law"), y)[:, 0]
+        assert np.abs(turned + expected).max() < 1e-10
+
+
+def test_an_unstable_law_is_declared():
+    grows = Compensator(
+        SampledStateSpace([[1.001]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)
+    )
+    with pytest.raises(ConfigError, match=r"pole of magnitude 1\.001"):
+        package_law(grows, "law")
+    assert package_law(grows, "law", limit=1.0, unstable=True).unstable
+    assert not package_law(random_law(np.random.default_rng(0), 4, 1, 1), "law", unstable=True).unstable
+
+
+def test_peaks_are_bounded_from_above_and_closely():
+    rng = np.random.default_rng(9)
+    for states in (1, 4, 9):
+        F = random_law(rng, states, 1, 1, radii=(0.5, 0.995)).sampled.A
+        G, H, J = (
+            rng.standard_normal((states, 3)),
+            rng.standard_normal((2, states)),
+            rng.standard_normal((2, 3)),
+        )
+        truth, x = np.abs(J), G
+        for _ in range(20_000):
+            truth, x = truth + np.abs(H @ x), F @ x
+        bound = bound_peaks(F, G, H, J)
+        assert np.all(bound >= truth * (1.0 - 1e-12))
+        assert np.all(bound <= 1.1 * truth)
+    delay = np.eye(5, k=1)  # defective: no eigenvectors
+    assert np.all(bound_peaks(delay, np.ones((5, 1)), np.ones((1, 5)), np.zeros((1, 1))) >= 15.0)
+    slow = np.array([[0.99999]])
+    assert 1e5 <= float(bound_peaks(slow, np.eye(1), np.eye(1), np.zeros((1, 1)))[0, 0]) < 1.1e5
+
+
+def bad_inputs(package, rng, count):
+    """What moves a law most: each pole's rhythm as a square wave, constants, and noise of full range."""
+    k, m = np.arange(count)[:, None], len(package.inputs)
+    for pole in np.linalg.eigvals(package.core.A):
+        for phase in rng.uniform(0.0, 6.3, (2, m)):
+            yield np.sign(np.sin(abs(np.angle(pole)) * k + phase))
+    yield np.ones((count, m))
+    yield np.sign(rng.standard_normal((count, m)))
+
+
+@pytest.mark.parametrize("applied", [False, True])
+def test_single_precision_stays_within_its_bound(applied, tmp_path, campaign):
+    ratios = []
+    for seed in campaign(40):
+        rng = np.random.default_rng(seed)
+        states, inputs, outputs = rng.integers(1, 16), rng.integers(1, 4), rng.integers(1, 3)
+        law = random_law(rng, int(states), int(inputs), int(outputs), applied=applied, radii=(0.8, 0.998))
+        package = package_law(law, "law", input_range=rng.uniform(0.01, 1.0), limit=rng.choice([0.3, np.inf]))
+        single = to_single(package)
+        double_run, single_run = compile_law(package, tmp_path), compile_law(single, tmp_path)
+        worst = np.zeros(len(law.outputs))
+        for y in bad_inputs(package, rng, 3000):
+            for part in (1.0, 0.3):
+                given = (part * y * single.input_range).astype(np.float32).astype(float)
+                worst = np.maximum(worst, np.abs(double_run(given) - single_run(given)).max(axis=0))
+        assert np.all(worst <= single.error_bound)
+        ratios += (single.error_bound / worst).tolist()
+    assert np.median(ratios) < 100.0
+
+
+def test_what_has_no_bound_is_refused():
+    law = random_law(np.random.default_rng(0), 4, 1, 1)
+    with pytest.raises(ConfigError, match="has no range"):
+        to_single(package_law(law, "law"))
+    with pytest.raises(ConfigError, match="slew limit"):
+        to_single(package_law(law, "law", input_range=1.0, slew_rate=1.0))
+    with pytest.raises(ConfigError, match="already"):
+        to_single(to_single(package_law(law, "law", input_range=1.0)))
+    loud = dataclasses.replace(law, applied=5.0 * np.ones((4, 1)))
+    with pytest.raises(ConfigError, match=r"may amplify|no peak is bounded"):
+        to_single(package_law(loud, "law", input_range=1.0, limit=0.1))
+    with pytest.raises(ConfigError, match="overflows"):
+        to_single(package_law(law, "law", input_range=1e37))
+    slow = Compensator(
+        SampledStateSpace([[1.0 - 1e-6]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)
+    )
+    with pytest.raises(ConfigError, match="rounding may change"):
+        to_single(package_law(slow, "law", input_range=1.0))
+
+
+def test_the_published_law_of_a_measured_beam(tmp_path):
+    """Takacs and Rohal-Ilkiv 2012, their design model: u = -K x, x+ = A x + B u + M (y - C x)."""
+    A = np.array([[0.867074264700783, 1.118487994649831], [-0.214184972531195, 0.869746240894636]])
+    B = np.array([[0.933601028678616e-3], [0.530974425107969e-3]])
+    C = np.array([[-0.552612993066737, 0.705187130687643]])
+    M = np.array([[-4.336938056233941], [-0.354380105600932]])
+    K = np.array([[12.967150796211348, 125.5047671231475]])
+    law = Compensator(
+        SampledStateSpace(A - B @ K - M @ C, M, -K, np.zeros((1, 1)), period_s=0.01),
+        (Port("tip", "mm"),), (Port("voltage", "V"),), applied=B,
+    )  # fmt: skip
+    unstable = bool(np.abs(np.linalg.eigvals(law.sampled.A)).max() >= 1.0)
+    for form in ("dense", "auto"):
+        package = package_law(law, "takacs", input_range=15.0, limit=120.0, form=form, unstable=unstable)
+        reference = ReferenceLaw(package)
+        x, estimate, worst, held = np.array([8.0, 3.0]), np.zeros(2), 0.0, 0
+        for _ in range(2000):
+            y = C @ x
+            v = np.clip(-K @ estimate, -120.0, 120.0)
+            held += int(abs(v[0]) == 120.0)
+            u = reference.step(y)
+            worst = max(worst, float(np.abs(u - v).max()))
+            estimate = A @ estimate + B @ v + M @ (y - C @ estimate)
+            x = A @ x + B @ u
+        assert worst < 1e-12 * 120.0
+        assert held > 3
+        assert np.abs(x).max() < 1e-3
