@@ -122,6 +122,16 @@ def test_what_is_missing_is_named_by_its_key(tmp_path: Path, at: Keys, value: An
     assert found.value.hint
 
 
+def test_half_a_character_is_no_name(tmp_path: Path):
+    """It could be read and sealed, but neither drawn nor written again."""
+    whole = json.loads(LOOPS.read_text(encoding="utf-8"))
+    path = tmp_path / "promise.json"
+    changed_name = changed(whole, ("environments", 0, "modes", 0, "name"), "first \ud800")
+    path.write_text(json.dumps(changed_name), encoding="utf-8")
+    with pytest.raises(DataError, match="lone surrogate"):
+        read_promise(path)
+
+
 def test_what_a_later_version_adds_is_not_in_the_way(tmp_path: Path):
     whole = json.loads(LOOPS.read_text(encoding="utf-8"))
     path = tmp_path / "promise.json"

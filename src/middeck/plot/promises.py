@@ -43,7 +43,7 @@ def _draw_modes(axes: Axes, place: Mapping[str, Any], came: Came) -> None:
             _point(axes, 100.0 * (verdict["value"] / hz - 1.0), y, verdict["inside"])
     axes.axvline(0.0, color="black", linewidth=0.7)
     axes.set_yticks(range(len(rows)), [f"{m['name']}, {m['frequency_hz']:.4g} Hz" for m in rows])
-    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.set_ylim(max(len(rows), 1) - 0.5, -0.5)
     axes.set_xlabel("per cent above the promised frequency")
     axes.set_title("modes, 95 %; thin: not seen on the ground")
 
@@ -73,7 +73,7 @@ def _draw_loops(axes: Axes, place: Mapping[str, Any], at: Mapping[float, int], c
             _point(axes, verdict["value"] - middle, y, verdict["inside"])
     axes.axvline(0.0, color="black", linewidth=0.7)
     axes.set_yticks(range(len(rows)), [_called(row, at) for row in rows])
-    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.set_ylim(max(len(rows), 1) - 0.5, -0.5)
     axes.margins(x=0.1)
     axes.set_xlabel("dB above the promised median")
     said = "compensators, 95 % of draws; bar: 99 % reach this" if rows else "no compensator"
