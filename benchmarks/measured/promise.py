@@ -17,6 +17,7 @@ from measured.rows import row
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.monte_carlo import noise_on
 from middeck.systems.plant import Plant
+from middeck.updating.bound import Bound
 from middeck.updating.draws import DrawnPlants, draw_plants
 from middeck.updating.plan import Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise import design_ladder, promise
@@ -72,9 +73,13 @@ def _compensators(seed: int) -> list[Came]:
     truth, laws = case.true_plant(seed), design_ladder(case.modes_in_orbit(refined), asked)
     levels = [[o.level_db(share) for share in (0.5, 0.025, 0.975, 0.99)] for o in found.outlooks]
     return [
-        Came(*level, case.true_db(truth, law, asked), found.bound[name][0] - found.bound[name][1])
+        Came(*level, case.true_db(truth, law, asked), _above(found.bound[name]))
         for level, (name, law) in zip(levels, laws.items(), strict=True)
     ]
+
+
+def _above(bound: Bound) -> float:
+    return bound.worst_db - bound.no_linear_law_below_db
 
 
 def frontier_rows(_: str) -> list[dict[str, Any]]:

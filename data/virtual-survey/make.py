@@ -1,4 +1,4 @@
-"""Write survey and outcome of this folder: python data/virtual-survey/make.py (README.md tells of them)."""
+"""Write surveys and outcome of this folder: python data/virtual-survey/make.py (README.md tells of them)."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from middeck.updating.surveys import set_up
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+ARTICLE = ROOT / "articles" / "mace-simple.toml"
+FLOWN = "mace-simple-orbit.json"
 CHANGED = ["material.lexan.E_pa=2.44e9", "node.2.mass_kg=9.2"]
 CHANNELS = [(f"n{i}", d) for i in range(1, 6) for d in ("x", "y", "z", "rx")] + [
     (joint, "angle") for joint in ("pri_x", "pri_z", "sec_x", "sec_z")
@@ -28,7 +30,7 @@ SEED = 1995
 
 def survey() -> MeasuredModes:
     """The first flexible modes of the changed article in the laboratory, with noise."""
-    files = (ROOT / "articles" / "mace-simple.toml", ROOT / "environments" / "lab.toml")
+    files = (ARTICLE, ROOT / "environments" / "lab.toml")
     modes = md.solve_modes(md.solve_equilibrium(*md.load_setup(*files, CHANGED)))
     first = modes.kind.index("flexible")
     return measure_modes(
@@ -43,23 +45,34 @@ def survey() -> MeasuredModes:
 def rounded(measured: MeasuredModes) -> MeasuredModes:
     """To the digits that a test would print."""
     names = ("frequency_hz", "damping", "shape", "frequency_std_hz", "shape_std")
-    return dataclasses.replace(measured, **{n: np.round(getattr(measured, n), 6) for n in names})
+    stated = {n: value for n in names if (value := getattr(measured, n)) is not None}
+    few = {n: np.round(value, 6) for n, value in stated.items()}
+    return dataclasses.replace(measured, **few, position_m=None)
+
+
+def in_orbit() -> md.Modes:
+    """Of the changed article."""
+    article = md.load_structure(ARTICLE, CHANGED)
+    return md.solve_modes(md.solve_equilibrium(article, md.Environment.orbit()))
+
+
+def survey_in_orbit() -> MeasuredModes:
+    """Its first flexible modes, without noise."""
+    modes = in_orbit()
+    first = modes.kind.index("flexible")
+    return measure_modes(modes, CHANNELS, chosen=range(first, first + FLEXIBLE))
 
 
 def outcome() -> str:
     """What comes of promise.toml: the changed article in orbit under the compensators of the ladder."""
-    article = ROOT / "articles" / "mace-simple.toml"
-    loaded = load_plan(HERE / "promise.toml", article)
+    loaded = load_plan(HERE / "promise.toml", ARTICLE)
     plan = loaded.plan
     refined = md.refine(loaded.structure, *loaded.refinement.of_refine)
     orbit = plan.environments["orbit"]
-    modes = md.solve_modes(md.solve_equilibrium(md.load_structure(article, CHANGED), orbit))
     there = set_up(refined.structure, orbit, (), refined.unknowns).solve(refined.x)
-    whole = md.delay_plant(close_inner(plan, plant_of(plan, modes)), plan.loop.delay_s)
-    first = modes.kind.index("flexible")
-    lines = ['schema = "middeck.outcome/1"']
-    for number, hz in enumerate(modes.frequency_hz[first : first + FLEXIBLE], start=1):
-        lines += ["", "[[mode]]", 'environment = "orbit"', f"number = {number}", f"frequency_hz = {hz:.4f}"]
+    whole = md.delay_plant(close_inner(plan, plant_of(plan, in_orbit())), plan.loop.delay_s)
+    lines = ['schema = "middeck.outcome/1"', "", "[[survey]]", 'environment = "orbit"']
+    lines += [f'modes = "{FLOWN}"']
     for name, law in design_ladder(there, plan).items():
         (flown,) = outcomes_on(
             [group_loop(plan, whole, plan.ladder.drives, plan.ladder.reads)],
@@ -74,4 +87,5 @@ def outcome() -> str:
 
 if __name__ == "__main__":
     write_measured_modes(HERE / "mace-simple-lab.json", rounded(survey()))
+    write_measured_modes(HERE / FLOWN, rounded(survey_in_orbit()))
     (HERE / "outcome.toml").write_text(outcome(), encoding="utf-8")

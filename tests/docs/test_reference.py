@@ -22,9 +22,9 @@ from middeck.files import (
     environment_form,
     gauge_form,
     link_form,
+    outcomes,
     promise_plans,
     promised_loads,
-    promises,
     refinements,
     study_form,
     study_promise,
@@ -102,10 +102,11 @@ FORMS: list[type[Form]] = [
     promise_plans.LawForm,
     promise_plans.JointForm,
     promised_loads.PromisedLoadsForm,
-    promises.OutcomeForm,
-    promises.ModeOutcomeForm,
-    promises.LoopOutcomeForm,
-    promises.ReadingOutcomeForm,
+    outcomes.OutcomeForm,
+    outcomes.ModeOutcomeForm,
+    outcomes.SurveyOutcomeForm,
+    outcomes.LoopOutcomeForm,
+    outcomes.ReadingOutcomeForm,
 ]
 
 
@@ -142,7 +143,7 @@ def test_every_form_has_its_table():
         candidate_files,
         promise_plans,
         promised_loads,
-        promises,
+        outcomes,
     )
     defined = {
         x for m in modules for x in vars(m).values() if isinstance(x, type) and x.__module__ == m.__name__

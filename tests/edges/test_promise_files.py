@@ -10,8 +10,9 @@ import pytest
 from cli_runner import middeck
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
+from middeck.files.outcomes import load_outcomes, statements_of
+from middeck.files.promise_form import read_promise
 from middeck.files.promise_plans import load_plan
-from middeck.files.promises import load_outcomes, read_promise, statements_of
 from middeck.files.sealed import seal
 from middeck.updating.score import Outcome, Statement, judge, score
 
@@ -24,7 +25,8 @@ FOLDER = ROOT / "data/virtual-survey"
 def promised(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sample with two of its compensators and few draws."""
     folder = tmp_path_factory.mktemp("promise")
-    for name in ("refine.toml", "mace-simple-lab.json", "outcome.toml", "promise.toml"):
+    files = ("refine.toml", "mace-simple-lab.json", "mace-simple-orbit.json", "outcome.toml", "promise.toml")
+    for name in files:
         text = (FOLDER / name).read_text(encoding="utf-8")
         text = re.sub(r"draws = \d+ .*\nbounded = 1", "draws = 8\nbounded = 0", text)
         text = text.replace("log10_authority = [0.0, 3.0, 6.0]", "log10_authority = [0.0, 3.0]")
@@ -147,6 +149,8 @@ def test_another_document_is_no_promise(tmp_path: Path):
         ('refinement = "refine.toml"', 'refinement = "none.toml"', "none.toml"),
         ('environments = ["orbit"]', 'environments = ["moon"]', "moon"),
         ("[noise]", "[noises]", "noise"),
+        ("log10_authority = [0.0, 3.0]", "log10_authority = [0.0, 400.0]", "must be >= -12 and <= 12"),
+        ("log10_authority = [0.0, 3.0]", "log10_authority = 3.0", r"try: log10_authority = \[3.0\]"),
     ],
 )
 def test_a_plan_with_a_fault_is_refused(promised: Path, tmp_path: Path, old: str, new: str, what: str):
@@ -165,6 +169,9 @@ def test_a_plan_with_a_fault_is_refused(promised: Path, tmp_path: Path, old: str
         ('[[compensator]]\nenvironment = "orbit"\nname = "a"\nstable = true\n', "without its rms_db"),
         ('[[compensator]]\nenvironment = "orbit"\nname = "a"\nstable = false\nrms_db = 1.0\n', "with rms_db"),
         ('[[mode]]\nenvironment = "orbit"\nnumber = 0\nfrequency_hz = 1.0\n', "number"),
+        ('[[mode]]\nenvironment = "orbit"\nfrequency_hz = 1.0\n', "neither name nor number"),
+        ("mode = 3\n", r"must be an array\n  try: mode = \[3\]"),
+        ("[mode]\nnumber = 1\n", r"must be an array\n  try: \[\[mode\]\] for each table"),
     ],
 )
 def test_an_outcome_that_cannot_be_is_refused(tmp_path: Path, text: str, what: str):
@@ -176,14 +183,14 @@ def test_an_outcome_that_cannot_be_is_refused(tmp_path: Path, text: str, what: s
 
 def test_scores_are_those_of_a_hand_count():
     said = [
-        Statement(name="f", low=1.0, high=2.0),
-        Statement(name="held", low=-21.0, high=-19.0, probability=0.9, cautious=-18.5),
-        Statement(name="lost", low=-30.0, high=np.inf, probability=0.6, cautious=np.inf),
+        Statement(kind="mode", name="f", low=1.0, high=2.0),
+        Statement(kind="compensator", name="held", low=-21.0, high=-19.0, probability=0.9, cautious=-18.5),
+        Statement(kind="compensator", name="lost", low=-30.0, high=np.inf, probability=0.6, cautious=np.inf),
     ]
     came = [
-        Outcome(name="f", value=2.5),
-        Outcome(name="held", value=-20.0),
-        Outcome(name="lost", value=None, stable=False),
+        Outcome(kind="mode", name="f", value=2.5),
+        Outcome(kind="compensator", name="held", value=-20.0),
+        Outcome(kind="compensator", name="lost", value=None, stable=False),
     ]
     found = score(judge(said, came))
     assert found.coverage == pytest.approx(2 / 3)
@@ -193,9 +200,9 @@ def test_scores_are_those_of_a_hand_count():
 
 def test_an_outcome_of_which_nothing_was_said_is_refused(promised: Path):
     statements = statements_of(read_promise(promised / "promise.json"))
-    with pytest.raises(DataError, match="nothing was promised of 'orbit: mode 99'"):
-        judge(statements, [Outcome(name="orbit: mode 99", value=1.0)])
-    one = Outcome(name="orbit: mode 1", value=1.0)
+    with pytest.raises(DataError, match="nothing was promised of mode 'orbit: mode 99'"):
+        judge(statements, [Outcome(kind="mode", name="orbit: mode 99", value=1.0)])
+    one = Outcome(kind="mode", name="orbit: mode 1", value=1.0)
     with pytest.raises(DataError, match="two outcomes"):
         judge(statements, [one, one])
     with pytest.raises(DataError, match="no outcome"):

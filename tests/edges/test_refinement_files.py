@@ -12,8 +12,8 @@ from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
 from middeck.files.documents import load_setup, load_structure
 from middeck.files.measured_modes import load_measured_modes, write_measured_modes
+from middeck.files.promise_form import read_promise
 from middeck.files.promised_loads import load_promised_loads
-from middeck.files.promises import read_promise
 from middeck.files.refinements import load_refinement, refined_text
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.deflections import predict_deflections

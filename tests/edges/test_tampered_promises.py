@@ -7,7 +7,7 @@ import json
 import pytest
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.promises import load_outcomes
+from middeck.files.outcomes import load_outcomes
 from middeck.files.sealed import read_sealed, seal
 from middeck.updating.score import Outcome, Statement, judge
 
@@ -41,8 +41,23 @@ def test_an_infinite_frequency_is_no_outcome(tmp_path):
         load_outcomes(path)
 
 
-def test_two_statements_of_one_name_are_not_judged():
-    mode = Statement(name="orbit: mode 1", low=1.0, high=2.0)
-    loop = Statement(name="orbit: mode 1", low=-30.0, high=-20.0, probability=1.0, cautious=-20.0)
-    with pytest.raises(DataError, match="two statements of 'orbit: mode 1'"):
-        judge([loop, mode], [Outcome(name="orbit: mode 1", value=-25.0)])
+def test_two_statements_of_one_kind_and_name_are_not_judged():
+    mode = Statement(kind="mode", name="orbit: mode 1", low=1.0, high=2.0)
+    with pytest.raises(DataError, match="two statements of mode 'orbit: mode 1'"):
+        judge([mode, mode], [])
+
+
+def test_a_compensator_may_be_called_as_a_mode_is():
+    """Each outcome is judged by the statement of its kind."""
+    mode = Statement(kind="mode", name="orbit: mode 1", low=1.0, high=2.0)
+    loop = Statement(
+        kind="compensator", name="orbit: mode 1", low=-30.0, high=-20.0, probability=1.0, cautious=-20.0
+    )
+    came = [
+        Outcome(kind="compensator", name="orbit: mode 1", value=-25.0),
+        Outcome(kind="mode", name="orbit: mode 1", value=1.5),
+    ]
+    found = judge([loop, mode], came)
+    assert [(v.kind, v.inside, v.brier) for v in found] == [("compensator", True, 0.0), ("mode", True, None)]
+    with pytest.raises(DataError, match="nothing was promised of reading"):
+        judge([loop, mode], [Outcome(kind="reading", name="orbit: mode 1", value=1.5)])

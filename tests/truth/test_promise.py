@@ -23,7 +23,7 @@ from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.own_plant import make_plant
 from middeck.systems.plant import Plant, delay_plant, require_modal
 from middeck.systems.statespace import StateSpace
-from middeck.updating.bound import bound_db
+from middeck.updating.bound import bound_db, bound_worst
 from middeck.updating.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.orbit import predict_modes
 from middeck.updating.outlook import Outlook, highest_promised, look_ahead, probability_interval, risk_of
@@ -65,7 +65,7 @@ def test_the_best_compensator_of_a_plant_is_at_its_bound(delay_s: float):
     plant = oscillator(2.0, delay_s)
     model = approximate_delays(plant, approximation_order(plant))
     best = design_lqg(model, WEIGHTS, 30.0)
-    ((own, least),) = bound_db([plant], best, WEIGHTS, 30.0)
+    ((own, least),) = bound_db([plant], best, WEIGHTS)
     assert least <= own + 1e-9
     assert own == pytest.approx(least, abs=1e-3)
 
@@ -73,7 +73,7 @@ def test_the_best_compensator_of_a_plant_is_at_its_bound(delay_s: float):
 def test_no_compensator_passes_the_bound_and_one_of_its_effort_comes_near():
     """A law for another frequency: the least rms at its effort is searched among optima of this plant."""
     plant, other = oscillator(2.0), design_lqg(oscillator(2.6), WEIGHTS, 3.0)
-    ((own, least),) = bound_db([plant], other, WEIGHTS, 3.0)
+    ((own, least),) = bound_db([plant], other, WEIGHTS)
     effort = measure_noise_rms(plant, other, WEIGHTS).control_rms
     tried = [
         measure_noise_rms(plant, design_lqg(plant, WEIGHTS, a), WEIGHTS)
@@ -86,8 +86,55 @@ def test_no_compensator_passes_the_bound_and_one_of_its_effort_comes_near():
     assert optimum < own
 
 
+def test_the_bound_does_not_ask_how_a_compensator_was_designed():
+    """An LQG with its numbers alone, and one whose authority was misstated."""
+    plants = [oscillator(f) for f in (1.9, 2.0, 2.2)]
+    law = design_lqg(plants[1], WEIGHTS, 30.0)
+    bare = Compensator(law.dynamics, law.inputs, law.outputs)
+    assert not hasattr(bare, "authority")
+    found = bound_worst(plants, law, WEIGHTS)
+    assert bound_worst(plants, bare, WEIGHTS) == found
+    assert bound_worst(plants, dataclasses.replace(law, authority=1e9), WEIGHTS) == found
+    # Two derivatives by hand, low-passed, that nobody would call optimal.
+    rate = Compensator(StateSpace([[-20.0]], [[20.0]], [[20.0]], [[-20.0]]), law.inputs, law.outputs)
+    slow = Compensator(StateSpace([[-1.0]], [[1.0]], [[-0.2]], [[0.0]]), law.inputs, law.outputs)
+    for hand in (rate, slow):
+        own, least = bound_db(plants[:1], hand, WEIGHTS)[0]
+        assert np.isnan(least) or least <= own
+
+
+def test_no_compensator_of_its_effort_is_better_on_all_plants_than_the_largest_bound():
+    """Optima of each plant and of plants between, as strong as the effort on each of them lets them be."""
+    plants = [oscillator(f) for f in (1.7, 2.0, 2.4)]
+    law = design_lqg(plants[1], WEIGHTS, 3.0)
+    bound = bound_worst(plants, law, WEIGHTS)
+    assert bound.draws == 3
+    assert bound.worst_db == pytest.approx(bound_db(plants, law, WEIGHTS)[:, 0].max())
+    assert bound.worst_db > bound.no_linear_law_below_db
+    effort = [measure_noise_rms(p, law, WEIGHTS).control_rms for p in plants]
+    allowed = 0
+    for f, authority in itertools.product((1.7, 1.9, 2.0, 2.2, 2.4), (0.3, 1.0, 2.0, 3.0)):
+        other = design_lqg(oscillator(f), WEIGHTS, authority)
+        came = [measure_noise_rms(p, other, WEIGHTS) for p in plants]
+        if all(c.control_rms <= e for c, e in zip(came, effort, strict=True)):
+            allowed += 1
+            worst = bound_db(plants, other, WEIGHTS)[:, 0].max()
+            assert worst >= bound.no_linear_law_below_db
+    assert allowed >= 3
+
+
+def test_a_bound_is_of_the_plants_that_have_one():
+    """A compensator that loses one of them has no worst, and others of its effort on the rest have."""
+    plants = [gained(0.4), gained(1.5)]
+    found = bound_worst(plants, LAG, WEIGHTS)
+    assert found.worst_db == np.inf
+    assert found.no_linear_law_below_db == bound_db(plants[:1], LAG, WEIGHTS)[0, 1]
+    assert np.isnan(bound_worst((), LAG, WEIGHTS).no_linear_law_below_db)
+    assert bound_db(plants[:1], STILL, WEIGHTS).tolist() == [[0.0, 0.0]]
+
+
 def test_a_compensator_that_is_unstable_has_no_bound():
-    assert np.isnan(bound_db([gained(1.5)], LAG, WEIGHTS, 1.0)[0, 1])
+    assert np.isnan(bound_db([gained(1.5)], LAG, WEIGHTS)[0, 1])
 
 
 def test_probabilities_are_counted_and_the_risk_is_named():
@@ -181,8 +228,8 @@ def test_what_is_promised_comes(refined: Refined):
         came = case.true_db(truth, law, asked)
         assert abs(one.level_db(0.5) - came) < 0.3
         assert one.level_db(0.01) - 0.1 <= came <= one.level_db(0.99) + 0.1
-        own, least = found.bound[one.name]
-        assert 0.0 <= own - least < 0.3
+        bound = found.bound[one.name]
+        assert 0.0 <= bound.worst_db - bound.no_linear_law_below_db < 0.3
 
 
 def test_a_reading_whose_noise_is_not_stated_is_refused():
@@ -210,6 +257,12 @@ def test_compensators_that_cannot_be_promised_are_refused(refined: Refined):
         promise(refined, named)
     with pytest.raises(ConfigError, match="rising"):
         case.plan([10.0, 1.0], 1)
+
+
+def test_plants_of_rigid_modes_alone_are_refused(refined: Refined):
+    """As where the numbers of modes were meant: modes = 3."""
+    with pytest.raises(ConfigError, match=r"3 modes kept in each plant, of which 8 are rigid in"):
+        promise(refined, dataclasses.replace(case.plan([1.0], 1), modes=3))
 
 
 def test_a_performance_without_an_rms_has_no_decibels(refined: Refined):
@@ -261,7 +314,7 @@ def test_a_plant_without_an_optimum_has_no_bound():
         np.hstack([C, [[0.0]]]), inputs=["f"], outputs=["x"], w=["f"], u=["f"], z=["x"], y=["x"],
     )  # fmt: skip
     law = design_lqg(seen, WEIGHTS, 1.0)
-    both = bound_db([seen, drifts], law, WEIGHTS, 1.0)
+    both = bound_db([seen, drifts], law, WEIGHTS)
     assert np.all(np.isfinite(both[0]))
     assert not np.isfinite(both[1, 1])
 

@@ -168,8 +168,8 @@ def _write_shapes(page: ShapePage, file: str) -> None:
     write_figure(drawn, file, key="shapes", title=page.title, description=describe_rows(page))
 
 
-def write_promise(promise: Mapping[str, Any], came: Mapping[str, Any], file: str) -> None:
-    """Draw the first environment of a promise, and the verdicts on it by their names."""
+def write_promise(promise: Mapping[str, Any], came: Mapping[tuple[str, str], Any], file: str) -> None:
+    """Draw the first environment of a promise, and the verdicts on it by their kinds and names."""
     from middeck.plot.promises import promise_figure
 
     place = promise["environments"][0]

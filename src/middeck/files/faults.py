@@ -108,10 +108,19 @@ def show(value: Any) -> str:
 
 def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
     """The errors of pydantic in our words."""
-    found = [_finding(item, form) for item in error.errors(include_url=False)]
+    items = error.errors(include_url=False)
+    found = [_finding(item, form) for item in items if not _is_echo(item, items)]
     # A key in another unit is one fault, not also a missing key.
     meant = {(f.path[:-1], f.expected) for f in found if f.expected}
     return [f for f in found if (f.path[:-1], f.path[-1]) not in meant]
+
+
+def _is_echo(item: Any, items: Sequence[Any]) -> bool:
+    """Whether an array is called too short for an item of it that has a fault of its own."""
+    at = item["loc"]
+    return item["type"] == "too_short" and any(
+        len(other["loc"]) > len(at) and other["loc"][: len(at)] == at for other in items
+    )
 
 
 def _finding(item: Any, form: type[Form]) -> Finding:
@@ -141,7 +150,15 @@ def _finding(item: Any, form: type[Form]) -> Finding:
         return _wrong_length(path, item)
     if kind == "literal_error":
         messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
-    return finding(path, messages.get(kind, str(item["msg"])), item["input"])
+    hint = _as_array(key, item["input"]) if kind in ("list_type", "tuple_type") else ""
+    return finding(path, messages.get(kind, str(item["msg"])), item["input"], hint=hint)
+
+
+def _as_array(key: str, value: Any) -> str:
+    """How one value or one table is written as an array of one."""
+    if isinstance(value, dict):
+        return f"[[{key}]] for each table"
+    return f"{key} = [{show(value)}]" if isinstance(value, str | int | float) and key else ""
 
 
 def _wrong_length(path: Path, item: Any) -> Finding:

@@ -128,6 +128,7 @@ SINGULAR = 1e-9
 Finite = Annotated[float, within()]
 NotNegative = Annotated[float, within(least=0.0)]
 Positive = Annotated[float, within(above=0.0)]
+Log10Authority = Annotated[float, within(least=-12.0, most=12.0)]
 # TOML has arrays, not tuples: this one conversion is wanted, the items stay strict.
 Vector = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
 # Least and largest; which is which is checked with the article's other content.

@@ -37,6 +37,9 @@ def read_json(path: str | Path, schema: str, hint: str) -> dict[str, Any]:
     except json.JSONDecodeError as error:
         what = f"truncated or not JSON: {error.msg}"
         raise DataError(what, where=f"{path}:{error.lineno}", hint="write it again") from None
+    except (ValueError, RecursionError):  # Python reads neither, and JSON forbids neither
+        what = "holds a number of thousands of digits, or tables within tables without end"
+        raise DataError(what, where=where, hint=hint) from None
     found = cast("dict[str, Any]", data).get("schema") if isinstance(data, dict) else None
     if found != schema:
         what = f"schema is {found!r}, this reader knows {schema!r}"

@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.files.compensators import load_compensator
 from middeck.files.documents import check, find_document, load_setup, load_structure, read_source
 from middeck.files.faults import raise_faults
-from middeck.files.form import Finite, Form, NotNegative, Positive, whole
+from middeck.files.form import Form, Log10Authority, NotNegative, Positive, whole
 from middeck.files.refinements import Refinement, load_refinement
 from middeck.structure.model.article import Structure
 from middeck.updating.draws import LoopSpread
@@ -76,7 +76,7 @@ class LadderForm(Form):
 
     drives: Names
     reads: Names
-    log10_authority: Annotated[tuple[Finite, ...], Field(strict=False, min_length=1)]
+    log10_authority: Annotated[tuple[Log10Authority, ...], Field(strict=False, min_length=1)]
 
 
 class LawForm(Form):

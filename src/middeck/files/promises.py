@@ -1,22 +1,20 @@
-"""Promises and what came of them: sealed documents."""
+"""Promises as sealed documents."""
 
 from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import scipy
-from pydantic import Field
 
 from middeck import __version__
-from middeck.errors import DataError
-from middeck.files.documents import check, read_source, sha256_of
-from middeck.files.faults import raise_faults
-from middeck.files.form import Finite, Form, Positive
-from middeck.files.sealed import SEAL, read_sealed, seal
+from middeck.files.documents import sha256_of
+from middeck.files.promise_form import PROMISE
+from middeck.files.sealed import seal
+from middeck.updating.bound import Bound
 from middeck.updating.deflections import Deflection
 from middeck.updating.draws import LoopSpread
 from middeck.updating.findings import findings
@@ -24,11 +22,10 @@ from middeck.updating.orbit import Prediction
 from middeck.updating.outlook import LEVELS, FrictionOutlook, Outlook, draws_needed, level
 from middeck.updating.plan import Plan
 from middeck.updating.promise import Promise
+from middeck.updating.promised_shapes import promised_shapes
 from middeck.updating.refine import Refined
-from middeck.updating.score import Outcome, Statement, Verdict, judge, score
 from middeck.updating.slip_time import SlipTime
 
-PROMISE, COMPARISON = "middeck.promise/1", "middeck.comparison/1"
 # A mode of which the surveys saw less than half was not seen.
 SEEN = 0.5
 _DEGREE = np.pi / 180.0
@@ -57,7 +54,10 @@ def promise_document(
         "noise_per_rthz": dict(plan.noise),
         "shares": LEVELS,
         "not_valid_for": limits_of(plan, promises),
-        "environments": [promised_there(name, p, plan) for name, p in promises.items()],
+        "environments": [
+            promised_there(name, p, plan) | {"shapes": promised_shapes(refined, p.modes)}
+            for name, p in promises.items()
+        ],
     }
     return seal(_head(refined, files, date) | said)
 
@@ -72,11 +72,13 @@ def loads_document(
     date: str,
 ) -> dict[str, Any]:
     """The sealed document of readings under load cases, and of frequencies beside them."""
-    place = {
+    place: dict[str, Any] = {
         "name": environment,
         "modes": [] if modes is None else _modes(modes, LoopSpread().damping_std),
         "load_cases": [_case(case) for case in deflections],
     }
+    if modes is not None:
+        place["shapes"] = promised_shapes(refined, modes)
     said = {
         "not_valid_for": ["contact, yielding and creep: members are elastic at any strain"],
         "environments": [place],
@@ -94,7 +96,7 @@ def _head(refined: Refined, files: Sequence[tuple[str, str]], date: str) -> dict
         "schema": PROMISE,
         "article": refined.structure.title,
         "date": date,
-        "versions": _versions(),
+        "versions": versions(),
         "files": [{"name": name, "sha256": digest} for name, digest in files],
         "refined": _refined(refined),
     }
@@ -104,16 +106,16 @@ def _case(case: Deflection) -> dict[str, Any]:
     """Readings in SI, angles in degrees for whoever compares them with a table."""
     return {
         "name": case.name,
-        "strained_as_in_the_tests": _few(case.seen),
+        "strained_as_in_the_tests": few(case.seen),
         "readings": [
             {
                 "gauge": gauge.name,
                 "at": gauge.at,
                 "unit": "deg" if gauge.unit == "rad" else gauge.unit,
-                "value": _few(case.value[k] / size),
-                "std": _few(case.std[k] / size),
-                "interval_95": [_few(end / size) for end in case.interval[k]],
-                "of_the_refined_article": _few(case.of_the_article[k] / size),
+                "value": few(case.value[k] / size),
+                "std": few(case.std[k] / size),
+                "interval_95": [few(end / size) for end in case.interval[k]],
+                "of_the_refined_article": few(case.of_the_article[k] / size),
             }
             for k, gauge in enumerate(case.gauges)
             for size in [_DEGREE if gauge.unit == "rad" else 1.0]
@@ -121,153 +123,8 @@ def _case(case: Deflection) -> dict[str, Any]:
     }
 
 
-def read_promise(path: str | Path) -> dict[str, Any]:
-    """The promise in ``path``. Raises `DataError` for another document, or one that was changed."""
-    return read_sealed(path, PROMISE)
-
-
-class ModeOutcomeForm(Form):
-    """A mode as it came."""
-
-    environment: str
-    number: Annotated[int, Field(ge=1)]
-    frequency_hz: Positive
-
-
-class LoopOutcomeForm(Form):
-    """A compensator as it did."""
-
-    environment: str
-    name: str
-    stable: bool
-    rms_db: Finite | None = None
-
-
-class ReadingOutcomeForm(Form):
-    """A gauge as it read, in the unit of the promise: degrees of angles, else SI."""
-
-    environment: str
-    load_case: str
-    gauge: str
-    value: Finite
-
-
-class OutcomeForm(Form):
-    """What came of a promise."""
-
-    schema_: Literal["middeck.outcome/1"] = Field(alias="schema")
-    mode: Annotated[tuple[ModeOutcomeForm, ...], Field(strict=False)] = ()
-    compensator: Annotated[tuple[LoopOutcomeForm, ...], Field(strict=False)] = ()
-    reading: Annotated[tuple[ReadingOutcomeForm, ...], Field(strict=False)] = ()
-
-
-def load_outcomes(path: str | Path) -> tuple[Outcome, ...]:
-    """Outcomes in file ``path``.
-
-    Raises `ConfigError` with all faults of the document, `DataError` for a stable loop without decibels.
-    """
-    source = read_source(path)
-    checked = check(source, source.data, {}, OutcomeForm, lambda _: [])
-    raise_faults(list(checked.faults))
-    form = checked.form
-    assert form is not None  # no faults
-    for loop in form.compensator:
-        if loop.stable == (loop.rms_db is None):
-            what = "stable, without its rms_db" if loop.stable else "unstable, with rms_db"
-            raise DataError(f"{loop.name} is {what}", where=str(path), hint="rms_db of stable loops alone")
-    return (
-        *(Outcome(name=name_of_mode(m.environment, m.number), value=m.frequency_hz) for m in form.mode),
-        *(Outcome(name=_reading(r.environment, r.load_case, r.gauge), value=r.value) for r in form.reading),
-        *(
-            Outcome(name=name_of_loop(c.environment, c.name), value=c.rms_db, stable=c.stable)
-            for c in form.compensator
-        ),
-    )
-
-
-def comparison_document(
-    promise: Mapping[str, Any], outcomes: Sequence[Outcome], *, outcome_file: Path, date: str
-) -> dict[str, Any]:
-    """What came beside ``promise``, which it names by its seal and does not change.
-
-    Raises `DataError` for an outcome of which nothing was promised.
-    """
-    statements = statements_of(promise)
-    verdicts = judge(statements, outcomes)
-    said, came = {s.name: s for s in statements}, {o.name: o for o in outcomes}
-    return seal(
-        {
-            "schema": COMPARISON,
-            "promise": promise[SEAL],
-            "promised_on": promise["date"],
-            "date": date,
-            "versions": _versions(),
-            "outcome": {"name": outcome_file.name, "sha256": sha256_of(outcome_file)},
-            "verdicts": [_row(v, said[v.name], came[v.name]) for v in verdicts],
-            "score": score(verdicts),
-        }
-    )
-
-
-def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
-    """What a promise says, quantity by quantity."""
-    at = {share: k for k, share in enumerate(promise.get("shares", ()))}
-
-    def reached(value: float | None) -> float:
-        return np.inf if value is None else float(value)
-
-    found: list[Statement] = []
-    for place in promise["environments"]:
-        for number, mode in enumerate(place["modes"], start=1):
-            ends = mode["interval_95_hz"]
-            found.append(Statement(name=name_of_mode(place["name"], number), low=ends[0], high=ends[1]))
-        for case in place.get("load_cases", ()):
-            for reading in case["readings"]:
-                ends = reading["interval_95"]
-                name = _reading(place["name"], case["name"], reading["gauge"])
-                found.append(Statement(name=name, low=ends[0], high=ends[1]))
-        for loop in place.get("compensators", ()):
-            db = loop["db"]
-            found.append(
-                Statement(
-                    name=name_of_loop(place["name"], loop["name"]),
-                    low=reached(db[at[0.025]]),
-                    high=reached(db[at[0.975]]),
-                    probability=loop["probability_stable"],
-                    cautious=reached(db[at[0.99]]),
-                )
-            )
-    return tuple(found)
-
-
-def name_of_mode(environment: str, number: int) -> str:
-    """As outcomes name it; numbered from 1."""
-    return f"{environment}: mode {number}"
-
-
-def _reading(environment: str, case: str, gauge: str) -> str:
-    return f"{environment}: {case}: {gauge}"
-
-
-def name_of_loop(environment: str, name: str) -> str:
-    """As outcomes name it."""
-    return f"{environment}: {name}"
-
-
-def _row(verdict: Verdict, said: Statement, came: Outcome) -> dict[str, Any]:
-    return {
-        "name": verdict.name,
-        "promised": [_few(said.low), _few(said.high)],
-        "probability_stable": said.probability,
-        "value": came.value,
-        "stable": came.stable,
-        "inside": verdict.inside,
-        "brier": verdict.brier,
-        "pessimism_db": None if verdict.pessimism is None else _few(verdict.pessimism),
-    }
-
-
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of what computed a document."""
     return {
         "middeck": __version__,
         "python": platform.python_version(),
@@ -279,8 +136,8 @@ def _versions() -> dict[str, str]:
 def _refined(refined: Refined) -> dict[str, Any]:
     rows = zip(refined.unknowns, refined.x, refined.estimate.x_std, strict=True)
     return {
-        "unknowns": [{"name": u.name, "x": _few(x), "std": _few(std)} for u, x, std in rows],
-        "model_error": {s: _few(tau) for s, tau in zip(refined.sorts, refined.estimate.tau, strict=True)},
+        "unknowns": [{"name": u.name, "x": few(x), "std": few(std)} for u, x, std in rows],
+        "model_error": {s: few(tau) for s, tau in zip(refined.sorts, refined.estimate.tau, strict=True)},
         "warnings": findings(refined),
     }
 
@@ -318,7 +175,7 @@ def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
     return {
         "name": name,
         "modes": _modes(promise.modes, plan.loop.damping_std),
-        "without_control_rms": [_few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
+        "without_control_rms": [few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
         if np.all(np.isfinite(promise.rest_rms))
         else None,
         "compensators": [_loop_row(o, promise.bound[o.name], plan) for o in promise.outlooks],
@@ -334,17 +191,17 @@ def _friction(time: SlipTime, plan: Plan) -> dict[str, Any]:
             {
                 "name": j.name,
                 "slip_torque_nm": j.slip_torque,
-                "slip_angle_deg": _few(j.slip_angle / _DEGREE),
+                "slip_angle_deg": few(j.slip_angle / _DEGREE),
                 "viscous_nms_per_rad": j.viscous,
                 "slip_torque_tolerance": j.slip_torque_tolerance,
                 "slip_angle_tolerance": j.slip_angle_tolerance,
             }
             for j in plan.joints
         ],
-        "record_s": _few(time.record_s),
-        "settle_s": _few(time.settle_s),
-        "band_hz": _few(time.band_hz),
-        "sample_hz": _few(time.sample_hz),
+        "record_s": few(time.record_s),
+        "settle_s": few(time.settle_s),
+        "band_hz": few(time.band_hz),
+        "sample_hz": few(time.sample_hz),
     }
 
 
@@ -353,12 +210,13 @@ def _modes(modes: Prediction, unseen_damping: float) -> list[dict[str, Any]]:
     return [
         {
             "name": modes.modes.name[i],
-            "frequency_hz": _few(hz),
-            "interval_95_hz": [_few(end) for end in ends],
-            "damping": _few(zeta),
-            "damping_deviation": _few(zeta * spread),
+            "kind": modes.modes.kind[i],
+            "frequency_hz": few(hz),
+            "interval_95_hz": [few(end) for end in ends],
+            "damping": few(zeta),
+            "damping_deviation": few(zeta * spread),
             "seen": round(min(float(seen), 1.0), SHARE_DIGITS),
-            "ground_hz": _few(ground),
+            "ground_hz": few(ground),
         }
         for i, hz, ends, zeta, spread, seen, ground in zip(
             modes.index,
@@ -373,20 +231,24 @@ def _modes(modes: Prediction, unseen_damping: float) -> list[dict[str, Any]]:
     ]
 
 
-def _loop_row(outlook: Outlook, bound: tuple[float, float], plan: Plan) -> dict[str, Any]:
+def _loop_row(outlook: Outlook, bound: Bound, plan: Plan) -> dict[str, Any]:
     risk, correlation = outlook.risk
     effort = float(np.median(outlook.control_rms))
     return {
         "name": outlook.name,
         "given": outlook.name in plan.laws,
         "probability_stable": outlook.probability_stable,
-        "interval_95": [_few(end) for end in outlook.probability_interval],
-        "at_least": _few(outlook.promised_probability),
-        "db": [_few(outlook.level_db(share)) for share in LEVELS],
-        "control_rms": _few(effort),
-        "bound": {"own_db": _few(bound[0]), "no_linear_law_below_db": _few(bound[1])},
+        "interval_95": [few(end) for end in outlook.probability_interval],
+        "at_least": few(outlook.promised_probability),
+        "db": [few(outlook.level_db(share)) for share in LEVELS],
+        "control_rms": few(effort),
+        "bound": {
+            "draws": bound.draws,
+            "worst_db": few(bound.worst_db),
+            "no_linear_law_below_db": few(bound.no_linear_law_below_db),
+        },
         "unstable_mode": outlook.unstable_mode or None,
-        "risk": {"of": risk or None, "rank_correlation": _few(correlation)},
+        "risk": {"of": risk or None, "rank_correlation": few(correlation)},
         **({} if outlook.friction is None else _with_friction(outlook.friction, plan)),
     }
 
@@ -395,16 +257,16 @@ def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
     """What friction costs: the same levels without it; and whether joints stick or slip."""
     names = [joint.name for joint in plan.joints]
     return {
-        "without_friction_db": [_few(level(friction.without_db, share)) for share in LEVELS],
+        "without_friction_db": [few(level(friction.without_db, share)) for share in LEVELS],
         "stable_while_sticking": float(np.mean(friction.sticks)),
         "travel_over_slip_angle": {
             name: float(f"{travel:.{TRAVEL_DIGITS}g}")
             for name, travel in zip(names, friction.travel, strict=True)
         },
-        "simulation_error_db": _few(friction.error_db),
+        "simulation_error_db": few(friction.error_db),
     }
 
 
-def _few(value: float) -> float | None:
-    """To the digits that are promised; None for what is not finite."""
+def few(value: float) -> float | None:
+    """``value`` to the digits that are promised; None for what is not finite."""
     return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None

@@ -30,7 +30,7 @@ def read_sealed(path: str | Path, schema: str) -> dict[str, Any]:
     inside = {key: value for key, value in found.items() if key != SEAL}
     try:
         fits = found.get(SEAL) == _hash(inside)
-    except ValueError:  # NaN or infinity, which no sealed document holds
+    except (ValueError, RecursionError):  # NaN, infinity, tables without end: no sealed document holds them
         fits = False
     if not fits:
         raise DataError(
@@ -38,7 +38,19 @@ def read_sealed(path: str | Path, schema: str) -> dict[str, Any]:
             where=str(path),
             hint="the file as it was written; a changed promise is none",
         )
+    if not _is_text(found):
+        what = "a name or text in it is none: half a character (a lone surrogate)"
+        raise DataError(what, where=str(path), hint="the file as it was written")
     return found
+
+
+def _is_text(values: Mapping[str, Any]) -> bool:
+    """Whether all texts can be written again: JSON has escapes for halves of characters, UTF-8 has not."""
+    try:
+        json.dumps(values, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def doubled_key(text: str) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from middeck.files.faults import Finding, finding, nearest
-from middeck.files.form import Finite, Form, Name, NotNegative, Positive, whole, within
+from middeck.files.form import Finite, Form, Log10Authority, Name, NotNegative, Positive, whole, within
 from middeck.files.study_promise import PromiseForm
 from middeck.files.tables import Table, array_of, table_of
 from middeck.files.toml_lines import Path
@@ -37,8 +37,8 @@ class ControlForm(Form):
     actuator_noise_ratio: NotNegative
     three_sigma_deg: Positive
     band_hz: Band
-    log10_authority_first: Annotated[float, within(least=-12.0, most=12.0)]
-    log10_authority_last: Annotated[float, within(least=-12.0, most=12.0)]
+    log10_authority_first: Log10Authority
+    log10_authority_last: Log10Authority
     levels: Annotated[int, whole(2, 10000)]
 
 
@@ -88,7 +88,7 @@ class Figure6Form(Form):
 class AuthorityForm(Form):
     """One level of authority and why it was chosen."""
 
-    log10_authority: Annotated[float, within(least=-12.0, most=12.0)]
+    log10_authority: Log10Authority
     reason: Annotated[str, Field(min_length=1)]
 
 

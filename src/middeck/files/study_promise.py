@@ -6,12 +6,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from middeck.files.form import Finite, Form, NotNegative, Positive, whole, within
+from middeck.files.form import Finite, Form, Log10Authority, NotNegative, Positive, whole, within
 from middeck.files.unknown_form import UnknownForm
 
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Band = Annotated[tuple[Positive, Positive], Field(strict=False)]
-Authority = Annotated[float, within(least=-12.0, most=12.0)]
 
 
 class SetUpForm(Form):
@@ -54,8 +53,8 @@ class PromiseForm(Form):
     pd_kd_nms_per_rad: Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
     modes_kept: Annotated[int, whole(7, 10000)]
     draws: Annotated[int, whole(2, 1000000)]
-    log10_authority: Annotated[tuple[Authority, ...], Field(strict=False, min_length=1)]
+    log10_authority: Annotated[tuple[Log10Authority, ...], Field(strict=False, min_length=1)]
     flight_period_s: Positive
     flight_periods: Annotated[int, whole(2, 1000)]
     flight_states: Annotated[int, whole(2, 1000)]
-    ground_log10_authority: Authority
+    ground_log10_authority: Log10Authority

@@ -18,7 +18,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import delay_plant
-from middeck.updating.bound import bound_db
+from middeck.updating.bound import Bound, bound_worst
 from middeck.updating.draws import DrawnPlants, draw_plants
 from middeck.updating.orbit import Prediction, predict_modes
 from middeck.updating.outlook import Outlook, highest_promised, look_ahead, with_friction
@@ -39,9 +39,7 @@ class Promise:
         modes: Frequencies, with their intervals.
         outlooks: In the order of the plan: compensators given, then those of the ladder.
         rest_rms: Of the performance without any compensator, by draw.
-        bound: By name, the median over some draws of the decibels of the compensator, and of those that no
-            linear compensator with its effort passes there, both over all frequencies; ``nan`` where it is
-            unstable.
+        bound: By name, over the first ``plan.bounded`` draws, without friction and over all frequencies.
         highest: The last of the ladder that is promised stable, and every one before it; None for none.
         slip_time: How the friction of joints was simulated; None where the plan states none.
     """
@@ -49,7 +47,7 @@ class Promise:
     modes: Prediction
     outlooks: tuple[Outlook, ...]
     rest_rms: Float[np.ndarray, " draw"]
-    bound: Mapping[str, tuple[float, float]]
+    bound: Mapping[str, Bound]
     highest: str | None
     slip_time: SlipTime | None = None
 
@@ -73,15 +71,29 @@ def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
 def promise(refined: Refined, plan: Plan) -> dict[str, Promise]:
     """Every compensator of the plan and of its ladder, in every environment.
 
-    Raises `ConfigError` for ports that the article does not have or units whose noise the plan does not
-    state, and as `draw_plants`.
+    Raises `ConfigError` for ports that the article does not have, units whose noise the plan does not
+    state, and so few modes that all of them are rigid, and as `draw_plants`.
     """
     first = next(iter(plan.environments.values()))
-    ladder = design_ladder(set_up(refined.structure, first, (), refined.unknowns).solve(refined.x), plan)
+    modes = set_up(refined.structure, first, (), refined.unknowns).solve(refined.x)
+    _require_flexible(modes, plan, first)
+    ladder = design_ladder(modes, plan)
     return {name: _there(refined, plan, place, ladder) for name, place in plan.environments.items()}
 
 
+def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
+    rigid = modes.kind.count("rigid")
+    if plan.modes <= rigid:
+        raise ConfigError(
+            f"{plan.modes} modes kept in each plant, of which {rigid} are rigid in {place.title}",
+            where="promise, modes",
+            hint=f"{rigid + 1} to {len(modes.omega)}: how many of the lowest modes to keep, not which",
+        )
+
+
 def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str, LQGCompensator]) -> Promise:
+    predicted = predict_modes(refined, place, count=plan.modes)
+    _require_flexible(predicted.modes, plan, place)
     drawn = draw_plants(
         refined,
         place,
@@ -108,10 +120,10 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
     some = dataclasses.replace(drawn, plants=drawn.plants[: plan.bounded], drawn=drawn.drawn[: plan.bounded])
     best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
     return Promise(
-        modes=predict_modes(refined, place, count=plan.modes).below(plan.modes),
+        modes=predicted.below(plan.modes),
         outlooks=outlooks,
         rest_rms=alone,
-        bound={name: _bound(law, *_seen_by(law, some, plan)) for name, law in laws.items()},
+        bound={name: _bound(law, some, plan) for name, law in laws.items()},
         highest=None if best is None else best.name,
         slip_time=slip_time,
     )
@@ -150,14 +162,6 @@ def _seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPla
     return dataclasses.replace(drawn, plants=plants), weights_of(plan, law.outputs, law.inputs)
 
 
-def _bound(law: Compensator, some: DrawnPlants, weights: LQGWeights) -> tuple[float, float]:
-    """Medians; ``nan`` without an authority near which to look."""
-    authority = getattr(law, "authority", None)
-    if authority is None or not some.plants:
-        return np.nan, np.nan
-    both = bound_db(some.plants, law, weights, float(authority))
-    told = both[np.all(np.isfinite(both), axis=1)]
-    if not np.all(np.isfinite(both[:, 0])) or not len(told):
-        return np.nan, np.nan
-    own, least = np.median(told, axis=0).tolist()
-    return own, least
+def _bound(law: Compensator, some: DrawnPlants, plan: Plan) -> Bound:
+    seen, weights = _seen_by(law, some, plan)
+    return bound_worst(seen.plants, law, weights)

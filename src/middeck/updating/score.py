@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from middeck.errors import DataError
 from middeck.values import record
+
+Kind = Literal["mode", "compensator", "reading"]
 
 
 @record(kw_only=True)
@@ -15,11 +19,13 @@ class Statement:
     """What was said of one quantity before it was known.
 
     Attributes:
+        kind, name: Which quantity it is, both together: a compensator may be called as a mode is.
         low, high: Its 95 % interval, in its unit; ``inf`` where it may be lost altogether.
         probability: Of a loop, that it is stable; None for other quantities.
         cautious: Of a loop, the decibels that it reaches with 99 %; None for other quantities.
     """
 
+    kind: Kind
     name: str
     low: float
     high: float
@@ -31,6 +37,7 @@ class Statement:
 class Outcome:
     """What came of it; an unstable loop has no ``value``."""
 
+    kind: Kind
     name: str
     value: float | None
     stable: bool = True
@@ -47,6 +54,7 @@ class Verdict:
             promised; None without decibels.
     """
 
+    kind: Kind
     name: str
     inside: bool
     brier: float | None
@@ -72,28 +80,29 @@ class Score:
 
 
 def judge(statements: Sequence[Statement], outcomes: Sequence[Outcome]) -> tuple[Verdict, ...]:
-    """Each outcome beside the statement of its name; statements without an outcome are left open.
+    """Each outcome beside the statement of its kind and name; statements without an outcome are left open.
 
-    Raises `DataError` for an outcome of which nothing was said, or two of one name,
-    and for two statements of one name.
+    Raises `DataError` for an outcome of which nothing was said, or two of one kind and name,
+    and for two such statements.
     """
-    known = {s.name: s for s in statements}
-    if len(known) < len(statements):
-        said = [s.name for s in statements]
-        both = next(n for n in said if said.count(n) > 1)
-        raise DataError(f"two statements of {both!r}", where="promise", hint="another name for one of them")
+    known = {(s.kind, s.name): s for s in statements}
+    _each_once("statements", statements, "promise", "another name for one of them")
     for outcome in outcomes:
-        if outcome.name not in known:
+        if (outcome.kind, outcome.name) not in known:
+            said = ", ".join(name for kind, name in known if kind == outcome.kind)
             raise DataError(
-                f"nothing was promised of {outcome.name!r}",
+                f"nothing was promised of {outcome.kind} {outcome.name!r}",
                 where="outcome",
-                hint=f"one of {', '.join(known) or 'nothing'}",
+                hint=f"one of {said}" if said else f"no {outcome.kind} was promised",
             )
-    names = [o.name for o in outcomes]
-    twice = [n for n in names if names.count(n) > 1]
-    if twice:
-        raise DataError(f"two outcomes of {twice[0]!r}", where="outcome", hint="one of each")
-    return tuple(_verdict(known[o.name], o) for o in outcomes)
+    _each_once("outcomes", outcomes, "outcome", "one of each")
+    return tuple(_verdict(known[o.kind, o.name], o) for o in outcomes)
+
+
+def _each_once(what: str, given: Sequence[Statement] | Sequence[Outcome], where: str, hint: str) -> None:
+    for (kind, name), count in Counter((g.kind, g.name) for g in given).items():
+        if count > 1:
+            raise DataError(f"two {what} of {kind} {name!r}", where=where, hint=hint)
 
 
 def score(verdicts: Sequence[Verdict]) -> Score:
@@ -116,6 +125,7 @@ def _verdict(said: Statement, came: Outcome) -> Verdict:
     value = np.inf if lost else float(came.value or 0.0)
     cautious = said.cautious
     return Verdict(
+        kind=said.kind,
         name=said.name,
         inside=bool(said.low <= value <= said.high),
         brier=None if said.probability is None else (said.probability - float(came.stable)) ** 2,

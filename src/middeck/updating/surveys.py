@@ -235,13 +235,21 @@ def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
     moving = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
     apart = np.abs(np.log(modes.frequency_hz[moving, None] / measured.frequency_hz))
     if measured.node:
-        alike = modal_assurance(at_channels(modes, measured)[:, moving], measured.shape)
-        # At few channels modes far apart look alike: of two that do the nearer one counts.
-        near = np.maximum(1.0 - apart / np.log(WINDOW), 0.0)
-        i, j = linear_sum_assignment(alike * near, maximize=True)
-        kept = (alike[i, j] >= COMMON) & (near[i, j] > 0.0)
+        found = pair_shapes(modal_assurance(at_channels(modes, measured)[:, moving], measured.shape), apart)
     else:
         i, j = linear_sum_assignment(apart)
         kept = apart[i, j] <= np.log(WINDOW)
-    pairs = np.stack([moving[i[kept]], j[kept]], axis=1)
+        found = np.stack([i[kept], j[kept]], axis=1)
+    pairs = np.stack([moving[found[:, 0]], found[:, 1]], axis=1)
     return pairs[np.argsort(pairs[:, 1], kind="stable")]
+
+
+def pair_shapes(
+    alike: Float[np.ndarray, "mode measured"], apart: Float[np.ndarray, "mode measured"]
+) -> Int[np.ndarray, "pair 2"]:
+    """One to one, from the MAC of all with all and the distances of their frequencies, in logarithms."""
+    # At few channels modes far apart look alike: of two that do the nearer one counts.
+    near = np.maximum(1.0 - apart / np.log(WINDOW), 0.0)
+    i, j = linear_sum_assignment(alike * near, maximize=True)
+    kept = (alike[i, j] >= COMMON) & (near[i, j] > 0.0)
+    return np.stack([i[kept], j[kept]], axis=1)

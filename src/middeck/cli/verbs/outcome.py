@@ -36,23 +36,26 @@ def verb(
 ) -> None:
     """Compare what came with a promise.
 
-    OUTCOME has the frequencies and decibels as they came: docs/reference/files.md. The comparison is a
-    document of its own, which names the promise by its hash; a promise that was changed is refused.
+    OUTCOME has frequencies, shapes and decibels as they came: docs/reference/files.md. Modes are paired with
+    promised ones by shape where OUTCOME names a survey, else by name or number, and what this leaves open is
+    said. The comparison is a document of its own, which names the promise by its hash; a promise that was
+    changed is refused.
     """
-    from pathlib import Path
-
     from middeck.cli.blame import reading
     from middeck.files.json_output import write_json
-    from middeck.files.promises import comparison_document, load_outcomes, read_promise
+    from middeck.files.outcomes import comparison_document, load_outcomes
+    from middeck.files.promise_form import read_promise
 
     promised = read_promise(promise)
     came = load_outcomes(outcome)
     with reading(outcome):
-        document = comparison_document(promised, came, outcome_file=Path(outcome), date=options.day(date))
+        document = comparison_document(promised, came, date=options.day(date))
     if target is not None:
         write_json(target, document)
     if figure_file is not None:
-        figures.write_promise(promised, {v["name"]: v for v in document["verdicts"]}, figure_file)
+        figures.write_promise(
+            promised, {(v["kind"], v["name"]): v for v in document["verdicts"]}, figure_file
+        )
     show(as_json, document, *_blocks(document, target))
 
 
@@ -62,7 +65,8 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
 
     rows = [
         [
-            v["name"],
+            _called(v),
+            _pairing(v),
             " to ".join(map(number, v["promised"])),
             number(v["value"]),
             "yes" if v["inside"] else "NO",
@@ -78,5 +82,19 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
         *([] if s["pessimism"] is None else [f"pessimism     {s['pessimism']:.2f} dB in the median"]),
         *([f"lost          {s['lost']}: came unstable, or no decibels promised"] if s["lost"] else []),
     ]
-    headers = ["quantity", "promised, 95 %", "came", "inside", "pessimism [dB]"]
-    return [*said, Table("outcomes", headers, rows), *(["", f"wrote {target}"] if target else [])]
+    headers = ["quantity", "paired by", "promised, 95 %", "came", "inside", "pessimism [dB]"]
+    remarks = (
+        ["", "remarks", *(f"  {remark}" for remark in document["remarks"])] if document["remarks"] else []
+    )
+    return [*said, Table("outcomes", headers, rows), *remarks, *(["", f"wrote {target}"] if target else [])]
+
+
+def _called(verdict: dict[str, Any]) -> str:
+    return f"{verdict['name']}, {verdict['mode']}" if verdict["kind"] == "mode" else verdict["name"]
+
+
+def _pairing(verdict: dict[str, Any]) -> str:
+    if verdict["kind"] != "mode":
+        return "name"
+    by = verdict["paired_by"] if verdict["mac"] is None else f"shape, MAC {verdict['mac']:.2f}"
+    return f"{by}: open" if verdict["open"] else by

@@ -158,8 +158,8 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
         return "unstable" if value is None else f"{value:.2f}"
 
     def distance(bound: dict[str, float | None]) -> str:
-        own, least = bound["own_db"], bound["no_linear_law_below_db"]
-        return "-" if own is None or least is None else f"{own - least:.2f}"
+        worst, least = bound["worst_db"], bound["no_linear_law_below_db"]
+        return "-" if worst is None or least is None else f"{worst - least:.2f}"
 
     rows = [
         [
@@ -174,7 +174,7 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
         for c in place["compensators"]
     ]
     headers = ["compensator", "stable [%]", "at least", "median [dB]", "2.5 %", "97.5 %", "99 %",
-               "above the bound [dB]", "would grow", "hangs on"]  # fmt: skip
+               "worst above the bound [dB]", "would grow", "hangs on"]  # fmt: skip
     return Table(f"promised in {place['name']}: {document['draws']} draws", headers, rows)
 
 

@@ -12,8 +12,9 @@ from middeck.control.analysis.stability import LoopStability, decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGCompensator, design_filter, design_lqg
+from middeck.files.outcomes import name_of, name_of_mode, statements_of
 from middeck.files.promise_build import build_plan
-from middeck.files.promises import name_of_loop, name_of_mode, promised_there, statements_of
+from middeck.files.promises import promised_there
 from middeck.files.studies import Study
 from middeck.files.study_promise import PromiseForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
@@ -161,12 +162,17 @@ def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list
     said, index = {o.name for o in promised.outlooks}, promised.modes.index
     true = _true_pairs(promised.modes.modes, truth, index)
     modes = [
-        Outcome(name=name_of_mode("orbit", number), value=true[i])
+        Outcome(kind="mode", name=name_of_mode("orbit", number), value=true[i])
         for number, i in enumerate(index.tolist(), start=1)
         if i in true
     ]
     loops = [
-        Outcome(name=name_of_loop("orbit", one.name), value=one.rig_db, stable=one.rig_db is not None)
+        Outcome(
+            kind="compensator",
+            name=name_of("orbit", one.name),
+            value=one.rig_db,
+            stable=one.rig_db is not None,
+        )
         for one in flown
         if one.name in said
     ]

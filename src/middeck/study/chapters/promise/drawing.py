@@ -17,7 +17,7 @@ WAYS = {"sheet": ("rig", "s"), "refined": ("orbit", "o")}
 def promised_and_came(kept: PromiseKept) -> Figure:
     """Intervals promised before flight, and what the rig in orbit then showed."""
     came = {
-        v.name: {"value": o.value, "stable": o.stable, "inside": v.inside}
+        (v.kind, v.name): {"value": o.value, "stable": o.stable, "inside": v.inside}
         for v, o in zip(kept.verdicts, kept.outcomes, strict=True)
     }
     return promise_figure(kept.there, list(LEVELS), came, "Promised from 1-g for orbit; dots: what came")
