@@ -1,0 +1,75 @@
+"""Time of a step of 60 states, 14 inputs and 5 outputs in C, beside one stacked NumPy product in the same run."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from measured.rows import row
+from middeck.realtime.package.build import package_law
+from packaged_laws import compile_law, random_law
+
+CASE, STEPS, REPEATS = "step, 60 states, 14 in, 5 out", 4000, 25
+BUILDS = {"portable": ("-O3",), "native": ("-O3", "-march=native")}
+AT_LEAST = {
+    ("modal", "portable"): 3.0,
+    ("dense", "portable"): 1.5,
+    ("modal", "native"): 8.0,
+    ("dense", "native"): 3.0,
+}
+# Multiplications and additions of a step, and bytes of its coefficients.
+FLOOR = {
+    "modal": (2 * (60 * 14 + 5 * 74 + 120), 8 * (60 * 14 + 5 * 74 + 120)),
+    "dense": (2 * 65 * 74, 8 * 65 * 74),
+}
+
+
+def rows(options: Any) -> list[dict]:
+    law = random_law(np.random.default_rng(7), 60, 14, 5, applied=False)
+    y = np.random.default_rng(8).standard_normal((STEPS, 14))
+    with tempfile.TemporaryDirectory() as folder:
+        runs = {("numpy", ""): _numpy_steps(law.sampled)}
+        for form in FLOOR:
+            for build, flags in BUILDS.items():
+                runs[form, build] = compile_law(package_law(law, "law", form=form), Path(folder), *flags)
+        spent = _medians(runs, y)
+    product = spent["numpy", ""]
+    found = [row(CASE, "one stacked NumPy product", "us", product)]
+    for key, level in AT_LEAST.items():
+        flops, size = FLOOR[key[0]]
+        ratio = product / spent[key]
+        found.append(
+            row(CASE, f"{key[0]}, {key[1]}: times faster", "", ratio, level,
+                note=f"{spent[key]:.3f} us a step, {flops / spent[key] / 1e3:.1f} Gflop/s; "
+                     f"{flops} operations, {size / 1000:.1f} kB")
+            | {"met": bool(ratio >= level)}
+        )  # fmt: skip
+    return found
+
+
+def _numpy_steps(system: Any) -> Callable[[np.ndarray], Any]:
+    stacked = np.block([[system.C, system.D], [system.A, system.B]])
+    both, out = np.zeros(74), np.empty(65)
+    product = stacked.dot
+
+    def run(y: np.ndarray) -> None:
+        for _ in range(len(y)):
+            product(both, out)
+
+    return run
+
+
+def _medians(runs: dict[Any, Callable[[np.ndarray], Any]], y: np.ndarray) -> dict[Any, float]:
+    """Microseconds a step; runs take turns, so that a busy machine is busy for all."""
+    spent: dict[Any, list[float]] = {key: [] for key in runs}
+    for _ in range(REPEATS):
+        for key, run in runs.items():
+            start = time.process_time()
+            run(y)
+            spent[key].append(1e6 * (time.process_time() - start) / len(y))
+    return {key: float(np.median(times)) for key, times in spent.items()}

@@ -1,0 +1,34 @@
+"""Controller packages: bits, steps beside one NumPy product, single precision, small processors, a published law.
+
+    python benchmarks/realtime.py [--only CASES] [--made DATE]
+
+Needs a C compiler; the case "small" also arm-none-eabi-gcc and qemu-system-arm (Debian's packages).
+Each case is a module of the folder packaged, with a function rows(options). Times are medians of several runs.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+from measured.result_file import options_of, write_rows
+
+# The harness of compiled laws and of emulated processors is that of the tests.
+sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / sub) for sub in ("", "cross")]
+CASES = ("step", "bits", "single", "small", "beam")
+
+
+def _case(name: str, options: Any) -> Any:
+    return importlib.import_module(f"packaged.{name}").rows(options)
+
+
+def main() -> None:
+    cases = {name: functools.partial(_case, name) for name in CASES}
+    write_rows("realtime", "python benchmarks/realtime.py", cases, options_of(__doc__, cases).parse_args())
+
+
+if __name__ == "__main__":
+    main()
