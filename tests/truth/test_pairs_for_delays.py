@@ -163,3 +163,19 @@ def test_of_a_delay_that_is_one_nothing_is_said(seed):
     assert not [x for x in more.warnings if "may stand for poles" in x]
     assert more.delay_standing == ("sound",)
     assert abs(more.model.delay_s[0] - 0.02) < 4.0 * more.uncertainty.delay_s[0]
+
+
+@pytest.mark.parametrize(("hz", "noise"), repeats([(50.0, 3e-3), (70.0, 3e-3), (50.0, 1e-2)], 1))
+def test_a_delay_of_a_record_that_stands_for_a_filter_is_doubted(hz, noise):
+    rng, count = np.random.default_rng(4), 4000
+    f = np.fft.rfftfreq(2 * count, 1.0 / RATE)
+    s, w = 2j * np.pi * f, 2.0 * np.pi * HZ
+    U = np.where((f > 1.0) & (f < 40.0), np.exp(2j * np.pi * rng.random(len(f))), 0.0)
+    G = np.sum(w**2 * [1.0, -1.5] / (s[:, None] ** 2 + 2.0 * ZETA * w * s[:, None] + w**2), axis=1)
+    u, y = (np.fft.irfft(x)[:count] for x in (U, low_pass(hz)(s) * G * U))
+    y = y + noise * y.std() * rng.standard_normal(count)
+    u, y = (x[None, None, :, None] for x in (u, y))
+    record = Record(sample_hz=RATE, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=False)
+    fitted = fit_record(record)
+    assert fitted.delay_standing == ("doubtful",)
+    assert [x for x in fitted.warnings if "may stand for poles beyond the band" in x]

@@ -9,6 +9,8 @@ are fitted in its place: which of the two is the article, their description leng
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from middeck.errors import DataError, FitError
@@ -64,10 +66,13 @@ def poles_instead(
         except (DataError, FitError):
             continue
         found.append((_length(data, run), run.layout.states))
-    if not found or min(found)[0] > own + UNDECIDED:
-        return None
-    length, states = min(found)
-    return PolesInstead(states, length < own - UNDECIDED)
+    return instead_of(own, found)
+
+
+def instead_of(own: float, others: Sequence[tuple[float, int]]) -> PolesInstead | None:
+    """The shortest of ``others`` (length, states), where it is as short as ``own``."""
+    length, states = min(others, default=(np.inf, 0))
+    return PolesInstead(states, length < own - UNDECIDED) if length <= own + UNDECIDED else None
 
 
 def _length(data: Data, run: Polished) -> float:
