@@ -19,7 +19,7 @@ from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, delay_plant, remove_delays
 from middeck.systems.sampling import sample_dynamics
 from middeck.systems.stability import growth_rates, is_stable
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
 from repeats import LONG, repeats
 
 pytestmark = pytest.mark.kernels
@@ -224,3 +224,35 @@ def test_integrators_are_realised_as_few_as_they_are() -> None:
         chain = realise_residues(parted.residues)
         assert len(chain.A) == order
         assert not np.any(np.linalg.eigvals(chain.A))
+
+
+@pytest.mark.parametrize("turns", [0.0, 0.1, 0.7])
+@pytest.mark.parametrize("swings", [False, True])
+def test_a_body_held_by_its_rate_drifts_and_its_rate_does_not(turns: float, swings: bool) -> None:
+    """v' = -k v(t - tau) + w: the place has no rms from zero on, the rate that of Kuchler and Mensch (1992).
+
+    So it is beside a mode without damping which ``swings`` within the band, and which the place alone sees.
+    """
+    k, top = 2.0, 4e4
+    omega = np.array([0.0, 5.0]) if swings else np.array([0.0])
+    few = slice(0, len(omega))
+    modes = ModalSystem(
+        omega=omega,
+        zeta=0.0 * omega,
+        psi=np.ones((2, 1))[few],
+        phi=np.array([[1.0, 0.3], [0.0, 0.0]])[:, few],
+        phi_rate=np.array([[0.0, 0.0], [1.0, 0.0]])[:, few],
+        names=("body", "mode")[few],
+    )
+    plant = Plant(
+        dynamics=modes, inputs=(FORCE,), outputs=(WAY, SEEN), w=("force",), u=("force",), z=("way", "seen"),
+        y=("seen",),
+    )  # fmt: skip
+    law = Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
+    late = delay_plant(plant, turns / k)
+    place, rate = measure_rms(late, law, Performance(np.ones(2), np.eye(1), (0.0, top)))
+    assert place == np.inf
+    beyond = 1.0 / (np.pi * 2.0 * np.pi * top)
+    assert rate**2 == pytest.approx(np.cos(turns) / (2.0 * k * (1.0 - np.sin(turns))) - beyond, rel=1e-8)
+    above = measure_rms(late, law, Performance(np.ones(2), np.eye(1), (1e-3, top)))
+    assert np.isfinite(above).tolist() == [not swings, True]

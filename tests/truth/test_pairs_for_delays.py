@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from middeck.systems.response import FrequencyResponse
+from repeats import repeats
 
 RATE = 100.0
 PORTS = (Port("drive", "N"),), (Port("tip", "m"),)
@@ -79,3 +82,100 @@ def test_a_delay_is_told_from_a_mode_as_far_as_the_data_tell():
     # Two narrow peaks, each of any phase, fix a delay no better.
     assert delay_s == pytest.approx(tau, rel=0.3)
     assert stands_for_delay(model, s, U, nothing, fine)[0].size == 0
+
+
+HZ, ZETA = np.array([6.0, 14.0]), np.array([0.01, 0.008])
+
+
+def response(factor, *, seed=0, noise=1e-3, rates=False, beyond=0.0):
+    """Two modes in 1 to 30 Hz, and one ``beyond`` at 34 Hz, behind ``factor`` of s."""
+    f, w = np.linspace(1.0, 30.0, 700), 2.0 * np.pi * np.append(HZ, 34.0)
+    s, zeta = 2j * np.pi * f, np.append(ZETA, 0.01)
+    modes = w**2 * [1.0, -1.5, beyond] / (s[:, None] ** 2 + 2.0 * zeta * w * s[:, None] + w**2)
+    H = factor(s) * np.sum(modes, axis=1)
+    H = H * s / w[0] if rates else H
+    size = noise * np.sqrt(np.mean(np.abs(H) ** 2))
+    re, im = np.random.default_rng(seed).standard_normal((2, len(f))) / np.sqrt(2.0)
+    return FrequencyResponse(
+        frequency_hz=f,
+        H=(H + size * (re + 1j * im))[:, None, None],
+        inputs=PORTS[0],
+        outputs=PORTS[1],
+        variance=np.full((len(f), 1, 1), size**2),
+    )
+
+
+def late(s):
+    return np.exp(-0.02 * s)
+
+
+def low_pass(hz):
+    """Of Butterworth's, order two."""
+
+    def filtered(s):
+        x = s / (2.0 * np.pi * hz)
+        return 1.0 / (1.0 + np.sqrt(2.0) * x + x**2)
+
+    return filtered
+
+
+@pytest.mark.parametrize("rates", repeats([False, True], 2))
+def test_pairs_of_a_response_that_stand_for_a_delay_are_no_sound_modes(rates):
+    fitted = fit_response(response(late, rates=rates), constants="complex", states=8)
+    (warning,) = said(fitted)
+    # Complex residues take a part of it, of either sign.
+    assert float(warning.split("delay of about ")[1].split()[0]) == pytest.approx(20.0, rel=0.3)
+    sound = [hz for hz, one in zip(natural_hz(fitted.model), fitted.standing, strict=True) if one == "sound"]
+    assert np.sort(sound) == pytest.approx(HZ, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("hz", "noise"), repeats([(45.0, 1e-3), (80.0, 1e-3), (45.0, 1e-2), (60.0, 3e-4)], 2)
+)
+def test_a_delay_that_stands_for_a_filter_is_doubted_with_what_is_beside_it(hz, noise):
+    """No delay is in it: stated ones were wrong by thousands of deviations, modes by twenty."""
+    fitted = fit_response(response(low_pass(hz), noise=noise))
+    assert fitted.delay_standing == ("doubtful",)
+    assert sum("may stand for poles beyond the band" in w for w in fitted.warnings) == 1
+    of = fitted.uncertainty
+    for m, f in enumerate(natural_hz(fitted.model)):
+        if fitted.standing[m] == "sound":
+            assert np.min(np.abs(f - HZ)) < 4.0 * of.natural_hz[m]
+
+
+def test_what_is_said_of_it_helps():
+    """The model that the warning asks for has the modes of the article, and one pair beyond the band."""
+    fitted = fit_response(response(low_pass(45.0)))
+    (warning,) = [w for w in fitted.warnings if "may stand for poles beyond the band" in w]
+    states = int(warning.split("delay=False, ")[1].split()[0])
+    instead = fit_response(response(low_pass(45.0)), constants="complex", delay=False, states=states)
+    at = np.argsort(natural_hz(instead.model))[:2]
+    assert np.all(np.abs(natural_hz(instead.model)[at] - HZ) < 4.0 * instead.uncertainty.natural_hz[at])
+    assert all(instead.standing[m] == "sound" for m in at)
+
+
+@pytest.mark.parametrize("seed", repeats(range(20), 3))
+def test_of_a_delay_that_is_one_nothing_is_said(seed):
+    """Also not where a mode beyond the band is in the fit, which is said to stand for what is there."""
+    plain = fit_response(response(late, seed=seed))
+    assert plain.warnings == ()
+    more = fit_response(response(late, seed=seed, beyond=2.0))
+    assert not [x for x in more.warnings if "may stand for poles" in x]
+    assert more.delay_standing == ("sound",)
+    assert abs(more.model.delay_s[0] - 0.02) < 4.0 * more.uncertainty.delay_s[0]
+
+
+@pytest.mark.parametrize(("hz", "noise"), repeats([(50.0, 3e-3), (70.0, 3e-3), (50.0, 1e-2)], 1))
+def test_a_delay_of_a_record_that_stands_for_a_filter_is_doubted(hz, noise):
+    rng, count = np.random.default_rng(4), 4000
+    f = np.fft.rfftfreq(2 * count, 1.0 / RATE)
+    s, w = 2j * np.pi * f, 2.0 * np.pi * HZ
+    U = np.where((f > 1.0) & (f < 40.0), np.exp(2j * np.pi * rng.random(len(f))), 0.0)
+    G = np.sum(w**2 * [1.0, -1.5] / (s[:, None] ** 2 + 2.0 * ZETA * w * s[:, None] + w**2), axis=1)
+    u, y = (np.fft.irfft(x)[:count] for x in (U, low_pass(hz)(s) * G * U))
+    y = y + noise * y.std() * rng.standard_normal(count)
+    u, y = (x[None, None, :, None] for x in (u, y))
+    record = Record(sample_hz=RATE, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=False)
+    fitted = fit_record(record)
+    assert fitted.delay_standing == ("doubtful",)
+    assert [x for x in fitted.warnings if "may stand for poles beyond the band" in x]

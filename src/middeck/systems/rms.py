@@ -21,10 +21,11 @@ from jaxtyping import Complex, Float
 from scipy.linalg import lapack
 
 from middeck.errors import ConfigError
+from middeck.systems.axis_poles import on_axis, unbounded_outputs
 from middeck.systems.pole_crowds import find_crowds
 from middeck.systems.refined_poles import refine_poles
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form, by_solving
-from middeck.systems.stability import GROWTH_LIMIT, growth_limits
+from middeck.systems.stability import GROWTH_LIMIT, none_grows
 from middeck.systems.statespace import StateSpace, poles
 
 AGREEMENT = 1e-11
@@ -40,6 +41,8 @@ UNCERTAIN = 1e-4
 warning."""
 BELOW_BAND = 0.1
 """Fraction of the lower limit below which the spread of a pole at the origin does not reach the band."""
+UNDAMPED = 1e-9
+"""Least half-width of a resonance for its cuts, over its frequency."""
 PANELS_AT_ONCE = 64
 """Panels evaluated together: a thousand lines, some megabytes for a hundred states."""
 
@@ -49,11 +52,11 @@ def band_rms(
 ) -> Float[np.ndarray, " output"]:
     """Rms of each output within ``band_hz`` under white noise of two-sided ``intensity`` [unit^2/Hz].
 
-    ``inf`` where a pole grows (although the integral over frequency is finite), or lies on the imaginary axis
-    within the band. Poles on the axis outside the band are allowed, also double ones (rigid-body motion) and
-    longer chains of integrators. A direct term counts with the width of the band. Warns (`UserWarning`) where
-    rounding of A leaves growth undecided or the rms uncertain. Raises `ConfigError` for a band that is not 0
-    <= low < high < inf.
+    ``inf`` where a pole grows (although the integral over frequency is finite), and for outputs that see one
+    on the imaginary axis within the band. Poles on the axis outside the band are allowed, also double ones
+    (rigid-body motion) and longer chains of integrators. A direct term counts with the width of the band.
+    Warns (`UserWarning`) where rounding of A leaves growth undecided or the rms uncertain. Raises
+    `ConfigError` for a band that is not 0 <= low < high < inf.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])           # |G|^2 = 1 / (1 + w^2)
     >>> float(band_rms(lag, np.eye(1), (0.0, 1.0 / (2.0 * np.pi)))[0] ** 2 * np.pi / np.arctan(1.0))
@@ -69,7 +72,7 @@ def band_rms(
         modal = _as_pole_sum(noisy, values.astype(complex), V, (w1, w2))
     if modal is None and (form := refine_poles(noisy.A, noisy.B, noisy.C)):
         if _diverges(form.values, w1, w2):
-            return np.full(len(system.C), np.inf)
+            return _rms_on_axis(noisy, form.values, (w1, w2))
         modal = form.values, form.C, form.B
     if modal is None:
         return _rms_of_dependent_poles(noisy, (w1, w2))
@@ -79,15 +82,34 @@ def band_rms(
 
 def _diverges(values: np.ndarray, w1: float, w2: float) -> bool:
     """Whether a pole grows, or lies on the axis within the band."""
-    rate, omega, limit = np.real(values), np.abs(np.imag(values)), growth_limits(values)
-    return bool(np.any((rate > limit) | ((np.abs(rate) <= limit) & (omega >= w1) & (omega <= w2))))
+    return not none_grows(values) or bool(np.any(on_axis(values, w1, w2)))
+
+
+def _rms_on_axis(
+    system: StateSpace, values: np.ndarray, band: tuple[float, float]
+) -> Float[np.ndarray, " output"]:
+    """Infinite where a pole grows, or of outputs that see one on the axis within the band."""
+    if not none_grows(values):
+        return np.full(len(system.C), np.inf)
+    return _rms_of_bounded(_on_axis(by_solving(system)), values, band)
+
+
+def _rms_of_bounded(
+    response: Callable[[np.ndarray], np.ndarray], values: np.ndarray, band: tuple[float, float]
+) -> Float[np.ndarray, " output"]:
+    """Rms by quadrature of outputs that see no pole on the axis within the band; of the others infinity."""
+    bounded = ~unbounded_outputs(response, values, *band)
+    rms = np.full(len(bounded), np.inf)
+    if bounded.any():
+        rms[bounded] = np.sqrt(_quadrature(lambda omega: response(omega)[:, bounded], values, band) / np.pi)
+    return rms
 
 
 def _rms_of_dependent_poles(system: StateSpace, band: tuple[float, float]) -> Float[np.ndarray, " output"]:
     """Rms by quadrature; warns where rounding of A leaves growth or the rms uncertain."""
     crowd = find_crowds(system.A)
     if _diverges(crowd.means, *band):
-        return np.full(len(system.C), np.inf)
+        return _rms_on_axis(system, crowd.means, band)
     peaks = np.concatenate([crowd.values, crowd.means])
     response, uncertain = _trusted_response(system, peaks, band)
     # A crowd far below the band is a chain of integrators: its spread is no growth, and not in the band.
@@ -161,10 +183,17 @@ def response_rms(
     """Rms in a band from any ``response`` [line, output, input] over omega [rad/s], e.g. of a loop with
     delays.
 
-    ``peaks``, poles beside which the response may be narrow, only place the first cuts.
+    ``peaks``, poles beside which the response may be narrow, place the first cuts; ``inf`` for an output that
+    sees one of them on the imaginary axis within the band.
     """
     band, root = _check_band(band_hz), _square_root(intensity)
-    return np.sqrt(_quadrature(lambda omega: response(omega) @ root, peaks, band) / np.pi)
+
+    def driven(omega: np.ndarray) -> np.ndarray:
+        return response(omega) @ root
+
+    if np.any(on_axis(peaks, *band)):
+        return _rms_of_bounded(driven, peaks, band)
+    return np.sqrt(_quadrature(driven, peaks, band) / np.pi)
 
 
 def weighed_rms(
@@ -264,7 +293,9 @@ def _square_root(intensity: Float[np.ndarray, "input input"]) -> Float[np.ndarra
 def _cuts(values: np.ndarray, w1: float, w2: float) -> Float[np.ndarray, " cut"]:
     """Octaves, and each resonance with thirty half-widths to both sides."""
     peaks = values[np.imag(values) > 0.0]
-    sides = np.abs(np.real(peaks))[:, None] * np.array([-30.0, 0.0, 30.0])
+    # Without damping, which an output that does not see the pole allows, no line may meet it.
+    width = np.maximum(np.abs(np.real(peaks)), UNDAMPED * np.imag(peaks))
+    sides = width[:, None] * np.array([-30.0, 0.0, 30.0])
     cuts = np.concatenate([(np.imag(peaks)[:, None] + sides).ravel(), w2 * 0.5 ** np.arange(1, 24)])
     return cuts[(cuts > w1) & (cuts < w2)]
 

@@ -13,7 +13,7 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, commands_rms, loop_rms, require_one_each
 from middeck.systems.plant import Plant
 from middeck.systems.rms import response_rms
-from middeck.systems.statespace import poles
+from middeck.systems.stability import growth_rates
 
 
 def measure_rms(
@@ -23,7 +23,8 @@ def measure_rms(
 
     ``compensator`` None: the plant alone. Without delays the closed form (`band_rms`) is used; with delays
     stability is decided first (`decide_stability`), then |T|^2 is integrated by adaptive quadrature to 1e-8
-    or better.
+    or better. ``inf`` also for outputs that see a pole on the axis within the band, as the place of a body
+    that is held by its rate alone, in a band from zero.
 
     Raises `ConfigError` for ports that do not exist, intensities that do not fit them, a band that is not 0
     <= low < high < inf, and a sampled compensator (`measure_noise_rms` takes both); `NumericalError` where
@@ -66,8 +67,8 @@ def _delayed_rms(
     loop = FeedbackLoop(loop_path(plant, compensator), system)
     if not decide_loop(loop).stable:
         return np.full(len(plant.z) + len(compensator.outputs), np.inf)
-    # Poles of the approximation only tell where the integrand peaks.
-    peaks = poles(close_channels(approximate_halves(loop)))
+    # Poles of the approximation tell where the integrand peaks, and what stays on the axis: exact there.
+    peaks = growth_rates(close_channels(approximate_halves(loop)))
     closed, nw = closed_response(plant, compensator, plant.w), len(plant.w)
     return response_rms(
         lambda omega: closed(omega)[:, :, :nw], peaks, performance.intensity, performance.band_hz

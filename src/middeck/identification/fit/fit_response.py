@@ -6,20 +6,23 @@ import dataclasses
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float, Int
 
 from middeck.errors import FitError
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.missing_delay import name_missing_delay
+from middeck.identification.fit.poles_for_delay import PolesInstead, poles_instead
 from middeck.identification.fit.standing import (
     Standing,
     SteadyLine,
     checked_covariance,
+    doubts_of_phase,
     doubts_of_standing,
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.fit.tidy import tidied
+from middeck.identification.fit.stands_for_delay import stands_for_delay
+from middeck.identification.fit.tidy import halved, tidied
 from middeck.identification.model.checks import check_logarithms, check_response, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
@@ -27,7 +30,7 @@ from middeck.identification.model.simulation import folded_response
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow
-from middeck.identification.problem.data import data_of
+from middeck.identification.problem.data import Data, data_of
 from middeck.identification.search.fit_warnings import (
     causal_delay,
     doubts_of_deviations,
@@ -214,11 +217,31 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
         best, followed = likelihood_polish(data, best, measured.covariance), spread
-    return _result(measured, best, spread, followed, reason)
+    fit = _result(measured, data, best, spread, followed, reason)
+    return fit if states is not None else _with_halves(fit, halved(data, best, followed))
+
+
+def _with_halves(fit: FitResult, poles: tuple[complex, ...]) -> FitResult:
+    """The fit, its modes that in whose place two are likelier doubted."""
+    if not poles:
+        return fit
+    merged = np.isin(fit.model.poles, np.array(poles))
+    near = ", ".join(f"{abs(pole) / (2.0 * np.pi):.6g}" for pole in poles)
+    warning = (
+        f"mode at {near} Hz: two close modes in its place follow the response better than by chance: its "
+        f"deviations are those of one; ask for {fit.model.states + 2 * len(poles)} states, or fit the record"
+    )
+    standing = tuple("unresolved" if m else one for m, one in zip(merged, fit.standing, strict=True))
+    return dataclasses.replace(fit, standing=standing, warnings=(*fit.warnings, warning))
 
 
 def _result(
-    measured: FrequencyResponse, best: Polished, spread: Spread, followed: Spread, reason: str
+    measured: FrequencyResponse,
+    data: Data,
+    best: Polished,
+    spread: Spread,
+    followed: Spread,
+    reason: str,
 ) -> FitResult:
     found = model_of(best, measured.inputs, measured.outputs)
     covariance = estimate_covariance(
@@ -243,11 +266,16 @@ def _result(
     doubts = doubts_of_model(measured, error, excess, residual)
     warnings += name_missing_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
-    standing = standing_of(measured, covariance, holds=not doubts)
+    phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
+    standing = standing_of(measured, covariance, holds=not doubts, phase=phase[0])
+    poles = _poles_for_a_delay(measured, data, best, spread, covariance, standing)
+    if poles is not None and poles.shorter:
+        standing = standing_of(measured, covariance, holds=False, phase=phase[0])
     # What all lines lack alike looks like a delay before it is most of what is left.
     noise = not doubts and (excess <= EXPLAINED or measured.variance is None)
-    of_delays = standing_of_delays(measured, covariance, holds=noise)
-    warnings += doubts_of_standing(covariance, standing)
+    of_delays = standing_of_delays(measured, covariance, holds=noise and poles is None)
+    warnings += [] if poles is None else [poles.doubt()]
+    warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     return FitResult(
         model=model,
         cost=2.0 * best.refined.step.cost / r.size,
@@ -261,3 +289,34 @@ def _result(
         standing=standing,
         delay_standing=of_delays,
     )
+
+
+def _pairs_for_a_delay(
+    measured: FrequencyResponse,
+    covariance: ModelCovariance,
+    residual: Complex[np.ndarray, "line output input"],
+    best: Polished,
+    followed: Spread,
+) -> tuple[Int[np.ndarray, " mode"], float]:
+    """Of a model without delays, pairs that stand for one."""
+    if covariance.structure.with_delay:
+        return np.array([], dtype=int), 0.0
+    s, inputs = 2j * np.pi * measured.frequency_hz, len(measured.inputs)
+    each = np.broadcast_to(np.eye(inputs), (len(s), inputs, inputs))
+    weight = 1.0 / np.sqrt(followed.at(best.share))
+    return stands_for_delay(covariance.model, s, each, by_output(-residual), weight)
+
+
+def _poles_for_a_delay(
+    measured: FrequencyResponse,
+    data: Data,
+    best: Polished,
+    spread: Spread,
+    covariance: ModelCovariance,
+    standing: tuple[Standing, ...],
+) -> PolesInstead | None:
+    """Where a fit with delays has modes that are not sound, poles that describe as much without them."""
+    sound = sum(one == "sound" for one in standing)
+    if not covariance.structure.with_delay or sound == len(standing):
+        return None
+    return poles_instead(measured, data, best, spread, sound)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
+import scipy.stats
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.fit.fitted_model import model_of, structure_of
@@ -23,6 +24,9 @@ WORTH_A_TRY = 8.0
 # Of no more than this, all are tried without at once.
 NOTHING = 2.0
 STEPS = 10
+# A gain in likelihood so improbable by chance (Wilks 1938) that a mode may be two; decay rates of a mode
+# within which its halves are one; damping up to which a mode is light.
+CHANCE, NEAR, LIGHT = 4e-3, 3.0, 0.1
 State = TypeVar("State")
 # A residue that is fewer than so many of its deviations may be noise: the search puts the pole where noise
 # looks most like a mode, which a test at a given frequency (Wald 1943) does not know of.
@@ -38,6 +42,26 @@ def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spre
         lambda run: _significance(measured, run, spread),
         lambda run, dropped: _without(data, run, spread, dropped),
     )
+
+
+def halved(data: Data, best: Polished, spread: Spread) -> tuple[complex, ...]:
+    """Poles [rad/s] of light modes in whose place two, both there, are likelier than by chance.
+
+    Description lengths ask for more before they take a mode for two; its deviations hold for one alone.
+    """
+    found = list[complex]()
+    for m in range(best.layout.pairs):
+        pole = complex(best.start.point.poles[m])
+        if abs(pole.real) > LIGHT * abs(pole.imag):
+            continue
+        two = polish(data, with_split(best.start, m), spread, steps=STEPS, rounds=2, share=best.share)
+        if two is None:
+            continue
+        gain = 2.0 * (best.likelihood - two.likelihood)
+        there = np.abs(two.start.point.poles[m : m + 2] - pole) < NEAR * abs(pole.real)
+        if there.all() and scipy.stats.chi2.sf(gain, two.layout.unknowns - best.layout.unknowns) < CHANCE:
+            found.append(pole)
+    return tuple(found)
 
 
 def shed(
@@ -119,7 +143,9 @@ def with_split(start: Start, m: int) -> Start:
     """The same model with two modes in the place of pair ``m``, an eighth of its half-power width apart."""
     at = np.insert(np.arange(len(start.layout.pair)), m, m)
     poles = start.point.poles[at]
-    poles[m : m + 2] += 1j * np.array([1.0, -1.0]) * SPLIT * poles[m].real
+    # Of a pair near critical damping both stay above the axis.
+    apart = min(SPLIT * abs(poles[m].real), 0.5 * abs(poles[m].imag))
+    poles[m : m + 2] += 1j * np.array([-1.0, 1.0]) * apart
     return _with_modes(start, at, poles)
 
 

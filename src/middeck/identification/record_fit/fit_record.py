@@ -38,6 +38,7 @@ from middeck.identification.record_fit.continuous import fit_continuous
 from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.order import choose_record
+from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.search import WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
 from middeck.identification.record_fit.tidy import Tidied, tidied
@@ -267,6 +268,11 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     phase = _pairs_for_a_delay(model, covariance, data, run)
     standing = standing_of(lines, covariance, holds=not wrong, phase=phase[0])
+    poles = poles_instead(data, run, fitted, standing) if covariance.structure.with_delay else None
+    if poles is not None:
+        warnings.append(poles.doubt())
+        if poles.shorter:
+            standing = standing_of(lines, covariance, holds=False, phase=phase[0])
     warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     return FitResult(
         model=model,
@@ -280,7 +286,7 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
         warnings=tuple(warnings),
         standing=standing,
         lines=fit.lines,
-        delay_standing=standing_of_delays(lines, covariance, holds=not wrong),
+        delay_standing=standing_of_delays(lines, covariance, holds=not wrong and poles is None),
     )
 
 

@@ -14,8 +14,33 @@ from middeck.structure.assembly.carriers import bushing_stiffness, member_stiffn
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.statics import article_size
+from middeck.values import record
 
 LIMIT = 1e10
+
+
+@record
+class Stiffest:
+    """The member, spring or bushing that is stiffest, beside what holds the article.
+
+    Attributes:
+        where: Its kind and name.
+        held: What holds the article [N/m].
+        ratio: How many times as stiff it is.
+    """
+
+    where: str
+    held: float
+    ratio: float
+
+    def refusal(self, what: str, why: str = "", instead: str = "") -> NumericalError:
+        """The error that names it; ``why`` it cannot be made softer, and what ``instead`` can be had."""
+        return NumericalError(
+            f"{what} would be rounding: {self.where} is {self.ratio:.1e} times as stiff as the supports"
+            f"{', and ' if why else ''}{why}",
+            where=self.where,
+            hint=f"{instead}make it softer, to {LIMIT:.0e} times at most, which changes no measurable number",
+        )
 
 
 def check_beside_modes(modes: Modes, what: str) -> None:
@@ -23,20 +48,34 @@ def check_beside_modes(modes: Modes, what: str) -> None:
 
     Raises `NumericalError` that names it.
     """
-    swings = modes.omega[modes.omega > 0.0]
-    if len(swings):
-        rest = modes.equilibrium
-        _check(rest, float(swings.min() ** 2) * rest.model.structure.mass, what)
+    found = beside_modes(modes)
+    if found is not None and found.ratio > LIMIT:
+        raise found.refusal(what)
 
 
 def check_beside_devices(equilibrium: Equilibrium, what: str) -> None:
     """The same, of the stiffness of all devices; nothing moves where there are none."""
+    found = beside_devices(equilibrium)
+    if found is not None and found.ratio > LIMIT:
+        raise found.refusal(what)
+
+
+def beside_modes(modes: Modes) -> Stiffest | None:
+    """The stiffest beside the softest mode that swings; None where none does."""
+    swings = modes.omega[modes.omega > 0.0]
+    if not len(swings):
+        return None
+    rest = modes.equilibrium
+    return _stiffest(rest, float(swings.min() ** 2) * rest.model.structure.mass)
+
+
+def beside_devices(equilibrium: Equilibrium) -> Stiffest | None:
+    """The stiffest beside all devices together; None where there are none, and nothing moves."""
     held = float(np.sum(equilibrium.loads.law.stiffness))
-    if held > 0.0:
-        _check(equilibrium, held, what)
+    return _stiffest(equilibrium, held) if held > 0.0 else None
 
 
-def _check(rest: Equilibrium, held: float, what: str) -> None:
+def _stiffest(rest: Equilibrium, held: float) -> Stiffest:
     model, environment = rest.model, rest.environment
     own = [(spring.stiffness, f"spring {spring.name!r}") for spring in model.structure.springs]
     size = 2.0 * article_size(model)
@@ -48,9 +87,4 @@ def _check(rest: Equilibrium, held: float, what: str) -> None:
         name = model.structure.members[int(model.element_member[stiffest])].name
         own.append((float(stiffness[stiffest]), f"member {name!r}"))
     most, where = max(own, default=(0.0, ""))
-    if most > LIMIT * held:
-        raise NumericalError(
-            f"{what} would be rounding: {where} is {most / held:.1e} times as stiff as the supports",
-            where=where,
-            hint=f"make it softer, to {LIMIT:.0e} times at most, which changes no measurable number",
-        )
+    return Stiffest(where, held, most / held)

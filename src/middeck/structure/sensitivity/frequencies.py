@@ -25,14 +25,12 @@ from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
+from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import Moved, move_rest
+from middeck.structure.sensitivity.softened import soften_modes
 from middeck.structure.sensitivity.ties import Tied
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
 from middeck.values import record
-
-# Frequencies are equal when their squares differ by less than this part: far above rounding, and far below
-# what any measurement tells apart.
-EQUAL = 1e-6
 
 
 @record
@@ -73,15 +71,16 @@ def differentiate_frequencies(
 ) -> FrequencySensitivities:
     """Derivatives of the lowest ``count`` frequencies (all by default) in every parameter.
 
-    Exact to rounding: no differences are taken. Raises `NumericalError` where the rest state itself has no
-    derivative, or beside a member so stiff that rounding is all there is.
+    Exact to rounding: no differences are taken. Beside a member too stiff for that they are those of the same
+    article with the member softer, to 1e-5 (`softened`). Raises `NumericalError` where the rest state itself
+    has no derivative, or where a softer member changes one of these frequencies.
     """
-    check_beside_modes(modes, "derivatives of frequencies")
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = group_modes(modes, count)
+    softer = soften_modes(modes, count, "derivatives of frequencies")
     pairs = _pairs(modes, groups)
-    moved = move_rest(modes.equilibrium, parameters)
-    values = _whole(modes, moved, pairs)
+    moved = move_rest(softer.rest, softer.parameters(parameters))
+    values = softer.scales(parameters)[:, None] * _whole(softer.modes, moved, pairs)
     d_lambda = np.zeros((len(parameters), count))
     for group in groups:
         inside = [k for k, i in enumerate(pairs.left) if i in group]
@@ -105,13 +104,6 @@ def differentiate_products(
     """
     check_beside_modes(modes, "derivatives of frequencies")
     return _whole(modes, move_rest(modes.equilibrium, parameters), _Pairs(left, right, lam))
-
-
-def group_modes(modes: Modes, count: int) -> tuple[tuple[int, ...], ...]:
-    """Runs of equal frequencies among the lowest ``count``; the rigid modes are one."""
-    lam = modes.omega[:count] ** 2
-    apart = np.flatnonzero(np.diff(lam) > EQUAL * lam[1:]) + 1
-    return tuple(tuple(int(m) for m in g) for g in np.split(np.arange(count), apart) if len(g))
 
 
 class _Pairs(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,6 +25,7 @@ from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import STEP, derivative
 from middeck.structure.sensitivity.rest import move_rest
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes, perturbed_rest
+from middeck.structure.sensitivity.softened import soften_modes
 from middeck.values import record
 
 
@@ -58,16 +60,26 @@ def differentiate_plant(
 ) -> tuple[PlantSensitivity, ...]:
     """Derivatives of the plant of the lowest ``count`` modes between named ports, with the article's damping.
 
-    Raises `ConfigError` for an unknown port, and `NumericalError` where the rest state has no derivative.
+    Beside a member too stiff for matrices in W as `differentiate_frequencies`. Raises `ConfigError` for an
+    unknown port, and `NumericalError` where the rest state has no derivative.
     """
-    rest, count = modes.equilibrium, min(count, len(modes.omega))
-    moved = move_rest(rest, parameters)
-    perturbed = [perturbed_rest(rest, moved, p) for p in range(len(parameters))]
-    changes = differentiate_shapes(modes, parameters, perturbed, moved.ties, count)
-    return tuple(
-        _of_parameter(modes, at, change, inputs, outputs, count)
+    count = min(count, len(modes.omega))
+    softer = soften_modes(modes, count, "derivatives of a plant")
+    moved = move_rest(softer.rest, softer.parameters(parameters))
+    perturbed = [perturbed_rest(softer.rest, moved, p) for p in range(len(parameters))]
+    changes = differentiate_shapes(softer.modes, parameters, perturbed, moved.ties, count)
+    found = (
+        _of_parameter(softer.modes, at, change, inputs, outputs, count)
         for at, change in zip(perturbed, changes, strict=True)
     )
+    return tuple(
+        _scaled(one, float(scale)) for one, scale in zip(found, softer.scales(parameters), strict=True)
+    )
+
+
+def _scaled(one: PlantSensitivity, scale: float) -> PlantSensitivity:
+    names = [f.name for f in dataclasses.fields(one) if f.name != "parameter"]
+    return dataclasses.replace(one, **{name: scale * getattr(one, name) for name in names})
 
 
 def _of_parameter(

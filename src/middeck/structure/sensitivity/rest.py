@@ -7,6 +7,7 @@ article, which are differentiated in the same way.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -38,6 +39,7 @@ from middeck.structure.sensitivity.patches import (
     spread_gradients,
 )
 from middeck.structure.sensitivity.reactions import differentiate_support
+from middeck.structure.sensitivity.softened import soften_rest
 from middeck.structure.sensitivity.static_solver import StaticSolver
 from middeck.structure.sensitivity.ties import TieChange, Tied, TieModel
 from middeck.values import record
@@ -95,8 +97,18 @@ class Moved(NamedTuple):
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
     """Derivatives of the rest state and of what holds it, the tuning of its suspension included.
 
+    Beside a member too stiff for matrices in W they are those with the member softer, to 1e-5 (`softened`).
     Raises `NumericalError` where a parameter drives a motion that nothing holds.
     """
+    softer = soften_rest(rest)
+    found = _differentiated(softer.rest, softer.parameters(parameters))
+    scale = softer.scales(parameters)
+    names = [f.name for f in dataclasses.fields(found) if f.name not in ("parameters", "drawn")]
+    scaled = {name: getattr(found, name) * scale for name in names}
+    return dataclasses.replace(found, parameters=tuple(parameters), **scaled)
+
+
+def _differentiated(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
     moved = move_rest(rest, parameters)
     roots = 6 * rest.model.tree.roots
     springs = [

@@ -31,10 +31,12 @@ from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads
-from middeck.structure.sensitivity.frequencies import group_modes, mode_multipliers
+from middeck.structure.sensitivity.frequencies import mode_multipliers
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
+from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import Moved, move_rest
+from middeck.structure.sensitivity.softened import soften_modes
 from middeck.structure.sensitivity.ties import TieChange, Tied
 from middeck.values import record
 
@@ -59,12 +61,18 @@ def differentiate_modes(
 ) -> tuple[ModeSensitivity, ...]:
     """Derivatives of the lowest ``count`` modes (all by default) in every parameter; exact to rounding.
 
-    One factorisation a mode, and one assembly of everything a parameter. Raises `NumericalError` where the
-    rest state has no derivative.
+    One factorisation a mode, and one assembly of everything a parameter; beside a member too stiff for that
+    as `differentiate_frequencies`. Raises `NumericalError` where the rest state has no derivative.
     """
-    moved = move_rest(modes.equilibrium, parameters)
-    perturbed = [perturbed_rest(modes.equilibrium, moved, p) for p in range(len(parameters))]
-    return tuple(differentiate_shapes(modes, parameters, perturbed, moved.ties, count))
+    count = len(modes.omega) if count is None else min(count, len(modes.omega))
+    softer = soften_modes(modes, count, "derivatives of modes")
+    moved = move_rest(softer.rest, softer.parameters(parameters))
+    perturbed = [perturbed_rest(softer.rest, moved, p) for p in range(len(parameters))]
+    found = differentiate_shapes(softer.modes, parameters, perturbed, moved.ties, count)
+    return tuple(
+        dataclasses.replace(one, d_lambda=scale * one.d_lambda, d_shapes=scale * one.d_shapes)
+        for one, scale in zip(found, softer.scales(parameters), strict=True)
+    )
 
 
 def perturbed_rest(rest: Equilibrium, moved: Moved, number: int) -> Equilibrium:

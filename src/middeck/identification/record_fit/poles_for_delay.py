@@ -1,0 +1,54 @@
+"""Whether a delay in the fit of a record stands for poles beyond the band (`fit.poles_for_delay`).
+
+The sound modes and one or two pairs beyond the band, of complex constants and without delays, are refined on
+the same lines.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.identification.fit.poles_for_delay import PAIRS, PolesInstead, instead_of
+from middeck.identification.fit.standing import Standing
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.problem.data import Data
+from middeck.identification.record_fit.order import record_length
+from middeck.identification.record_fit.search import RecordRun, refine_record
+from middeck.identification.record_fit.starts import start_of
+
+# Where the pairs start, over the last line, and how far from the axis: those of a low-pass filter.
+BEYOND = (1.4, 2.5)
+LEFT = -0.7 + 0.7j
+ROUNDS, STEPS = 3, 20
+
+
+def poles_instead(
+    data: Data, run: RecordRun, model: MeasurementModel, standing: Sequence[Standing]
+) -> PolesInstead | None:
+    """What describes the record as shortly as ``run``; None where nothing does.
+
+    Where all modes are sound only what is shorter counts: a short delay and a far pole look alike.
+    """
+    sound = np.array([one == "sound" for one in standing])
+    kept = model.poles[sound & model.is_pair]
+    found: list[tuple[float, int]] = []
+    for pairs in PAIRS:
+        states = 2 * (len(kept) + pairs)
+        options = dataclasses.replace(
+            run.layout.options,
+            states=states + run.layout.options.at_zero,
+            constants="complex",
+            delay=False,
+            direct=True,
+            relative_degree=None,
+        )
+        poles = np.append(kept, float(data.omega[-1]) * LEFT * np.array(BEYOND[:pairs]))
+        start = start_of(data, options, poles, np.ones(len(poles), dtype=bool))
+        other = start and refine_record(data, start, run.weighting, rounds=ROUNDS, steps=STEPS)
+        if other is not None:
+            found.append((record_length(data, other), options.states or states))
+    instead = instead_of(record_length(data, run), found)
+    return instead if instead is None or instead.shorter or not sound.all() else None
