@@ -1,9 +1,9 @@
-"""Controller packages: bits, steps beside one NumPy product, single precision, small processors, a published law.
+"""Controller packages: bits, steps beside NumPy, single precision, small processors, a published law.
 
     python benchmarks/realtime.py [--only CASES] [--made DATE]
 
-Needs a C compiler; the case "small" also arm-none-eabi-gcc and qemu-system-arm (Debian's packages).
-Each case is a module of the folder packaged, with a function rows(options). Times are medians of several runs.
+Needs a C compiler; the case "small" also arm-none-eabi-gcc and qemu-system-arm (packages of Debian).
+Each case is a module of the folder packaged, with a function rows(options). Times are medians.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from headlines import Headline, headlines
 
 HERE = Path(__file__).parent
 DOCS = HERE.parent / "docs"
-BENCHMARKS = ("structure", "identification", "control", "hardware", "prediction")
+BENCHMARKS = ("structure", "identification", "control", "hardware", "prediction", "realtime")
 OPENING = """# Benchmarks
 
 Twelve comparisons with other programs, each with the best peer of the same run. Every quantity is better

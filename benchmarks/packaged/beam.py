@@ -1,4 +1,4 @@
-"""A measured beam's published law (Takacs and Rohal-Ilkiv 2012): packaged, on its own plant, beside its formula."""
+"""A measured beam's published law (Takacs and Rohal-Ilkiv 2012), packaged, beside its formula."""
 
 from __future__ import annotations
 

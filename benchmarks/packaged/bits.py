@@ -16,6 +16,7 @@ from packaged.study_laws import study_laws
 from packaged_laws import compile_law, random_law
 
 CASE, STEPS, BITS = "bits", 100_000, 2000
+LIMITS = {"input_range": 0.1, "limit": 0.3, "slew_rate": 50.0, "ramp_s": 0.5}
 BUILDS = (("-O0",), ("-O2",), ("-O3", "-march=native"))
 
 
@@ -25,9 +26,7 @@ def rows(options: Any) -> list[dict]:
     with tempfile.TemporaryDirectory() as folder:
         for law in laws:
             for form in ("dense", "auto"):
-                package = package_law(
-                    law, "law", input_range=0.1, limit=0.3, slew_rate=50.0, ramp_s=0.5, form=form
-                )
+                package = package_law(law, "law", form=form, **LIMITS)
                 y = rng.uniform(-0.02, 0.02, (BITS, len(law.inputs)))
                 reference = ReferenceLaw(package)
                 expected = np.array([reference.step(one) for one in y])
@@ -35,8 +34,10 @@ def rows(options: Any) -> list[dict]:
                     found = compile_law(package, Path(folder), *flags)(y)
                     different += int(np.count_nonzero(found.view(np.int64) != expected.view(np.int64)))
         compared = 2 * len(laws) * len(BUILDS) * BITS * len(laws[0].outputs)
-        exact = row(CASE, "outputs of C that differ from the reference in a bit", "", different, 0.0,
-                    note=f"of {compared}: {len(laws)} compensators, dense and modal, {len(BUILDS)} builds")  # fmt: skip
+        note = f"of {compared}: {len(laws)} compensators, dense and modal, {len(BUILDS)} builds"
+        exact = row(
+            CASE, "outputs of C that differ from the reference in a bit", "", different, 0.0, note=note
+        )
         return [
             exact,
             *(_long_run(form, level, folder) for form, level in (("dense", 1e-12), ("modal", 1e-10))),

@@ -1,4 +1,4 @@
-"""Single precision: the proved bound over the worst error that a search finds, on the study's compensators."""
+"""Single precision: the proved bound over the worst error found, on the study's compensators."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def rows(options: Any) -> list[dict]:
             assert single.error_bound is not None
             beyond += int(np.any(worst > single.error_bound))
             ratios.append(float(np.median(single.error_bound / worst)))
-    note = f"{len(laws)} compensators; largest {max(ratios):.0f}; {refused} bounded without the path of applied commands"
+    note = f"{len(laws)} laws, largest {max(ratios):.0f}; {refused} had to leave out what was applied"
     return [
         row(CASE, "bound over the worst error found, median", "", float(np.median(ratios)), 100.0, note=note),
         row(CASE, "compensators that exceed their bound", "", beyond, 0.0),
@@ -53,7 +53,7 @@ def _search(package: ControllerPackage, single: ControllerPackage, folder: Path)
 
 
 def _bad_inputs(package: ControllerPackage) -> Iterator[np.ndarray]:
-    """The rhythm of each pole as a square wave of all inputs, constants, noise of full range and of a tenth."""
+    """The rhythm of each pole as a square wave, constants, noise of full range and of a tenth."""
     rng, k, m = np.random.default_rng(5), np.arange(STEPS)[:, None], len(package.inputs)
     for pole in np.linalg.eigvals(package.core.A):
         if pole.imag >= 0.0:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from small_processor.emulated import emulate_package
 
 from measured.rows import row
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.single import to_single
 from packaged_laws import random_law
-from small_processor.emulated import emulate_package
 
 CASE = "small processors"
 SIZES = ((8, 1, 1, "modal"), (24, 2, 1, "modal"), (60, 14, 5, "modal"), (60, 14, 5, "dense"))

@@ -1,4 +1,4 @@
-"""The study's compensators: LQG of Figure 7 for five motors and fourteen sensors, sampled at the rig's rate."""
+"""The study's compensators: LQG of Figure 7, five motors and fourteen sensors, at the rig's rate."""
 
 from __future__ import annotations
 

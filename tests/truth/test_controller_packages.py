@@ -269,7 +269,7 @@ def test_what_has_no_bound_is_refused():
     with pytest.raises(ConfigError, match="overflows"):
         to_single(package_law(law, "law", input_range=1e37))
     slow = Compensator(
-        SampledStateSpace([[1.0 - 1e-6]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)
+        SampledStateSpace([[1.0 - 1e-7]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)
     )
     with pytest.raises(ConfigError, match="rounding may change"):
         to_single(package_law(slow, "law", input_range=1.0))

@@ -22,7 +22,7 @@ from middeck.identification.fit.standing import (
     standing_of_delays,
 )
 from middeck.identification.fit.stands_for_delay import stands_for_delay
-from middeck.identification.fit.tidy import halved, tidied
+from middeck.identification.fit.tidy import tidied
 from middeck.identification.model.checks import check_logarithms, check_response, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
@@ -217,22 +217,7 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
         best, followed = likelihood_polish(data, best, measured.covariance), spread
-    fit = _result(measured, data, best, spread, followed, reason)
-    return fit if states is not None else _with_halves(fit, halved(data, best, followed))
-
-
-def _with_halves(fit: FitResult, poles: tuple[complex, ...]) -> FitResult:
-    """The fit, its modes that in whose place two are likelier doubted."""
-    if not poles:
-        return fit
-    merged = np.isin(fit.model.poles, np.array(poles))
-    near = ", ".join(f"{abs(pole) / (2.0 * np.pi):.6g}" for pole in poles)
-    warning = (
-        f"mode at {near} Hz: two close modes in its place follow the response better than by chance: its "
-        f"deviations are those of one; ask for {fit.model.states + 2 * len(poles)} states, or fit the record"
-    )
-    standing = tuple("unresolved" if m else one for m, one in zip(merged, fit.standing, strict=True))
-    return dataclasses.replace(fit, standing=standing, warnings=(*fit.warnings, warning))
+    return _result(measured, data, best, spread, followed, reason)
 
 
 def _result(

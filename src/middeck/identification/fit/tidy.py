@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-import scipy.stats
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.fit.fitted_model import model_of, structure_of
@@ -24,9 +23,6 @@ WORTH_A_TRY = 8.0
 # Of no more than this, all are tried without at once.
 NOTHING = 2.0
 STEPS = 10
-# A gain in likelihood so improbable by chance (Wilks 1938) that a mode may be two; decay rates of a mode
-# within which its halves are one; damping up to which a mode is light.
-CHANCE, NEAR, LIGHT = 4e-3, 3.0, 0.1
 State = TypeVar("State")
 # A residue that is fewer than so many of its deviations may be noise: the search puts the pole where noise
 # looks most like a mode, which a test at a given frequency (Wald 1943) does not know of.
@@ -42,26 +38,6 @@ def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spre
         lambda run: _significance(measured, run, spread),
         lambda run, dropped: _without(data, run, spread, dropped),
     )
-
-
-def halved(data: Data, best: Polished, spread: Spread) -> tuple[complex, ...]:
-    """Poles [rad/s] of light modes in whose place two, both there, are likelier than by chance.
-
-    Description lengths ask for more before they take a mode for two; its deviations hold for one alone.
-    """
-    found = list[complex]()
-    for m in range(best.layout.pairs):
-        pole = complex(best.start.point.poles[m])
-        if abs(pole.real) > LIGHT * abs(pole.imag):
-            continue
-        two = polish(data, with_split(best.start, m), spread, steps=STEPS, rounds=2, share=best.share)
-        if two is None:
-            continue
-        gain = 2.0 * (best.likelihood - two.likelihood)
-        there = np.abs(two.start.point.poles[m : m + 2] - pole) < NEAR * abs(pole.real)
-        if there.all() and scipy.stats.chi2.sf(gain, two.layout.unknowns - best.layout.unknowns) < CHANCE:
-            found.append(pole)
-    return tuple(found)
 
 
 def shed(

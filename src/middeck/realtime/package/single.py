@@ -16,8 +16,10 @@ from middeck.realtime.package.rounding import UNIT, LinearLaw, rounding_of, unfo
 from middeck.realtime.package.section import Section
 from middeck.realtime.package.vectors import add_test_vectors
 
-SLACK = 1e-2
-"""Errors of the signals over the signals, beyond which the bound is given up; and its own allowance."""
+ROUNDS, GROWTH = 20, 1.2
+"""Trials of what the signals are with their errors, and how far the next one goes beyond the last."""
+ALLOWANCE = 1.01
+"""For the rounding of this computation itself, in double precision."""
 NOTHING = 2.0**-100
 """Below all that matters, and above what is lost where numbers of single precision end (2^-149)."""
 DOUBLE = "double precision"
@@ -71,14 +73,17 @@ def bound_error(package: ControllerPackage) -> Array:
     peaks = _with_limits(package, linear, by_y @ (package.input_range * (1.0 + UNIT)), by_e)
     if peaks.max() > 1e-2 * largest(single=True):
         raise ConfigError(f"a signal of {peaks.max():.1e} overflows in single precision", hint=DOUBLE)
-    rounded = rounding_of(linear.sums, peaks * (1.0 + SLACK) + NOTHING)
-    limited = _rounding_at_limits(package, peaks[list(linear.law)], peaks[list(linear.loop)])
-    wanted = rounded[[w - linear.first for w in linear.wanted]]
-    errors = _with_limits(package, linear, by_error @ rounded, by_e, limited + 0.5 * wanted)
-    if np.any(errors > SLACK * peaks + NOTHING):
-        worst = float(np.max(errors[peaks > 0.0] / peaks[peaks > 0.0]))
-        raise ConfigError(f"rounding may change a signal by {100.0 * worst:.0f} %", hint=DOUBLE)
-    return (1.0 + SLACK) * (errors[list(linear.law)] + errors[list(linear.loop)] + limited)
+    errors, limited = np.zeros(len(peaks)), np.zeros(p)
+    for _ in range(ROUNDS):
+        # A signal with its error in it rounds a little more: until what is assumed holds what comes out.
+        assumed = peaks + GROWTH * errors + NOTHING
+        rounded = rounding_of(linear.sums, assumed)
+        limited = _rounding_at_limits(package, assumed[list(linear.law)], assumed[list(linear.loop)])
+        wanted = rounded[[w - linear.first for w in linear.wanted]]
+        errors = _with_limits(package, linear, by_error @ rounded, by_e, limited + 0.5 * wanted)
+        if np.all(peaks + errors <= assumed):
+            return ALLOWANCE * (errors[list(linear.law)] + errors[list(linear.loop)] + limited)
+    raise ConfigError("rounding may change a signal by more than itself", hint=DOUBLE)
 
 
 def _rounding_at_limits(package: ControllerPackage, law: Array, loop: Array) -> Array:
@@ -86,7 +91,7 @@ def _rounding_at_limits(package: ControllerPackage, law: Array, loop: Array) -> 
     fade = 8.0 * UNIT if package.ramp else 0.0
     limits = np.where(np.isfinite(package.upper), package.upper, 0.0)
     limits = np.maximum(limits, np.where(np.isfinite(package.lower), -package.lower, 0.0))
-    return (1.0 + SLACK) * (loop * UNIT + law * (3.0 * UNIT + fade) + limits * UNIT) + NOTHING
+    return ALLOWANCE * (loop * UNIT + law * (3.0 * UNIT + fade) + limits * UNIT) + NOTHING
 
 
 class _Closed(NamedTuple):
