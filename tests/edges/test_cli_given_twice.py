@@ -137,6 +137,7 @@ WRITES = {
     ("outcome", "--output"): (".json",),
     ("outcome", "--figure"): options.FIGURES,
     ("generate", "--output"): (".mdk", ".json", ".c", ".h"),
+    ("gate", "--output"): (".json",),
 }
 ENDINGS = (
     ".json",

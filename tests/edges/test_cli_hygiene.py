@@ -71,7 +71,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(
-    "verb", [v for v in VERBS if v not in ("study", "impact", "design", "qualify", "generate")]
+    "verb", [v for v in VERBS if v not in ("study", "impact", "design", "qualify", "generate", "gate")]
 )
 def test_every_example_of_a_verb_runs(project: Path, capfd: Capture, verb: str) -> None:
     for arguments in examples(middeck(capfd, verb, "--help").out):
@@ -84,7 +84,7 @@ def test_every_example_of_a_verb_runs(project: Path, capfd: Capture, verb: str) 
 def test_the_examples_that_need_a_file_run_after_those_that_write_it(project: Path, capfd: Capture) -> None:
     writes = next(e for e in examples(middeck(capfd, "identify", "--help").out) if "model.json" in e)
     assert middeck(capfd, *writes).code == 0
-    for verb in ("design", "qualify", "generate"):
+    for verb in ("design", "qualify", "generate", "gate"):
         for arguments in examples(middeck(capfd, verb, "--help").out):
             assert middeck(capfd, *arguments).code == 0, arguments
     assert (project / "law.json").exists()

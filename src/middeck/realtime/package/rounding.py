@@ -56,9 +56,9 @@ class LinearLaw:
     loop: tuple[int, ...]
 
 
-def unfold_law(package: ControllerPackage) -> LinearLaw:
-    """The sums of ``package`` in their order, with coefficients in single precision."""
-    return _Unfolding(package).done()
+def unfold_law(package: ControllerPackage, *, single: bool = True) -> LinearLaw:
+    """The sums of ``package`` in their order, with coefficients in single precision or as they are."""
+    return _Unfolding(package, single).done()
 
 
 def rounding_of(sums: Sequence[Sum], peaks: Float[np.ndarray, " signal"]) -> Float[np.ndarray, " sum"]:
@@ -77,8 +77,9 @@ def rounding_of(sums: Sequence[Sum], peaks: Float[np.ndarray, " signal"]) -> Flo
 class _Unfolding:
     """Runs the law once on rows: each signal as a row over states, inputs and errors."""
 
-    def __init__(self, package: ControllerPackage) -> None:
+    def __init__(self, package: ControllerPackage, single: bool) -> None:
         self.package, core = package, package.core
+        self.kept = np.float32 if single else np.float64
         n, m, p = len(core.A), len(package.inputs), len(package.outputs)
         self.sections = [place.section for place in (*package.filters, *package.paths)]
         self.states = n + 2 * len(self.sections)
@@ -133,7 +134,7 @@ class _Unfolding:
     def add(self, coefficients: Sequence[float], signals: Sequence[int], rounded: bool = False) -> int:
         """A new signal, the sum in this order, with an error of its own."""
         exact = np.array(coefficients, dtype=float)
-        single = exact.astype(np.float32).astype(float)
+        single = exact.astype(self.kept).astype(float)
         cut = np.abs(exact - single) + (UNIT if rounded else 0.0)
         row = np.zeros(len(self.rows[0]))
         for coefficient, signal in zip(single.tolist(), signals, strict=True):

@@ -1,0 +1,1 @@
+"""The steps before a controller package may run."""

@@ -1,0 +1,156 @@
+"""Steps of the gate that need no rig: each looks at a package, or at its loop with a model, and says why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from middeck.control.analysis import measure_margins
+from middeck.control.analysis.stability import LoopStability, decide_stability
+from middeck.control.law.compensator import locate_ports
+from middeck.control.qualification import align_plant
+from middeck.errors import ConfigError, NumericalError
+from middeck.realtime.gate.linear_law import linear_law
+from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.single import bound_error
+from middeck.realtime.package.vectors import run_vectors
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import same_period
+from middeck.values import record
+
+FADES = tuple(k / 10.0 for k in range(11))
+
+
+@record(kw_only=True)
+class GateStep:
+    """One step: its name, whether the package passes it, and why not, or what was found."""
+
+    name: str
+    passed: bool
+    said: str
+
+
+@record(kw_only=True)
+class GateMargins:
+    """What the loop with a model must keep at every fade.
+
+    Attributes:
+        gain_db, phase_deg: Least gain and phase margin of each loop, the others closed.
+    """
+
+    gain_db: float = 6.0
+    phase_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.gain_db < math.inf and 0.0 <= self.phase_deg < 180.0):
+            raise ConfigError(
+                f"margins of {self.gain_db} dB and {self.phase_deg} degrees", hint="from 0; a phase below 180"
+            )
+
+
+def check_interface(package: ControllerPackage, models: Mapping[str, Plant]) -> GateStep:
+    """Ranges and limits are finite; every model has the ports, in their units, and the rate."""
+    faults = [f"input {p.name} has no range" for p, r in zip(package.inputs, package.input_range, strict=True)
+              if not np.isfinite(r)]  # fmt: skip
+    limits = np.maximum(package.upper, -package.lower)
+    faults += [f"output {p.name} has no limit" for p, r in zip(package.outputs, limits, strict=True)
+               if not np.isfinite(r)]  # fmt: skip
+    for name, plant in models.items():
+        try:
+            locate_ports(linear_law(package), plant.inputs, plant.outputs)
+        except ConfigError as error:
+            faults.append(f"{name}: {error.what}")
+        if plant.period_s is not None and not same_period(plant.period_s, package.period_s):
+            faults.append(f"{name} is sampled at {plant.period_s:g} s, the package at {package.period_s:g} s")
+    ports = (
+        f"{len(package.inputs)} inputs and {len(package.outputs)} outputs at {1.0 / package.period_s:g} Hz"
+    )
+    return _step("interface", faults, ports)
+
+
+def check_poles(package: ControllerPackage) -> GateStep:
+    """Poles lie inside the unit circle unless the package declares otherwise; those of sections always."""
+    radius = float(np.abs(np.linalg.eigvals(package.core.A)).max(initial=0.0))
+    places = (*package.filters, *package.paths)
+    faults = [
+        f"a section at input {package.inputs[s.input].name} is unstable"
+        for s in places
+        if not s.section.stable
+    ]
+    if radius >= 1.0 and not package.unstable:
+        faults.append(f"a pole of magnitude {radius:.6f} that is not declared")
+    if radius >= 1.0:
+        observer = linear_law(package, 0.0).sampled.A
+        recovery = float(np.abs(np.linalg.eigvals(observer)).max(initial=0.0))
+        if recovery >= 1.0:
+            faults.append(f"while it is limited its estimate grows: a pole of magnitude {recovery:.6f}")
+    said = f"largest magnitude {radius:.6f}" + (", declared" if package.unstable else "")
+    return _step("poles", faults, said)
+
+
+def check_vectors(package: ControllerPackage) -> GateStep:
+    """The reference gives the package's test vectors to the last bit."""
+    stored = package.vectors
+    if stored is None:
+        return _step("vectors", ["no test vectors"], "")
+    found = run_vectors(package, stored.y, stored.engaged, stored.start_level)
+    wrong = np.flatnonzero((found.u.view(np.int64) != stored.u.view(np.int64)).any(axis=1))
+    faults = [f"sample {wrong[0] + 1} of {len(stored.y)} differs from the law"] if len(wrong) else []
+    return _step("vectors", faults, f"{len(stored.y)} samples agree to the last bit")
+
+
+def check_error_bound(package: ControllerPackage) -> GateStep:
+    """The bound that a law in single precision states is no less than what rounding may do to its numbers."""
+    if package.error_bound is None:
+        return _step("error bound", [], "double precision")
+    try:
+        least = bound_error(package)
+    except ConfigError as error:
+        return _step("error bound", [error.what], "")
+    faults = [
+        f"output {p.name} states {stated:.3g}, rounding alone may reach {needed:.3g}"
+        for p, stated, needed in zip(package.outputs, package.error_bound, least, strict=True)
+        if stated < needed
+    ]
+    return _step("error bound", faults, f"at most {float(package.error_bound.max()):.3g}")
+
+
+def check_model(package: ControllerPackage, name: str, plant: Plant, least: GateMargins) -> GateStep:
+    """The loop with ``plant`` is stable with margin at every fade; at zero nothing grows.
+
+    A mode that the compensator neither reaches nor sees is none of its loop.
+    """
+    try:
+        for fade in FADES:  # poles cost little beside margins: all of them first
+            law = linear_law(package, fade)
+            fault = _unstable(decide_stability(align_plant(plant, law), law), fade)
+            if fault:
+                return _step(f"model {name}", [f"at a fade of {fade:g}: {fault}"], "")
+        weakest = math.inf
+        for fade in FADES:
+            law = linear_law(package, fade)
+            loops = measure_margins(align_plant(plant, law), law).loops
+            gain = min((loop.gain_db for loop in loops), default=math.inf)
+            phase = math.degrees(min((loop.phase_limit_rad for loop in loops), default=math.inf))
+            weakest = min(weakest, gain)
+            if gain < least.gain_db or phase < least.phase_deg:
+                fault = f"at a fade of {fade:g}: margins of {gain:.2f} dB and {phase:.1f} degrees"
+                return _step(f"model {name}", [fault], "")
+    except (NumericalError, ConfigError) as error:
+        return _step(f"model {name}", [f"not decided: {error.what}"], "")
+    said = f"least gain margin {weakest:.1f} dB" if math.isfinite(weakest) else "no gain makes it unstable"
+    return _step(f"model {name}", [], f"stable at {len(FADES)} fades, {said}")
+
+
+def _unstable(found: LoopStability, fade: float) -> str:
+    if found.decays or (fade == 0.0 and found.stable):  # without control a free body rests where it is
+        return ""
+    if found.growing:
+        return f"a root at {found.frequency_hz:.4g} Hz grows ({-found.margin:.3g} 1/s)"
+    return f"a root at {found.frequency_hz:.4g} Hz does not decay: nothing holds it at these ports"
+
+
+def _step(name: str, faults: list[str], said: str) -> GateStep:
+    return GateStep(name=name, passed=not faults, said="; ".join(faults) or said)

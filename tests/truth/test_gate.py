@@ -1,0 +1,175 @@
+"""No package passes the gate that a model of it refuses; and each step refuses what it is there for."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+
+from middeck.control.law.compensator import Compensator
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.sampled.design import design_sampled_lqg
+from middeck.errors import ConfigError
+from middeck.realtime.gate.gate import examine_package
+from middeck.realtime.gate.linear_law import linear_law
+from middeck.realtime.gate.steps import FADES, GateMargins
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.reference import ReferenceLaw
+from middeck.realtime.package.section import InputFilter, LoopPath, Section
+from middeck.realtime.package.single import to_single
+from middeck.realtime.package.vectors import add_test_vectors
+from middeck.signals.ports import Port
+from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+from packaged_laws import PERIOD_S, ports, random_law
+
+ANY = GateMargins(gain_db=0.0, phase_deg=0.0)
+
+
+def beam(rng=None, scale=1.0):
+    """Three light modes between two inputs and outputs."""
+    rng = np.random.default_rng(0) if rng is None else rng
+    omega = 2.0 * np.pi * np.array([2.0, 7.0, 19.0]) * scale
+    A = sla.block_diag(*([[0.0, w], [-w, -0.02 * w]] for w in omega))
+    B, C = np.zeros((6, 2)), np.zeros((2, 6))
+    B[1::2], C[:, ::2] = rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
+    return StateSpace(A, B, C, np.zeros((2, 2)))
+
+
+def plant_of(system):
+    y, u = ports(0, 2, 2)
+    return Plant(dynamics=system, inputs=u, outputs=y)
+
+
+def closed_radius(system, law):
+    """Largest pole of the sampled loop u[k] = law(y[k]), by its own matrices."""
+    n, k = len(system.A), law.sampled
+    both = sla.expm(np.block([[system.A, system.B], [np.zeros((2, n + 2))]]) * PERIOD_S)
+    A, B, C = both[:n, :n], both[:n, n:], system.C
+    loop = np.block([[A + B @ k.D @ C, B @ k.C], [k.B @ C, k.A]])
+    return float(np.abs(np.linalg.eigvals(loop)).max())
+
+
+def package_of(rng, gain):
+    law = random_law(rng, 6, 2, 2, applied=False, radii=(0.9, 0.99))
+    s = law.sampled
+    quiet = SampledStateSpace(s.A, s.B, gain * s.C, gain * s.D, period_s=PERIOD_S)
+    return package_law(Compensator(quiet, law.inputs, law.outputs), "law", input_range=1.0, limit=1.0)
+
+
+def test_no_destabilising_package_passes(campaign):
+    """The gate agrees with the poles of loops that are closed here, at every fade."""
+    passed = 0
+    for seed in campaign(1000):
+        rng = np.random.default_rng(seed)
+        system, package = beam(rng), package_of(rng, 10.0 ** rng.uniform(-2.0, 1.0))
+        stable = max(closed_radius(system, linear_law(package, fade)) for fade in FADES) < 1.0
+        if not stable or passed < 3:  # those that pass take their time
+            assert examine_package(package, {"beam": plant_of(system)}, ANY).passed == stable
+            passed += stable
+    assert passed == 3
+
+
+def test_one_model_of_several_is_enough_to_refuse():
+    rng = np.random.default_rng(3)
+    package = package_of(rng, 1e-3)
+    good, bad = beam(np.random.default_rng(3)), beam(np.random.default_rng(3))
+    loud = StateSpace(bad.A, 3e3 * bad.B, bad.C, bad.D)
+    assert examine_package(package, {"good": plant_of(good)}, ANY).passed
+    verdict = examine_package(package, {"good": plant_of(good), "loud": plant_of(loud)}, ANY)
+    assert [step.name for step in verdict.steps if not step.passed] == ["model loud"]
+    late = examine_package(package, {"late": delay_plant(plant_of(good), 0.004)}, GateMargins(gain_db=200.0))
+    assert not late.passed
+    assert "margin" in late.steps[-1].said
+
+
+def test_the_linear_law_is_the_package_within_its_limits():
+    """At a fade held by the ramp, filters, inner loop and the path of the applied command included."""
+    law = random_law(np.random.default_rng(5), 5, 2, 2, radii=(0.9, 0.99))
+    section = Section(np.array([0.9, -0.4, 0.1]), np.array([-0.5, 0.2]))
+    package = package_law(law, "law", ramp_s=0.1, filters=(InputFilter(1, section),))
+    package = add_test_vectors(dataclasses.replace(package, paths=(LoopPath(0, 1, section),)))
+    y = np.random.default_rng(6).standard_normal((300, 2))
+    for level in (0, 20, 50):
+        reference, fade = ReferenceLaw(package), None
+        linear, x, worst = None, None, 0.0
+        for row in y:
+            reference.level = level  # held where it is
+            fade = float(reference.fade())
+            linear = linear_law(package, fade).sampled if linear is None else linear
+            x = np.zeros(len(linear.A)) if x is None else x
+            worst = max(worst, float(np.abs(reference.step(row) - (linear.C @ x + linear.D @ row)).max()))
+            x = linear.A @ x + linear.B @ row
+        assert worst < 1e-10
+
+
+def steps_of(package, plant=None):
+    models = {"beam": plant_of(beam()) if plant is None else plant}
+    return {step.name: step for step in examine_package(package, models, ANY).steps}
+
+
+def test_each_step_refuses_what_it_is_there_for():
+    good = package_of(np.random.default_rng(1), 1e-4)
+    assert all(step.passed for step in steps_of(good).values())
+    open_ended = steps_of(
+        add_test_vectors(dataclasses.replace(good, upper=np.array([1.0, np.inf]), vectors=None))
+    )
+    assert "output u1 has no limit" in open_ended["interface"].said
+    assert "model beam" not in open_ended  # nothing is tried after a step that is not passed
+    other = Plant(dynamics=beam(), inputs=(Port("u0", "N"), Port("v", "N m")), outputs=ports(0, 2, 2)[0])
+    assert "drives u1" in steps_of(good, other)["interface"].said
+    unit = Plant(dynamics=beam(), inputs=(Port("u0", "lbf"), Port("u1", "N m")), outputs=ports(0, 2, 2)[0])
+    assert "N m" in steps_of(good, unit)["interface"].said
+    slow = Plant(
+        dynamics=SampledStateSpace(0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), period_s=0.01),
+        inputs=ports(0, 2, 2)[1], outputs=ports(0, 2, 2)[0],
+    )  # fmt: skip
+    assert "sampled at 0.01 s" in steps_of(good, slow)["interface"].said
+    vectors = dataclasses.replace(good.vectors, u=np.nextafter(good.vectors.u, 9.0))
+    assert "sample 1 of 48" in steps_of(dataclasses.replace(good, vectors=vectors))["vectors"].said
+    single = to_single(good)
+    assert steps_of(single)["error bound"].passed
+    boast = dataclasses.replace(single, error_bound=0.01 * single.error_bound)
+    assert "rounding alone may reach" in steps_of(boast)["error bound"].said
+    ringing = dataclasses.replace(
+        good,
+        filters=(InputFilter(0, Section(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.01]))),),
+        vectors=None,
+    )
+    assert "section at input y0 is unstable" in steps_of(add_test_vectors(ringing, 4))["poles"].said
+    with pytest.raises(ConfigError, match="no model"):
+        examine_package(good, {})
+    with pytest.raises(ConfigError, match="margins of"):
+        GateMargins(gain_db=-1.0)
+
+
+def unstable_lqg(applied=True):
+    """An unstable plant, whose LQG law at a low rate of filtering is unstable by itself."""
+    plant = StateSpace([[1.2, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    way, push = (Port("way", "m"),), (Port("push", "N"),)
+    named = Plant(dynamics=plant, inputs=push, outputs=way, w=("push",), u=("push",), z=("way",), y=("way",))
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("push",), process=np.eye(1), sensor=np.array([1e-2])
+    )
+    law = design_sampled_lqg(named, weights, 1e3, 0.02)
+    return named, law if applied else dataclasses.replace(law, applied=None)
+
+
+def test_an_unstable_compensator_needs_declaration_and_recovery():
+    named, law = unstable_lqg()
+    radius = np.abs(np.linalg.eigvals(law.sampled.A)).max()
+    if radius < 1.0:
+        grown = SampledStateSpace(
+            law.sampled.A + (1.02 - radius) * np.eye(2), law.sampled.B, law.sampled.C, law.sampled.D,
+            period_s=0.02,
+        )  # fmt: skip
+        law = Compensator(grown, law.inputs, law.outputs)
+    package = package_law(law, "law", input_range=1.0, limit=1.0, unstable=True)
+    silent = dataclasses.replace(package, unstable=False)
+    assert "not declared" in steps_of(silent, named)["poles"].said
+    blind = package_law(
+        dataclasses.replace(law, applied=None), "law", input_range=1.0, limit=1.0, unstable=True
+    )
+    assert "while it is limited its estimate grows" in steps_of(blind, named)["poles"].said
