@@ -19,7 +19,7 @@ from jaxtyping import Float
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.modes.stiff_members import beside_devices, beside_modes
+from middeck.structure.modes.stiff_members import Stiffest, beside_devices, beside_modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, node_shifts, solve_equilibrium
 from middeck.structure.rest.statics import article_size
 from middeck.structure.sensitivity.parameters import Parameter, Path, read_parameter
@@ -88,7 +88,11 @@ def soften_rest(rest: Equilibrium) -> Softened:
     size = np.abs(_moved(rest)).max(axis=0)
     for level in LEVELS:
         found = _settled(rest, level * stiffest.held)
-        if found is not None and np.all(np.abs(_moved(found.rest) - _moved(rest)) <= AGREE * size):
+        if found is None:
+            continue
+        if not _is_soft(beside_devices(found.rest)):
+            raise stiffest.refusal(what)
+        if np.all(np.abs(_moved(found.rest) - _moved(rest)) <= AGREE * size):
             return found
     raise stiffest.refusal(what, f"{LEVELS[-1]:.0e} times as stiff it is at rest elsewhere")
 
@@ -107,6 +111,8 @@ def soften_modes(modes: Modes, count: int, what: str) -> SoftenedModes:
         if found is None:
             continue
         softer = solve_modes(found.rest, len(modes.omega))
+        if not _is_soft(beside_modes(softer)):
+            raise stiffest.refusal(what)
         apart = _first_apart(modes, softer, count)
         if apart == count:
             aligned = dataclasses.replace(softer, shapes=_aligned(modes, softer, count))
@@ -116,6 +122,11 @@ def soften_modes(modes: Modes, count: int, what: str) -> SoftenedModes:
         f"made {LEVELS[-1]:.0e} times as stiff it moves mode {apart} of {modes.frequency_hz[apart]:.4g} Hz",
         f"the {apart} lowest modes alone, or " if apart else "",
     )
+
+
+def _is_soft(left: Stiffest | None) -> bool:
+    """Whether nothing too stiff is left: springs and bushings are not made softer."""
+    return left is None or left.ratio <= 4.0 * LEVELS[-1]
 
 
 def _settled(rest: Equilibrium, most: float) -> Softened | None:
