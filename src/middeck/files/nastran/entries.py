@@ -34,7 +34,7 @@ SHOWN = 20  # faults in one report
 SPACES = {
     "GRID": "grid",
     **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CONM1", "CONM2", "CELAS1", "CELAS2"), "element"),
-    **dict.fromkeys(("CMASS1", "CMASS2"), "element"),
+    **dict.fromkeys(("CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS3", "CELAS4"), "element"),
     **dict.fromkeys(("CBUSH", "RBE1", "RBE2", "RBE3", "RBAR"), "element"),
     **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH"), "property"),
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},

@@ -60,6 +60,10 @@ FORMATS: dict[str, str] = {
     "PMASS": "pid:n m:r +rest:a",
     "CELAS1": "eid:n pid:n= g1:i=0 c1:i=0 g2:i=0 c2:i=0",
     "CELAS2": "eid:n k:r g1:i=0 c1:i=0 g2:i=0 c2:i=0 ge:r=0 s:r=0",
+    "CMASS3": "eid:n pid:n= g1:i=0 g2:i=0",
+    "CMASS4": "eid:n m:r g1:i=0 g2:i=0",
+    "CELAS3": "eid:n pid:n= g1:i=0 g2:i=0",
+    "CELAS4": "eid:n k:r g1:i=0 g2:i=0",
     "PELAS": "pid:n k:r ge:r=0 s:r=0",
     "CBUSH": "eid:n pid:n= ga:n gb:n= x1:g= x2:r= x3:r= cid:i= s:r=0.5 ocid:i=-1 s1:r= s2:r= s3:r=",
     "PBUSH": "pid:n +rest:a",
@@ -93,7 +97,7 @@ CPYRA CRAC2D CRAC3D CSHELL CPLSTS3 CPLSTS4 CTRAX3 CQUADX4
 """
 CONTINUA = frozenset(_CONTINUA.split())
 _NOT_YET = """
-CBEND CTUBE CGAP CWELD CFAST CSEAM CELAS3 CELAS4 CMASS3 CMASS4 CBUSH1D CBUSH2D
+CBEND CTUBE CGAP CWELD CFAST CSEAM CBUSH1D CBUSH2D
 RROD RTRPLT RSPLINE RSSCON RJOINT GENEL SEBULK SECONCT SECSET SESET SEELT SEEXCLD SELOC SEMPLN SETREE
 SEBNDRY CBEAM3 CONVM CAABSF CHACAB CHACBR NSML NSML1
 """
