@@ -29,6 +29,7 @@ from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.direct_input import NAME, direct_component
 from middeck.files.nastran.entries import Entries, Entry, raise_some
+from middeck.files.nastran.formats import DIVIDING
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.members import NAMES, RODS, Bar, own_axes, read_bars
@@ -386,7 +387,10 @@ class _Converter:
         if not scalars and (direct is None or not direct.modal):  # else its modal coordinates
             self._leave("SPOINT", len(entries.of("SPOINT")), "nothing stands on these scalar points")
         for name, count in sorted(deck.entries.idle.items()):
-            self._leave(name, count, "no part in stiffness and mass")
+            divides = "which superelement something is in: the article is not divided"
+            self._leave(name, count, divides if name in DIVIDING else "no part in stiffness and mass")
+        inside = [e for e in entries.of("GRID") if e["seid"]]
+        self._leave("GRID SEID", len(inside), "which superelement they are in: the article is not divided")
         idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
         self._leave("DMIG", len(idle), "not selected by case control")
         bare = set(self.places.grids) - used - set(carriers) - set(carriers.values())

@@ -17,7 +17,9 @@ from middeck.files.nastran.formats import (
     IDLE,
     NOT_YET,
     PARSED,
+    PLACED,
     PLACES,
+    PLACING,
     REDUCE,
     REQUIRED,
     Format,
@@ -293,6 +295,8 @@ def _refusal(name: str, found: list[Card]) -> Fault:
     count = f"{len(found)} of them" if len(found) > 1 else "one of them"
     if name in CONTINUA:
         message, hint = f"shells and solids are not read ({count})", REDUCE
+    elif name in PLACING:
+        message, hint = f"{PLACING[name]}, which is not read ({count})", PLACED
     elif name in NOT_YET:
         message, hint = f"not converted yet, and without it the modes would be others ({count})", ""
     else:
