@@ -199,8 +199,8 @@ def _idle_note(document: dict[str, Any], idle: list[int]) -> list[str]:
         return []
     named = some_names([document["parameters"][p]["name"] for p in idle])
     return [
-        f"\nno frequency shown depends on {named} to first order: in these modes it neither strains nor moves, "
-        "or works by its square; a larger --count shows other modes"
+        f"\nno frequency shown depends on {named} to first order: in these modes it neither strains nor "
+        "moves, or works by its square; a larger --count shows other modes"
     ]
 
 

@@ -2,8 +2,9 @@
 
 ``=`` repeats a field, ``==`` all that follow, ``*1`` or ``*(1)`` adds to it; ``=`` for the name makes one
 card, ``=4`` or ``=(4)`` so many, each from the one before: by its own fields, or by those of the replicating
-line before if it stands alone. After NASTRAN User's Manual, section 2.4.1, rules 5 to 9, and MSC Nastran, Quick
-Reference Guide, Format of Bulk Data Entries. What these leave open (continuations, large fields) is refused.
+line before if it stands alone. After NASTRAN User's Manual, section 2.4.1, rules 5 to 9, and MSC Nastran,
+Quick Reference Guide, Format of Bulk Data Entries. What these leave open (continuations, large fields) is
+refused.
 """
 
 from __future__ import annotations
