@@ -49,7 +49,7 @@ from middeck.files.nastran.scalars import (
 )
 from middeck.files.nastran.sections_of_bars import read_material
 from middeck.files.nastran.ties import Tie, read_ties
-from middeck.files.nastran.units import Units, guess_units
+from middeck.files.nastran.units import Units, doubt_modulus, guess_units
 from middeck.structure.model.component import Component
 from middeck.structure.model.connectivity import separate_parts, some_names
 
@@ -405,6 +405,9 @@ class _Converter:
             self.notes.append("bulk data only: no case control, nothing is selected")
         if deck.entries.of("ASET", "ASET1"):
             self.notes.append("the deck reduces to its ASET: the article keeps all degrees of freedom")
+        for card in entries.of("MAT1"):
+            doubt = doubt_modulus(self.units, card["e"] or 0.0)
+            self.notes += [f"{card.label} has {doubt}: are the units {self.units.name}?"] * bool(doubt)
         asked = asked_formulation(deck)
         if asked != self.formulation and entries.of(*NAMES):
             self.notes.append(
