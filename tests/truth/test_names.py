@@ -260,7 +260,7 @@ def boom_on_a_box(corner: bool, length: float = 6.0, elements: int = 12) -> Stru
         nodes.append(node("root", (0.0, 0.0, 0.0), body(0.1)))
         members += [member("root", name, stiff, 1) for name in at if name[1] == "1"]
     for k in range(1, elements + 1):
-        place = start + [length * k / elements, 0.0, 0.0]
+        place = start + np.array([length * k / elements, 0.0, 0.0])
         nodes.append(node(f"b{k}", tuple(place), body(0.0)))
         members.append(member(root if k == 1 else f"b{k - 1}", f"b{k}", TUBE, 1))
     return structure(nodes, members)
