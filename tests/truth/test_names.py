@@ -268,7 +268,7 @@ def boom_on_a_box(corner: bool, length: float = 6.0, elements: int = 12) -> Stru
 
 @pytest.mark.parametrize("corner", [True, False])
 def test_a_boom_on_a_heavy_box_bends(corner):
-    """Each name twice, and its frequency that of the clamped beam of that number: beta L = 1.875, 4.694 ..."""
+    """Each name twice, and its frequency that of the clamped beam of that number: 1.875, 4.694 ..."""
     modes = solved(boom_on_a_box(corner), count=14)
     found = [(hz, name) for hz, name, kind in zip(modes.frequency_hz, modes.name, modes.kind, strict=True)
              if kind == "flexible"][:8]  # fmt: skip
