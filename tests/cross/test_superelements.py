@@ -187,3 +187,45 @@ def test_boundary_stiffness_from_the_bulk_data(tmp_path, name):
     squared = np.diagonal(theirs.stiffness)[24:] / np.diagonal(theirs.mass)[24:]
     np.testing.assert_allclose(ours.fixed_hz, np.sqrt(squared[:kept]) / (2.0 * np.pi), rtol=2e-7)
     assert ours.next_hz > 50.0
+
+
+def assembled(folder, main=(), within=()):
+    """The assembly with more cards in its main bulk data, or in the section of its first superelement."""
+    for name in ("inboard.asm", "outboard.asm", "inboard.pch", "outboard.pch", "inboard.op4", "outboard.op4"):
+        shutil.copy(DATA / name, folder)
+    text = (DATA / "assemble.dat").read_text().replace("$RBE2", "\n".join([*main, "$RBE2"]), 1)
+    (folder / "assemble.dat").write_text(text)
+    with (folder / "inboard.pch").open("a") as file:
+        file.write("".join(f"{card}\n" for card in within))
+    source, parts = read_assembly(folder / "assemble.dat", UNITS, "a")
+    return convert_deck(source, UNITS, "consistent", "a", parts)
+
+
+@pytest.mark.parametrize(
+    ("main", "within", "words"),
+    [
+        (["SELOC,100,1,2,3,4,5,6"], [], "assemble.dat:"),
+        (["SELOC,100,1,2,3,4,5,6"], [], "SELOC 100: it puts a superelement elsewhere, which is not read"),
+        (["SEMPLN,100,PLANE,1,2,3"], [], "SEMPLN 100: it mirrors a superelement, which is not read"),
+        (["SEBULK,100,PRIMARY,,AUTO"], [], "SEBULK 100: a superelement of type PRIMARY of none is not read"),
+        (["SEBULK,100,MIRROR,200,AUTO"], [], "a superelement of type MIRROR of 200 is not read"),
+        (["RELEASE,100,13,3"], [], "RELEASE 100: it parts a superelement from the rest"),
+        (["SEBNDRY,100,200,3"], [], "SEBNDRY 100: it says which grids of superelements are joined"),
+        ([], ["SELOC,100,1,2,3,4,5,6"], "inboard.pch:"),
+        ([], ["CONM2,9,3,,1."], "CONM2 9: in superelement 102, of which its matrices alone are read"),
+        ([], ["SPC1,7,123456,3"], "SPC1 7: in superelement 102, of which its matrices alone are read"),
+    ],
+)
+def test_what_places_superelements_is_refused(tmp_path, main, within, words):
+    with pytest.raises(MiddeckError) as error:
+        assembled(tmp_path, main, within)
+    assert words in str(error.value)
+
+
+def test_what_divides_a_model_changes_nothing_and_is_listed(tmp_path):
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two").mkdir()
+    plain, divided = assembled(tmp_path / "one"), assembled(tmp_path / "two", ["SESET,1,3,11", "SEELT,1,5"])
+    assert document_text(plain.document, "") == document_text(divided.document, "")
+    why = "which superelement something is in: the article is not divided"
+    assert {("SESET", 1, why), ("SEELT", 1, why)} <= set(divided.left_out)

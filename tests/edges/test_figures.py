@@ -262,3 +262,18 @@ def test_up_is_against_gravity(constants: str, up: list[float] | None, tmp_path:
     drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(beam, md.load_environment(file)), 1))
     assert (None if drawing.up is None else drawing.up.tolist()) == up
     assert upright([drawing.up])[1].tolist() == (up or [0.0, 1.0, 0.0])
+
+
+def test_up_without_anything_to_turn(capfd, tmp_path):
+    """It says what it is for, and where down is told; beside a picture, in either order, it turns that."""
+    ask = ("modes", ROOT / "articles/mace-simple.toml", "--environment", "orbit", "--count", 8, "--up", "z")
+    bare = middeck(capfd, *ask)
+    assert bare.code == 2
+    assert "--up z turns what --figure draws" in bare.err
+    assert "gravity_direction in its [constants]" in bare.err
+    own = middeck(capfd, *ask, "--figure", tmp_path / "a.vtu")
+    assert (own.code, (tmp_path / "a.vtu").exists()) == (2, False)
+    assert "the world's own axes" in own.err
+    assert middeck(capfd, *ask, "--figure", tmp_path / "a.svg").code == 0
+    compared = middeck(capfd, "compare", *ask[1:2], "--up", "x")
+    assert (compared.code, "--figure" in compared.err) == (2, True)

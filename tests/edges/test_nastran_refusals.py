@@ -100,7 +100,7 @@ def test_the_deck_is_sound(tmp_path):
         ("CELAS2,20,1.+5,1,1,4,2", "components of different directions"),
         ("CELAS2,20,1.+5,1,2,4,2", "across the line between its grids"),
         ("CELAS2,20,-1.,1,1", "a negative stiffness"),
-        ("CELAS2,20,1.,1,0", "scalar points"),
+        ("CELAS2,20,1.,1,0", "grid 1 has components, 1 to 6: which? only scalar points have none"),
         ("CELAS1,20,3,1,1", "there is no PELAS 3"),
         ("CBUSH,20,2,1,4", "there is no PBUSH 2"),
         ("PBUSH,2,K,RIGID\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has K"),
@@ -127,7 +127,11 @@ def test_the_deck_is_sound(tmp_path):
         ("LOAD,5,1.,1.,8", "no factor and set of loads"),
         ("GRAV,5,7,9.8,,,-1.", "GRAV 5 field 3 (CID) = 7: there is no rectangular coordinate system 7"),
         ("CQUAD4,20,1,1,2,3,4", "reduce the part"),
-        ("CMASS4,20,1.,1", "not converted yet, and without it the modes would be others"),
+        ("CMASS4,20,1.,1", "grid 1 has components, 1 to 6: which? only scalar points have none"),
+        ("SELOC,3,1,2,3,4,1,2", "it puts a superelement elsewhere, which is not read"),
+        ("SEMPLN,3,PLANE,1,2,3", "it mirrors a superelement, which is not read"),
+        ("RELEASE,3,1,2", "it parts a superelement from the rest in some components"),
+        ("CBUSH1D,20,1,1,2", "not converted yet, and without it the modes would be others"),
         ("CMASS2,20,1.,1,1", "the masses of grid 1 differ by direction, [1.0, 0.0, 0.0]: no body has them"),
         ("CMASS2,20,1.,1,1,2,1", "a mass between two grids"),
         ("CMASS2,20,1.,9,1", "there is no grid 9"),
@@ -326,3 +330,11 @@ def test_json_and_settings(capfd, tmp_path):
     assert '"mass_formulation": "lumped"' in by_set.out
     with pytest.raises(MiddeckError):
         parse_units("")
+
+
+def test_the_superelement_of_a_grid_is_listed(tmp_path):
+    bar = "CBAR,20,1,4,9,0.,1.,0."
+    made = convert(write(tmp_path, "GRID,9,,3.,,,,,5", bar))
+    plain = convert(write(tmp_path, "GRID,9,,3.", bar))
+    assert ("GRID SEID", 1, "which superelement they are in: the article is not divided") in made.left_out
+    assert str(made.document) == str(plain.document)

@@ -162,3 +162,134 @@ def test_nothing_asked_and_nothing_to_say(capfd):
         assert execute(arguments, lambda: False) == code
         out, err = capfd.readouterr()
         assert says in out + err
+
+
+HINGED = """
+schema = 1
+name = "hinged"
+[material.al]
+E_pa = 7e10
+nu = 0.33
+rho_kg_m3 = 2700.0
+[section.tube]
+material = "al"
+outer_diameter_m = 0.03
+inner_diameter_m = 0.026
+[mesh]
+elements_per_strut = 3
+[[node]]
+name = "a"
+x_m = 0.0
+[[node]]
+name = "m"
+x_m = 1.0
+[[node]]
+name = "n"
+x_m = 1.0
+[[node]]
+name = "z"
+x_m = 2.0
+mass_kg = 3.0
+inertia_kg_m2 = [0.1, 0.2, 0.3]
+[[strut]]
+name = "one"
+from = "a"
+to = "m"
+section = "tube"
+[[strut]]
+name = "two"
+from = "n"
+to = "z"
+section = "tube"
+[[attach]]
+name = "pa"
+frame = "a"
+[[attach]]
+name = "pm"
+frame = "m"
+[[attach]]
+name = "pn"
+frame = "n"
+[[bushing]]
+name = "hinge"
+from = "pm"
+to = "pn"
+stiffness = [1e5, 2e5, 3e5, K4, 200.0, K6]
+"""
+FOOT = """
+schema = 1
+name = "foot"
+[constants]
+gravity_m_s2 = 9.81
+[[bushing]]
+name = "foot"
+attach = "pa"
+stiffness = [1e6, 1e6, 1e6, 1e3, 1e3, F6]
+"""
+
+
+@pytest.fixture
+def hinged(tmp_path: Path):
+    """Writes the article and what it stands on, with these stiffnesses, and gives both files."""
+
+    def write(k4: float = 100.0, k6: float = 300.0, f6: float = 2000.0) -> tuple[Path, Path]:
+        article, foot = tmp_path / "hinged.toml", tmp_path / "foot.toml"
+        article.write_text(HINGED.replace("K4", repr(k4)).replace("K6", repr(k6)))
+        foot.write_text(FOOT.replace("F6", repr(f6)))
+        return article, foot
+
+    return write
+
+
+def test_a_pattern_gives_what_a_bushing_has(hinged, capfd: pytest.CaptureFixture[str]) -> None:
+    """Its six stiffnesses, without the couplings that nobody gave; right by differences of the modes."""
+    article, foot = hinged()
+    ask = ("sensitivity", article, "--environment", foot, "--parameter", "*bushing.*", "--count", 4)
+    found = {p["name"]: p for p in json.loads(middeck(capfd, *ask, "--json").out)["parameters"]}
+    ends = [f"stiffness.{k}{k}" for k in range(1, 7)]
+    assert list(found) == [
+        f"{part}.{end}" for part in ("bushing.hinge", "environment.bushing.foot") for end in ends
+    ]
+    for key, value, name in (
+        ("k4", 100.0, "bushing.hinge.stiffness.44"),
+        ("k6", 300.0, "bushing.hinge.stiffness.66"),
+        ("f6", 2000.0, "environment.bushing.foot.stiffness.66"),
+    ):
+        step = 1e-3 * value
+        sides = []
+        for changed in (value - step, value + step):
+            setup = md.load_setup(*hinged(**{key: changed}))
+            sides.append(md.solve_modes(md.solve_equilibrium(*setup)).frequency_hz[:4])
+        slope = (sides[1] - sides[0]) / (2.0 * step)
+        # The third derivative leaves 1e-6 of such a slope, rounding of a frequency 1e-9 Hz over the step.
+        np.testing.assert_allclose(found[name]["d_hz"], slope, rtol=1e-5, atol=1e-9 / step)
+    one = middeck(capfd, *ask[:4], "--parameter", "bushing.hinge.stiffness.12", "--json")
+    assert json.loads(one.out)["parameters"][0]["name"] == "bushing.hinge.stiffness.12"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "meant"),
+    [
+        ("bushing.foot.*", "environment.bushing.foot.stiffness.11"),
+        ("foot.*", "environment.bushing.foot.stiffness.11"),
+        ("bushing.hinge.stiffness", "bushing.hinge.stiffness.11"),
+        ("bushing.hinge", "bushing.hinge.stiffness.11"),
+    ],
+)
+def test_a_pattern_that_fits_nothing_names_what_was_meant(hinged, capfd, pattern, meant) -> None:
+    article, foot = hinged()
+    ended = middeck(capfd, "sensitivity", article, "--environment", foot, "--parameter", pattern)
+    assert ended.code == 2
+    assert f"did you mean {meant}" in ended.err
+
+
+def test_what_changes_no_frequency_is_said_and_small_shares_are_no_zeros(
+    hinged, capfd: pytest.CaptureFixture[str]
+) -> None:
+    article, foot = hinged()
+    ask = ("sensitivity", article, "--environment", foot, "--count", 2)
+    shown = middeck(capfd, *ask, "--parameter", "bushing.hinge.*,damping.*").out
+    assert "no frequency shown depends on 'damping.flexible', 'damping.suspension'" in shown
+    assert "+0.0000" not in [
+        line.split()[-1] for line in shown.splitlines() if line.startswith("bushing.hinge.stiffness.22")
+    ]

@@ -21,6 +21,7 @@ from middeck.structure.model.article import AttachPoint, Body, PointLoad, Sectio
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import Component
 from middeck.structure.model.environment import AnchoredSpring
+from middeck.structure.model.links import Interpolation, Link, Share
 from middeck.structure.modes.drawing import Drawing, build_mode_drawing, build_rest_drawing
 from middeck.structure.rest.equilibrium import Equilibrium
 from repeats import repeats
@@ -142,9 +143,55 @@ def test_a_file_for_paraview_has_the_same_arrays(tmp_path: Path) -> None:
 def test_an_article_without_members_is_drawn() -> None:
     rest = md.solve_equilibrium(rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3)), md.Environment.orbit())
     drawing = build_mode_drawing(md.solve_modes(rest))
-    assert [n.what for n in drawing.lines] == ["body"]
+    assert [n.what for n in drawing.lines] == ["rigid", "rigid", "body"]  # the arms to its two ends
     assert np.isfinite(drawing.motion).all()
     assert mesh_structure(rest.model.structure).frames == rest.model.frames
+
+
+def linked(turn: tuple[str, str]) -> md.Structure:
+    """Two members with a link over the gap between them, which is all that joins them."""
+    places = {"a": (0.0, 0.0, 0.0), "b": (1.0, 0.0, 0.0), "c": (1.0, 0.5, 0.2), "d": (2.0, 0.5, 0.2)}
+    nodes = [node(name, place, body(1.0)) for name, place in places.items()]
+    article = structure(nodes, [member("a", "b", TUBE, 1), member("c", "d", TUBE, 1)])
+    along, about = turn
+    arm = np.array([0.0, 0.1, 0.0])
+    tie = Link(name="tie", first="b", second="c", along=along, about=about, offset=arm)
+    follow = Interpolation(name="mean", frame="e", shares=(Share(frame="a", about="xyz"), Share(frame="d")))
+    far = node("e", (1.0, 1.0, 0.0), body(0.0))
+    return dataclasses.replace(article, nodes=(*article.nodes, far), links=(tie, follow))
+
+
+def test_a_rigid_link_is_drawn_and_stays_as_long_as_it_is() -> None:
+    """From the first frame to its point on the second, then to that; its ends move as one body."""
+    held = md.Environment.clamped("a", gravity=0.0)
+    drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(linked(("xyz", "xyz")), held), 4))
+    (line,) = [line for line in drawing.lines if line.name == "tie"]
+    assert line.what == "rigid"
+    x = drawing.drawn[line.first : line.last]
+    np.testing.assert_allclose(x, [(1.0, 0.0, 0.0), (1.0, 0.6, 0.2), (1.0, 0.5, 0.2)], atol=1e-12)
+    for motion in drawing.motion:
+        moved = motion[line.first : line.last]
+        size = np.abs(moved).max()
+        for i, j in ((0, 1), (0, 2), (1, 2)):
+            stretch = (moved[j] - moved[i]) @ (x[j] - x[i]) / np.linalg.norm(x[j] - x[i])
+            assert abs(stretch) < 1e-9 * size
+    spider = [line for line in drawing.lines if line.name == "mean"]
+    assert [line.what for line in spider] == ["link", "link"]
+    ends = [drawing.drawn[line.last - 1].tolist() for line in spider]
+    assert ends == [[0.0, 0.0, 0.0], [2.0, 0.5, 0.2]]
+
+
+def test_links_are_in_every_kind_of_picture(tmp_path: Path) -> None:
+    held = md.Environment.clamped("a", gravity=0.0)
+    drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(linked(("xyz", "xy")), held), 2))
+    assert {line.what for line in drawing.lines if line.name in ("tie", "mean")} == {"link"}
+    write_vtu(tmp_path / "a.vtu", drawing)
+    cells = ElementTree.parse(tmp_path / "a.vtu").find(".//DataArray[@Name='part']")
+    assert cells is not None
+    count = sum(line.last - line.first - 1 for line in drawing.lines if line.what == "link")
+    assert (cells.text or "").split().count(str(PARTS.index("link"))) == count == 4
+    (legend,) = md.draw_shapes(drawing).legends
+    assert "link that leaves some motion free" in [text.get_text() for text in legend.get_texts()]
 
 
 def test_a_body_with_products_of_inertia_is_a_box_in_its_principal_axes():

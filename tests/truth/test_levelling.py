@@ -16,6 +16,7 @@ from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.environment import Device, Environment, Suspension
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.suspension.attitude import estimate_attitude, fit_rotation, split_rotation
+from middeck.structure.suspension.hanging import doubt_attitude, sag
 from middeck.structure.suspension.levelling import LEVEL, level
 from repeats import repeats
 from structure_builders import GRAVITY, TUBE, body, member, node, structure
@@ -271,3 +272,36 @@ def test_an_offset_at_its_limit_leaves_the_rest_to_the_others():
     bound = level(article, environment, free=free, about="x", limit=tight)
     assert abs(bound.after.tilt[0]) < 1e-7
     assert 0.9 * tight < float(np.abs(bound.change).max()) <= tight * (1.0 + 1e-12)
+
+
+def boom(section):
+    """Hung by two points near one end, with two metres beyond them."""
+    nodes = [
+        node(name, (x, 0, 0), body(m)) for name, x, m in (("a", 0.0, 6.0), ("m", 0.5, 0.0), ("z", 2.5, 0.3))
+    ]
+    members = [member("a", "m", section, 2), member("m", "z", section, 4)]
+    points = [AttachPoint(n, n, np.array([0.0, 0.02, 0.0])) for n in ("a", "m")]
+    return structure(nodes, members, attach=points)
+
+
+def test_what_sags_is_not_said_to_hang_tilted():
+    """Beyond the last cable the boom bends by P L^2 / 2 EI + q L^3 / 6 EI; no attach point changes that."""
+    soft = dataclasses.replace(TUBE, rho_A=0.1)
+    hung = estimate_attitude(solve_equilibrium(boom(soft), cables(("a", "m"))))
+    slope = np.linalg.norm(GRAVITY) * (0.3 * 2.0**2 / 2.0 + 0.1 * 2.0**3 / 6.0) / soft.EI_z
+    by = dict(zip(hung.node, hung.node_tilt[:, 2], strict=True))
+    assert by["m"] - by["z"] == pytest.approx(slope, rel=0.01)  # it hangs a few degrees down: cos is not 1
+    said = sag(hung)
+    assert "the article sags: its nodes tilt by" in said
+    assert f"{np.degrees(abs(by['z'])):.1f} deg (z)" in said
+    (doubt,) = doubt_attitude(hung, cables(("a", "m")))
+    assert "--free" not in doubt.hint
+    assert "hang it at more points" in doubt.hint
+    with pytest.raises(EquilibriumError, match="the article sags") as error:
+        level(boom(soft), cables(("a", "m")), free=[("a", "x")], about="z")
+    assert "hang it at more points" in error.value.hint
+    stiff = estimate_attitude(solve_equilibrium(lopsided(), cables()))
+    assert not sag(stiff)
+    (doubt,) = doubt_attitude(stiff, cables())
+    assert "hangs tilted" in doubt.what
+    assert "--free left.z --about x" in doubt.hint

@@ -15,7 +15,7 @@ from middeck.structure.modes.naming import name_modes
 from middeck.structure.modes.parts import member_parts, strained_parts
 from middeck.structure.modes.repeated import repeated
 from repeats import repeats
-from structure_builders import TUBE, body, node, straight_beam
+from structure_builders import TUBE, body, member, node, straight_beam, structure
 from trusses import bar, truss
 
 
@@ -243,3 +243,39 @@ def test_a_part_is_a_section_where_names_say_nothing():
     one = tuple(dataclasses.replace(m, section_name="pbar1") for m in deck)
     alone = dataclasses.replace(one[0], name="rod7", section_name="prod2")
     assert "bar" not in member_parts(dataclasses.replace(article, members=(alone, *one[1:])))
+
+
+def boom_on_a_box(corner: bool, length: float = 6.0, elements: int = 12) -> Structure:
+    """A cube of stiff bars and 3 t, with a thin boom at the middle of a face or at a corner."""
+    stiff = dataclasses.replace(TUBE, EA=1e3 * TUBE.EA, EI_y=1e4 * 100.0, EI_z=1e4 * 100.0, GJ=1e4 * TUBE.GJ)
+    at = {
+        f"c{i}{j}{k}": np.array([i - 1.0, j - 0.5, k - 0.5]) for i in (0, 1) for j in (0, 1) for k in (0, 1)
+    }
+    nodes = [node(name, tuple(x), body(375.0)) for name, x in at.items()]
+    pairs = [(a, b) for a in at for b in at if a < b and np.abs(at[a] - at[b]).sum() <= 2.0]
+    members = [member(a, b, stiff, 1, up=(0.1, 0.3, 0.9)) for a, b in pairs]
+    root = "c111" if corner else "root"
+    start = at[root] if corner else np.zeros(3)
+    if not corner:
+        nodes.append(node("root", (0.0, 0.0, 0.0), body(0.1)))
+        members += [member("root", name, stiff, 1) for name in at if name[1] == "1"]
+    for k in range(1, elements + 1):
+        place = start + np.array([length * k / elements, 0.0, 0.0])
+        nodes.append(node(f"b{k}", tuple(place), body(0.0)))
+        members.append(member(root if k == 1 else f"b{k - 1}", f"b{k}", TUBE, 1))
+    return structure(nodes, members)
+
+
+@pytest.mark.parametrize("corner", [True, False])
+def test_a_boom_on_a_heavy_box_bends(corner):
+    """Each name twice, and its frequency that of the clamped beam of that number: 1.875, 4.694 ..."""
+    modes = solved(boom_on_a_box(corner), count=14)
+    found = [(hz, name) for hz, name, kind in zip(modes.frequency_hz, modes.name, modes.kind, strict=True)
+             if kind == "flexible"][:8]  # fmt: skip
+    across = ("bending x-y and bending x-z",) * 2 if corner else ("bending x-y", "bending x-z")
+    expected = [f"{order} {words}" for order in ("first", "second", "third", "fourth") for words in across]
+    assert [name for _, name in found] == expected
+    beta = np.repeat([1.87510407, 4.69409113, 7.85475744, 10.99554073], 2) / 6.0
+    exact = beta**2 * np.sqrt(TUBE.EI_y / TUBE.rho_A) / (2.0 * np.pi)
+    # A box a thousand times as heavy gives way by some thousandths; elements and rotary inertia by as much.
+    np.testing.assert_allclose([hz for hz, _ in found], exact, rtol=0.02)

@@ -21,6 +21,7 @@ from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.summary.environment_plausibility import doubt_environment
 from middeck.structure.summary.summary import summarise
 from middeck.structure.suspension.attitude import estimate_attitude
+from middeck.structure.suspension.hanging import sag
 
 # From this many coordinates on, all modes take longer than anybody waits for the few that are shown.
 LARGE = 2000
@@ -120,9 +121,12 @@ def _tilted(rest: Equilibrium) -> tuple[str, ...]:
     environment = rest.environment
     if not rest.converged or not environment.hung or environment.clamps or not np.any(environment.gravity):
         return ()
-    tilt = float(np.degrees(np.linalg.norm(estimate_attitude(rest).tilt)))
+    attitude = estimate_attitude(rest)
+    tilt = float(np.degrees(np.linalg.norm(attitude.tilt)))
     if tilt < TILTED_DEG:
         return ()
+    if said := sag(attitude):
+        return (f"{said} (`middeck check` has more)",)
     return (f"the article hangs tilted by {tilt:.0f} deg; it was drawn level (`middeck check` has more)",)
 
 

@@ -35,6 +35,17 @@ up = click.option(
 PNG_DPI = 150
 
 
+def check_up(up: str | None, file: str | None) -> None:
+    """Fails where nothing is drawn upwards: beside no figure, and beside a file in the world's own axes."""
+    if up is not None and file is None:
+        raise click.UsageError(
+            f"--up {up} turns what --figure draws, and no figure is asked for; which way is down for the "
+            "article, the environment says: gravity_direction in its [constants]"
+        )
+    if up is not None and Path(str(file)).suffix.lower() == ".vtu":
+        raise click.UsageError(f"--up {up} turns pictures; a .vtu has the world's own axes")
+
+
 def write_figure(drawn: Figure, file: str, *, key: str, title: str, description: str) -> None:
     """Write ``drawn`` whole or not at all, in the form of the file's ending; no date, no versions."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

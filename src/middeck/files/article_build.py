@@ -184,7 +184,7 @@ def _centred_section(form: forms.SectionForm, materials: dict[str, forms.Materia
             rho_I_y=form.rho_I_y_kg_m or 0.0,
             rho_I_z=form.rho_I_z_kg_m or 0.0,
         )
-        return dataclasses.replace(coupled, mass=MemberMass(form.mass))
+        return dataclasses.replace(coupled, density=form.density_kg_m3, mass=MemberMass(form.mass))
     return Section(
         EA=form.EA_n or 0.0,
         GJ=form.GJ_nm2 or 0.0,
@@ -195,6 +195,7 @@ def _centred_section(form: forms.SectionForm, materials: dict[str, forms.Materia
         rho_I_z=form.rho_I_z_kg_m or 0.0,
         GA_y=form.GA_y_n or np.inf,
         GA_z=form.GA_z_n or np.inf,
+        density=form.density_kg_m3,
         mass=MemberMass(form.mass),
     )
 

@@ -63,6 +63,7 @@ class SectionForm(Form):
     """A round tube (material, diameters, shear coefficient), or a section by its stiffnesses or their matrix.
 
     ``mass`` is the formulation of an element's mass, see `MemberMass`; for ``stiffness`` `coupled_section`.
+    ``density_kg_m3`` is that of the material of a section without one; doubts about units look at it alone.
     """
 
     material: str | None = None
@@ -78,6 +79,7 @@ class SectionForm(Form):
     rho_A_kg_per_m: NotNegative | None = None
     rho_I_y_kg_m: NotNegative | None = None
     rho_I_z_kg_m: NotNegative | None = None
+    density_kg_m3: NotNegative | None = None
     stiffness: SectionStiffness | None = None
     centroid_m: Plane = (0.0, 0.0)
     shear_centre_m: Plane = (0.0, 0.0)

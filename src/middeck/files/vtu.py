@@ -12,7 +12,7 @@ from middeck.structure.modes.drawing import Drawing
 
 LINE = 3  # VTK's number of this cell: two points, which every reader knows
 # Numbers of the parts of a drawing in the array "part".
-PARTS = ("member", "section", "rigid", "body", "spring", "bushing", "cable", "component")
+PARTS = ("member", "section", "rigid", "body", "spring", "bushing", "cable", "component", "link")
 
 
 def write_vtu(path: str | Path, drawing: Drawing) -> None:

@@ -44,6 +44,7 @@ MARKS: dict[str, dict[str, Any]] = {
 WORDS = {"ground": "bushing to the ground"}
 BOX = "body, as the uniform box of its size or inertia"
 PART = "component, from its centre of mass to its grids"
+LINKED = "link that leaves some motion free"
 BOXED: dict[str, Any] = {
     "linestyle": "", "marker": "s", "markersize": 6.0, "color": COLOUR["ink"], "markerfacecolor": "none",
 }  # fmt: skip
@@ -54,9 +55,9 @@ ARROW: dict[str, Any] = {
     "shrinkB": 0.0,
     "mutation_scale": 6,
 }
-THICK = {"member": 1.5, "body": 0.7, "section": 0.5, "rigid": 0.8, "spring": 0.8, "bushing": 0.8,
+THICK = {"member": 1.5, "body": 0.7, "section": 0.5, "rigid": 0.8, "link": 0.8, "spring": 0.8, "bushing": 0.8,
          "component": 0.9}  # fmt: skip
-DASHED = {"component": (0.0, (3.0, 1.6))}
+DASHED = {"component": (0.0, (3.0, 1.6)), "link": (0.0, (0.8, 1.6))}
 
 
 class Shown(NamedTuple):
@@ -230,9 +231,10 @@ def _entries(drawings: Sequence[Drawing]) -> list[Line2D]:
     lines = {line.what for drawing in drawings for line in drawing.lines}
     if "body" in lines:
         entries.append(Line2D([], [], label=BOX, **BOXED))
-    if "component" in lines:
-        look: Any = {"linestyle": DASHED["component"], "linewidth": THICK["component"]}
-        entries.append(Line2D([], [], label=PART, color=COLOUR["ink"], **look))
+    for what, label in (("component", PART), ("link", LINKED)):
+        if what in lines:
+            look: Any = {"linestyle": DASHED[what], "linewidth": THICK[what]}
+            entries.append(Line2D([], [], label=label, color=COLOUR["ink"], **look))
     return entries
 
 

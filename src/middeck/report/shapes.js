@@ -7,8 +7,8 @@
   const [mode, play, scale, speed, colour, legend] = ["mode", "play", "scale", "speed", "colour", "legend"].map(byId);
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const thick = {member: 2.2, body: 1.1, section: 0.8, rigid: 1.2, spring: 1.2, bushing: 1.2, component: 1.3, cable: 1};
-  const dashes = what => what === "component" ? [6, 4] : [];
+  const thick = {member: 2.2, body: 1.1, section: 0.8, rigid: 1.2, link: 1.2, spring: 1.2, bushing: 1.2, component: 1.3, cable: 1};
+  const dashes = what => what === "component" ? [6, 4] : what === "link" ? [2, 4] : [];
   let [turn, tilt] = data.eye, zoom = 1, phase = Math.PI / 2, playing = false, last = 0;
   document.documentElement.classList.add("js");
 

@@ -49,6 +49,7 @@ def verb(
     from middeck.structure.gravity.comparison import compare_modes
     from middeck.structure.model.environment import Environment
 
+    figures.check_up(up, figure_file)
     files = find_case(article, environment)
     structure, surroundings = load_setup(*files, overrides)
     orbit = solve_in(structure, Environment.orbit(), files[0], count=count)

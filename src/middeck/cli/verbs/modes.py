@@ -69,6 +69,7 @@ def verb(
     from middeck.files.documents import load_setup
     from middeck.structure.summary.summary import summarise
 
+    figures.check_up(up, figure_file)
     files = find_case(article, environment)
     structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
     with reading(*files):

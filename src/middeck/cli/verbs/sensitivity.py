@@ -24,6 +24,8 @@ Examples:
     --mode "first torsion" --top 10
 """
 TOP = 20  # rows of each mode that was asked for
+NOTHING = 1e-12  # of dlnf/dlnp (of df/dp of what is zero): rounding
+SMALL = 5e-5  # of dlnf/dlnp: four decimals would say zero
 
 
 @click.command("sensitivity", cls=options.Verb, epilog=EPILOG)
@@ -162,9 +164,11 @@ def _tables(document: dict[str, Any], chosen: list[int], top: int | None) -> lis
     if not any(f > 0.0 for f in document["frequency_hz"]):
         blocks.append("\nall modes shown are rigid: omega = 0 has no derivative; a larger --count shows more")
     if not chosen and top is None:
-        rows = [_row(document, p, m) for p in every for m in modes if _has_slope(document, p, m)]
+        idle = [p for p in every if all(_is_nothing(document, p, m) for m in modes)]
+        busy = [p for p in every if p not in idle]
+        rows = [_row(document, p, m) for p in busy for m in modes if _has_slope(document, p, m)]
         blocks.append(Table("derivatives of the frequencies", FREQUENCIES, rows))
-        return [*blocks, *_rest_table(document, list(every))]
+        return [*blocks, *_idle_note(document, idle), *_rest_table(document, list(every))]
     left: set[int] = set()
     for m in chosen or modes:
         kept = [p for p in _largest_first(document, m) if _has_slope(document, p, m)][:top]
@@ -179,6 +183,25 @@ FREQUENCIES = ["parameter", "value", "unit", "mode", "Hz", "dHz per unit", "dlnf
 
 def _has_slope(document: dict[str, Any], parameter: int, mode: int) -> bool:
     return document["parameters"][parameter]["d_hz"][mode] is not None
+
+
+def _is_nothing(document: dict[str, Any], parameter: int, mode: int) -> bool:
+    """Whether a mode's frequency has a slope there, and that is none but for rounding."""
+    p = document["parameters"][parameter]
+    share = p["d_hz"][mode] if p["relative"][mode] is None else p["relative"][mode]
+    return _has_slope(document, parameter, mode) and abs(share) <= NOTHING
+
+
+def _idle_note(document: dict[str, Any], idle: list[int]) -> list[str]:
+    from middeck.structure.model.connectivity import some_names
+
+    if not idle:
+        return []
+    named = some_names([document["parameters"][p]["name"] for p in idle])
+    return [
+        f"\nno frequency shown depends on {named} to first order: in these modes it neither strains nor "
+        "moves, or works by its square; a larger --count shows other modes"
+    ]
 
 
 def _largest_first(document: dict[str, Any], mode: int) -> list[int]:
@@ -202,8 +225,12 @@ def _row(document: dict[str, Any], parameter: int, mode: int) -> list[str]:
         str(mode),
         f"{document['frequency_hz'][mode]:.5f}",
         f"{p['d_hz'][mode]:+.5e}",
-        "-" if share is None else f"{share:+z.4f}",
+        "-" if share is None else _share(share),
     ]
+
+
+def _share(share: float) -> str:
+    return f"{share:+z.4f}" if abs(share) >= SMALL or abs(share) <= NOTHING else f"{share:+.0e}"
 
 
 def _rest_table(document: dict[str, Any], shown: list[int]) -> list[Table]:

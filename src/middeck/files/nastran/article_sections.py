@@ -61,6 +61,8 @@ def article_sections(
             "rho_I_z_kg_m": max(0.0, yy - rho * centre[0] ** 2),
             "mass": spread,
         }
+        if section.material.rho:
+            table["density_kg_m3"] = section.material.rho * mass_unit / units.length**3
         if any(centre):
             table["mass_centre_m"] = centre
         product |= abs(yz - rho * centre[0] * centre[1]) > PRODUCT * (yy + zz)

@@ -16,14 +16,18 @@ from middeck.files.nastran.case_control import read_selection
 from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.deck import Deck
 from middeck.files.nastran.entries import raise_some, read_entries
-from middeck.files.nastran.external import Bulk, component_of, geometry_of, has_card, read_bulk
-from middeck.files.nastran.formats import IDLE
+from middeck.files.nastran.external import GEOMETRY, Bulk, component_of, geometry_of, has_card, read_bulk
+from middeck.files.nastran.formats import IDLE, PLACED, PLACING
 from middeck.files.nastran.numbers import integer, real
 from middeck.files.nastran.units import Units
 from middeck.structure.model.component import Component
 
 _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*['\"]?([^'\",]+)['\"]?[^\n]*?UNIT\s*=\s*(\d+)", re.IGNORECASE)
 OWN = ("SEBULK", "SECONCT")
+# What a superelement's own section may hold beside idle cards: all else would change it.
+SETS = tuple(f"{kind}SET{end}" for kind in "ABCQ" for end in ("", "1"))
+PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH", "PMASS", "MAT1")
+WITHIN = frozenset(("EXTRN", "DMIG", "SPOINT", "PARAM", "EIGR", "EIGRL", *GEOMETRY, *SETS, *PROPERTIES))
 # Of the size: grids that are joined by place.
 NEAR = 1e-5
 LONGEST = 100_000  # points in a range
@@ -47,10 +51,7 @@ def read_assembly(path: str | Path, units: Units, name: str) -> tuple[Deck, dict
     bulk = read_bulk([path])
     places = geometry_of(bulk.main)
     files = _assigned(bulk, Path(path).parent)
-    moved = [card for card in bulk.main if card.name.startswith("SE") and card.name not in (*OWN, *IDLE)]
-    raise_some(
-        [_fault(card, "superelements that are moved, mirrored or nested are not read") for card in moved]
-    )
+    raise_some([*_unread(bulk)])
     parts: dict[str, Component] = {}
     for card in bulk.main:
         if card.name != "SEBULK":
@@ -73,6 +74,18 @@ def read_assembly(path: str | Path, units: Units, name: str) -> tuple[Deck, dict
     selection = read_selection(bulk.head[cend + 1 :])
     missing = tuple(bulk.missing)
     return Deck(str(path), selection, read_entries(cards), missing, not bulk.head, len(bulk.main)), parts
+
+
+def _unread(bulk: Bulk) -> Iterator[Fault]:
+    """Cards that place superelements, and what stands within them beside their matrices."""
+    for card in (*bulk.main, *(card for cards in bulk.supers.values() for card in cards)):
+        if card.name in PLACING:
+            yield _fault(card, f"{PLACING[card.name]}, which is not read", PLACED)
+    for number, cards in bulk.supers.items():
+        for card in cards:
+            if card.name not in (*IDLE, *WITHIN):
+                what = f"in superelement {number}, of which its matrices alone are read"
+                yield _fault(card, what, "put it into the matrices, or into the main bulk data")
 
 
 def _assigned(bulk: Bulk, folder: Path) -> dict[int, Path]:

@@ -11,6 +11,7 @@ from middeck.files.faults import Fault
 from middeck.files.nastran.coordinates import BASIC, Places
 from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.numbers import integer, real
+from middeck.files.nastran.scalars import ends_of, names_scalar
 
 # Of entries of a mass matrix that must vanish or agree, over their size: fields of eight columns.
 ROUNDING = 1e-5
@@ -42,25 +43,39 @@ def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[M
 
 
 def read_scalar_masses(
-    entries: Entries, places: Places, held: Mapping[int, str], riders: Container[int], faults: list[Fault]
+    entries: Entries,
+    places: Places,
+    scalars: Container[int],
+    held: Mapping[int, str],
+    riders: Container[int],
+    properties: Mapping[int, float],
+    faults: list[Fault],
 ) -> list[Mass]:
     """All CMASS1 and CMASS2, together on each grid; what the ground holds has any mass.
 
+    Those of scalar points (``scalars``) are passed over, see `read_elements`. ``properties`` are
+    those of PMASS.
     Appends to ``faults`` what is no rigid body: a mass between two grids, or one that is not the same in all
     directions that are free. ``riders`` move with other grids, in all directions.
     """
-    properties = _scalar_properties(entries, faults)
     found: dict[int, tuple[Entry, np.ndarray]] = {}
     for entry in entries.of("CMASS1", "CMASS2"):
-        ends = [(entry[f"g{i}"], entry[f"c{i}"]) for i in "12" if entry[f"g{i}"]]
+        if names_scalar(entry, scalars):
+            continue
+        try:
+            ends = ends_of(entry)
+        except ValueError as error:
+            faults.append(entry.fault(str(error), "g1"))
+            continue
         pid = entry.id if entry.name == "CMASS1" and entry["pid"] is None else entry.values[1]
         mass = entry["m"] if entry.name == "CMASS2" else properties.get(pid)
         if mass is None:
             faults.append(entry.fault(f"there is no PMASS {pid}", "pid"))
-        elif len(ends) != 1 or ends[0][1] not in range(1, 7):
-            faults.append(
-                entry.fault("a mass between two grids, or on a scalar point, is not converted", "g1")
-            )
+        elif len(ends) != 1:
+            faults.append(entry.fault("a mass between two grids is not converted", "g1"))
+        elif not ends[0][1]:
+            what = f"grid {ends[0][0]} has components, 1 to 6: which? only scalar points have none"
+            faults.append(entry.fault(what, "c1"))
         elif ends[0][0] not in places.grids:
             faults.append(entry.fault(f"there is no grid {ends[0][0]}", "g1"))
         elif mass < 0.0:
@@ -84,7 +99,7 @@ def read_scalar_masses(
     return masses
 
 
-def _scalar_properties(entries: Entries, faults: list[Fault]) -> dict[int, float]:
+def scalar_masses(entries: Entries, faults: list[Fault]) -> dict[int, float]:
     """Masses of PMASS, of which up to four stand on a card."""
     found: dict[int, float] = {}
     for entry in entries.of("PMASS"):

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from middeck.files.faults import Fault, raise_faults
 from middeck.files.nastran.numbers import integer, real
+from middeck.files.nastran.replication import Row, replicated
 from middeck.files.nastran.sections import Line
 
 ROW = 8  # fields in a row of either format
@@ -43,20 +44,20 @@ class Card(NamedTuple):
         return next(line for first, line in reversed(self.lines) if first <= field or not first)
 
 
-# One line cut up: a card's name or a continuation's mark, the fields, the mark at the end, whether its fields
-# are large, and the line. A plain tuple, for there are as many as lines.
-_Row = tuple[str, tuple[str, ...], str, bool, Line]
+# Places in a `Row`, one line cut up: a card's name or a continuation's mark, the mark at the end, whether its
+# fields are large, and the line. A plain tuple, for there are as many as lines.
 HEAD, TAIL, LARGE, LINE = 0, 2, 3, 4
 
 
 def join_cards(lines: Iterable[Line]) -> list[Card]:
     """The cards of bulk data ``lines``; raises `ConfigError` for lines that are no part of any card."""
     faults: list[Fault] = []
-    groups: list[list[_Row]] = []
-    apart: list[list[_Row]] = []  # continuations whose parents are elsewhere, each with its followers
-    group: list[_Row] = []
+    groups: list[list[Row]] = []
+    apart: list[list[Row]] = []  # continuations whose parents are elsewhere, each with its followers
+    group: list[Row] = []
     lines = list(lines)
-    texts = "\n".join([line[0] for line in lines]).upper().split("\n")  # all at once: a fifth of one by one
+    whole = "\n".join([line[0] for line in lines]).upper()
+    texts = whole.split("\n")  # all at once: a fifth of one by one
     for text, line in zip(texts, lines, strict=False):  # no lines are one text
         row = _cut_free(text, line) if "," in text else _cut_fixed(text, line)
         if isinstance(row, Fault):
@@ -80,6 +81,8 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     for group in groups:
         if group[-1][TAIL]:
             faults += _forgotten(group)
+    if "=" in whole:
+        groups = replicated(groups, faults)
     raise_faults(faults)
     return [_joined(group) for group in groups]
 
@@ -89,10 +92,10 @@ def _mark(text: str) -> str:
     return text.lstrip(MARKS).strip()
 
 
-def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
+def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[Fault]:
     """Put continuations that stand elsewhere behind the rows that end with their marks."""
     faults: list[Fault] = []
-    waiting: dict[str, list[list[_Row]]] = {}
+    waiting: dict[str, list[list[Row]]] = {}
     for group in apart:
         waiting.setdefault(_mark(group[0][HEAD]), []).append(group)
     for mark, found in waiting.items():
@@ -115,7 +118,7 @@ def _adopt(groups: list[list[_Row]], apart: list[list[_Row]]) -> list[Fault]:
     return faults
 
 
-def _forgotten(group: list[_Row]) -> list[Fault]:
+def _forgotten(group: list[Row]) -> list[Fault]:
     """A last row that announces a continuation, with a mark of its own, which is nowhere."""
     tail = group[-1][TAIL]
     if tail[:1] in MARKS and _mark(tail):
@@ -129,7 +132,7 @@ def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
     return Fault(file=file, line=number, key="", message=message, value=text.strip()[:40], hint=hint)
 
 
-def _joined(group: list[_Row]) -> Card:
+def _joined(group: list[Row]) -> Card:
     head, fields, _, _, line = group[0]
     if len(group) == 1:
         return Card(head, fields if fields and fields[-1] else _filled(list(fields)), ((0, line),))
@@ -157,7 +160,7 @@ def _filled(fields: list[str]) -> tuple[str, ...]:
     return tuple(fields)
 
 
-def _cut_fixed(text: str, line: Line) -> _Row:
+def _cut_fixed(text: str, line: Line) -> Row:
     if "\t" in text:
         text = text.expandtabs(8)
     text = text.rstrip()
@@ -179,7 +182,7 @@ def _large(head: str) -> str:
     return head if head[0] in MARKS else head.rstrip("*").rstrip()
 
 
-def _cut_free(text: str, line: Line) -> _Row | Fault:
+def _cut_free(text: str, line: Line) -> Row | Fault:
     head, *fields = map(str.strip, text.split(",")) if " " in text or "\t" in text else text.split(",")
     large = "*" in head
     room = ROW // 2 if large else ROW

@@ -176,12 +176,12 @@ def _equations(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Cons
         if terms:
             joins = tuple((grid, component) for grid, component, _ in terms)
             each = tuple((move,) for move in joins)
-            table = {"name": f"mpc{entry.id}_{number}", "term": _term_rows(places, terms)}
+            table = {"name": f"mpc{entry.id}_{number}", "term": term_rows(places, terms)}
             yield Constraint("equation", table, entry, "terms", joins, joins[:1], each)
 
 
-def _term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
-    """Grids, components in their axes and factors as terms in W."""
+def term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
+    """Grids, components in their axes and factors as terms of an equation in W."""
     total: dict[tuple[int, str], float] = {}
     for grid, component, factor in terms:
         axes = places.displacement_axes(grid) if grid in places.grids else np.eye(3)
@@ -215,7 +215,7 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
             for (grid, component), row in zip(rigid.dependent, factors.tolist(), strict=True):
                 follows = [(g, c, -f) for (g, c), f in zip(rigid.independent, row, strict=True) if f != 0.0]
                 table = {"name": f"{name}_g{grid}_{component}"}
-                table |= {"term": _term_rows(places, [(grid, component, 1.0), *follows])}
+                table |= {"term": term_rows(places, [(grid, component, 1.0), *follows])}
                 joins = ((grid, component), *((g, c) for g, c, _ in follows))
                 yield Constraint("equation", table, entry, key, joins, joins[:1], (joins[:1],))
 
@@ -230,6 +230,9 @@ def _terms(entry: Entry, faults: list[Fault]) -> list[tuple[int, str, float]]:
             if three == [None] * 3:
                 continue
             grid, component, factor = integer(three[0] or ""), three[1] or "", real(three[2] or "")
+            if grid is not None and component in ("", "0") and factor is not None:
+                faults.append(entry.fault(f"scalar point {grid} in an equation: not converted yet", "terms"))
+                return []
             if grid is None or component not in tuple(ALL) or factor is None:
                 faults.append(entry.fault(f"{three} is no grid, component 1 to 6 and factor", "terms"))
                 return []

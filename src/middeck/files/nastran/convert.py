@@ -16,27 +16,40 @@ from middeck.files.nastran.article_sections import (
     lumps,
     taper_notes,
 )
-from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses
+from middeck.files.nastran.bodies import Mass, merged, read_masses, read_scalar_masses, scalar_masses
 from middeck.files.nastran.constraints import (
     Constraint,
     check_dependent,
     joined_components,
     read_constraints,
+    term_rows,
     that_matter,
 )
 from middeck.files.nastran.coordinates import Places, place_grids
 from middeck.files.nastran.deck import Deck, asked_formulation, read_deck, real_parameter
 from middeck.files.nastran.direct_input import NAME, direct_component
 from middeck.files.nastran.entries import Entries, Entry, raise_some
+from middeck.files.nastran.formats import DIVIDING
 from middeck.files.nastran.loads import LoadSets
 from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.members import NAMES, RODS, Bar, own_axes, read_bars
 from middeck.files.nastran.numbers import integer
 from middeck.files.nastran.restraints import clamp, read_restraints
 from middeck.files.nastran.rigid_links import ALL, find_carriers
+from middeck.files.nastran.scalars import (
+    MASSES,
+    WAY,
+    Element,
+    ScalarNodes,
+    held_points,
+    read_elements,
+    scalar_nodes,
+    scalar_points,
+    tie_terms,
+)
 from middeck.files.nastran.sections_of_bars import read_material
 from middeck.files.nastran.ties import Tie, read_ties
-from middeck.files.nastran.units import Units, guess_units
+from middeck.files.nastran.units import Units, doubt_modulus, guess_units
 from middeck.structure.model.component import Component
 from middeck.structure.model.connectivity import separate_parts, some_names
 
@@ -45,7 +58,7 @@ __all__ = ["Conversion", "Formulation", "convert_deck", "likely_units", "read_de
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
 NO_PART = {
-    "sets of a reduction: the article is not reduced": (*REDUCTION, "SPOINT"),
+    "sets of a reduction: the article is not reduced": REDUCTION,
     "an article that is free needs none": ("SUPORT", "SUPORT1"),
     "how to solve": ("EIGR", "EIGRL"),
 }
@@ -128,12 +141,20 @@ class _Converter:
         self._check_systems(faults)
         bars = read_bars(entries, self.places, faults)
         masses = read_masses(entries, self.places, faults)
-        held = read_restraints(self.deck, self.places, faults)
+        points = scalar_points(entries, self.places, faults)
+        held = read_restraints(self.deck, self.places, points, faults)
+        properties = scalar_masses(entries, faults)
+        scalars = self._scalars(points, properties, held, faults)
         direct = direct_component(self.deck, self.units, faults)
         constraints = read_constraints(self.deck, self.places, faults)
-        ties = read_ties(entries, self.places, held, faults)
-        masses += read_scalar_masses(entries, self.places, held, _linked(entries), faults)
+        ties = read_ties(entries, self.places, points, held, faults)
+        masses += read_scalar_masses(entries, self.places, points, held, _linked(entries), properties, faults)
+        if direct is not None and direct.modal and scalars:
+            what = "matrices by direct input have scalar points of their own: not converted yet beside them"
+            faults.append(scalars[0].entry.fault(what))
         raise_some(faults)
+        constraints = [self._in_metres(c) for c in constraints]
+        constraints += [self._tied(element) for element in scalars if element.has_node]
         parts |= {} if direct is None else {f"{name}-{NAME}.npz": direct}
         joined = [tuple(int(frame[1:]) for frame in part.frames) for part in parts.values()]
         met = {grid for part in (*bars, *ties, *constraints) for grid in part.grids} | _linked(entries)
@@ -160,14 +181,15 @@ class _Converter:
         bodies = merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses)
         kept = {carriers.get(grid, grid) for grid in used}
         links = [*(c.grids for c in tied), *riders.items()]
-        self._check_whole(kept, bars, ties, [*links, *joined], carriers)
+        self._check_whole(kept, bars, ties, [*links, *joined], scalars, carriers)
         loads = LoadSets(self.deck, self.places, carriers, kept)
         cases = loads.cases(self.units, faults)
         raise_some(faults)
-        self._account(used | set(held), carriers, direct)
+        self._account(used | set(held), carriers, direct, scalars)
         sections, struts = self._members(bars, carriers)
         pinned, pins = self._pins(bars, carriers)
-        points, bushings, grounds = self._ties(ties, carriers)
+        single = self._scalar_nodes(scalars)
+        riding, bushings, grounds = self._ties(ties, carriers)
         clamps = [
             clamp(grid, held[grid], self.places)
             for grid in self.places.grids
@@ -205,11 +227,14 @@ class _Converter:
                 "title": f"{name} (from {self.deck.path.rsplit('/', 1)[-1]})",
                 "mesh": {"elements_per_strut": 1},
                 "section": sections,
-                "node": [self._node(g, bodies.get(g)) for g in self.places.grids if g in kept] + pinned,
+                "node": [self._node(g, bodies.get(g)) for g in self.places.grids if g in kept]
+                + pinned
+                + single.nodes,
                 "strut": struts,
                 "attach": [self._rider(g, carriers[g]) for g in self.places.grids if carriers.get(g) in kept]
-                + points,
-                "bushing": bushings,
+                + riding
+                + single.attach,
+                "bushing": bushings + single.bushings,
                 "component": [
                     {
                         "name": part.name,
@@ -225,7 +250,7 @@ class _Converter:
                 + [c.table for c in tied if c.kind == "link"]
                 + pins,
                 "interpolation": [c.table for c in tied if c.kind == "interpolation"],
-                "equation": [self._summed(c.table) for c in tied if c.kind == "equation"],
+                "equation": [c.table for c in tied if c.kind == "equation"],
                 "load_case": cases,
             }
         )
@@ -235,22 +260,24 @@ class _Converter:
                 "(without mass, or the triangle inequality)"
             )
         converted = Counter(bar.entry.name for bar in bars)
-        converted.update(entry.name for entry in entries.of("CONM1", "CONM2", "CMASS1", "CMASS2"))
+        converted.update(entry.name for entry in entries.of("CONM1", "CONM2", *MASSES))
+        converted.update(element.entry.name for element in scalars if not element.is_mass)
         converted.update(tie.entry.name for tie in ties)
         converted["components"] = len(parts)
-        converted.update(c.entry.name for c in tied)
+        alone = {id(element.entry) for element in scalars}
+        converted.update(c.entry.name for c in tied if id(c.entry) not in alone)
         converted["clamped grids"] = len(clamps)
         converted["load cases"] = len(cases)
         converted["grids that are nodes"] = len(kept)
         converted["grids that ride rigidly"] = sum(carriers.get(g, g) in kept for g in carriers)
         read = {name: len(found) for name, found in entries.by_name.items()}
-        constants, notes = loads.constants(bool(clamps or grounds))
+        constants, notes = loads.constants(bool(clamps or grounds or single.grounds))
         self.notes += notes
         self.left_out += loads.refused
         converted["gravity"] = len(constants) and 1
         environment = {"schema": 1, "name": f"{name}-supports"}
         environment |= {"constants": constants} if constants else {}
-        environment |= {"clamp": clamps + shifts + turns, "bushing": grounds}
+        environment |= {"clamp": clamps + shifts + turns + single.clamps, "bushing": grounds + single.grounds}
         return Conversion(
             document,
             read,
@@ -314,6 +341,7 @@ class _Converter:
         bars: list[Bar],
         ties: list[Tie],
         links: list[tuple[int, ...]],
+        scalars: list[Element],
         carriers: dict[int, int],
     ) -> None:
         """A part of its own would float beside the rest."""
@@ -322,28 +350,47 @@ class _Converter:
             tuple(f"{carriers.get(g, g)}" for g in bar.grids) for bar in (*bars, *ties) if len(bar.grids) > 1
         ]
         pairs += [(f"{grids[0]}", f"{g}") for grids in links for g in grids[1:]]
-        parts = separate_parts([f"{g}" for g in self.places.grids if g in kept], [(a, b) for a, b in pairs])
-        if not kept:
+        single = {f"s{point}": element.entry for element in scalars for point in element.points}
+        for element in scalars:
+            ends = [
+                f"s{point}" if not component else f"{carriers.get(point, point)}"
+                for point, component in element.ends
+            ]
+            pairs += [(ends[0], end) for end in ends[1:]]
+        names = [f"{g}" for g in self.places.grids if g in kept]
+        parts = separate_parts([*names, *single], [(a, b) for a, b in pairs])
+        if not names and not single:
             message = "there is no bar, beam or rod in this deck, and no spring or mass"
             raise_some([Fault(file=self.deck.path, line=0, key="", message=message)])
         raise_some(
             [
-                grid[int(part[0])].fault(
-                    f"no member or rigid link joins grid {some_names(part)} to the rest",
+                (single[part[0]] if part[0] in single else grid[int(part[0])]).fault(
+                    f"no member, spring or rigid link joins {_points(part)} to the rest",
                     hint="one structure in a deck",
                 )
                 for part in parts[1:]
             ]
         )
 
-    def _account(self, used: set[int], carriers: dict[int, int], direct: Component | None) -> None:
+    def _account(
+        self,
+        used: set[int],
+        carriers: dict[int, int],
+        direct: Component | None,
+        scalars: list[Element],
+    ) -> None:
         entries, deck = self.deck.entries, self.deck
         for why, names in NO_PART.items():
             for name in names:
-                if name != "SPOINT" or not direct or not direct.modal:  # else its modal coordinates
+                if name != "SPOINT":
                     self._leave(name, len(entries.of(name)), why)
+        if not scalars and (direct is None or not direct.modal):  # else its modal coordinates
+            self._leave("SPOINT", len(entries.of("SPOINT")), "nothing stands on these scalar points")
         for name, count in sorted(deck.entries.idle.items()):
-            self._leave(name, count, "no part in stiffness and mass")
+            divides = "which superelement something is in: the article is not divided"
+            self._leave(name, count, divides if name in DIVIDING else "no part in stiffness and mass")
+        inside = [e for e in entries.of("GRID") if e["seid"]]
+        self._leave("GRID SEID", len(inside), "which superelement they are in: the article is not divided")
         idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
         self._leave("DMIG", len(idle), "not selected by case control")
         bare = set(self.places.grids) - used - set(carriers) - set(carriers.values())
@@ -358,6 +405,9 @@ class _Converter:
             self.notes.append("bulk data only: no case control, nothing is selected")
         if deck.entries.of("ASET", "ASET1"):
             self.notes.append("the deck reduces to its ASET: the article keeps all degrees of freedom")
+        for card in entries.of("MAT1"):
+            doubt = doubt_modulus(self.units, card["e"] or 0.0)
+            self.notes += [f"{card.label} has {doubt}: are the units {self.units.name}?"] * bool(doubt)
         asked = asked_formulation(deck)
         if asked != self.formulation and entries.of(*NAMES):
             self.notes.append(
@@ -474,6 +524,42 @@ class _Converter:
                 grounds.append({"name": name, "attach": ends[0], **law})
         return points, between, grounds
 
+    def _scalars(
+        self,
+        points: dict[int, Entry],
+        masses: dict[int, float],
+        held: dict[int, str],
+        faults: list[Fault],
+    ) -> list[Element]:
+        """Springs and masses with scalar points that are free to move."""
+        entries = self.deck.entries
+        values = {"PELAS": {e.id: e["k"] for e in entries.of("PELAS")}, "PMASS": masses}
+        still = held_points(self.deck, points, faults)
+        return read_elements(entries, points, self.places, values, (held, still), faults)
+
+    def _tied(self, element: Element) -> Constraint:
+        """The equation that moves an element's own node as what it sees of grids and scalar points."""
+        terms: list[dict[str, Any]] = []
+        for node, end, factor in tie_terms(element):
+            if end is None:
+                terms.append({"frame": node, "direction": WAY, "coefficient": factor})
+            else:
+                terms += self._scaled(term_rows(self.places, [(end[0], f"{end[1]}", factor)]))
+        moves = tuple((grid, f"{component}") for grid, component in element.grids)
+        table = {"name": element.name, "term": terms}
+        return Constraint("equation", table, element.entry, "g1", moves, (), ())
+
+    def _scalar_nodes(self, scalars: list[Element]) -> ScalarNodes:
+        units = self.units
+        if scalars:
+            names = some_names([f"{p}" for p in dict.fromkeys(p for e in scalars for p in e.points)])
+            self.notes.append(
+                f"scalar point {names} is a node that turns about x, one metre as one radian, "
+                "so that it has no weight; its mass counts as inertia, and the environment holds its other "
+                "motions"
+            )
+        return scalar_nodes(scalars, self.places, units.length, self.mass_unit, units.force / units.length)
+
     def _node(self, grid: int, body: Mass | None) -> dict[str, Any]:
         place, length = self.places.grids[grid], self.units.length
         x, y, z = place * length
@@ -494,13 +580,18 @@ class _Converter:
                 self.rotors.append(f"{grid}")
         return node
 
-    def _summed(self, table: dict[str, Any]) -> dict[str, Any]:
+    def _scaled(self, terms: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """Factors of turns times the length unit: shifts are in metres."""
-        terms = [
+        return [
             t | {"coefficient": t["coefficient"] * (self.units.length if t["direction"][0] == "r" else 1.0)}
-            for t in table["term"]
+            for t in terms
         ]
-        return table | {"term": terms}
+
+    def _in_metres(self, constraint: Constraint) -> Constraint:
+        if constraint.kind != "equation" or not constraint.table:
+            return constraint
+        table = constraint.table | {"term": self._scaled(constraint.table["term"])}
+        return constraint._replace(table=table)
 
     def _rider(self, grid: int, carrier: int) -> dict[str, Any]:
         offset = (self.places.grids[grid] - self.places.grids[carrier]) * self.units.length
@@ -509,6 +600,14 @@ class _Converter:
 
 def _filled(document: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in document.items() if value != []}
+
+
+def _points(names: list[str]) -> str:
+    """Grids and scalar points by number."""
+    scalars = [name[1:] for name in names if name[0] == "s"]
+    grids = [name for name in names if name[0] != "s"]
+    said = [f"grid {some_names(grids)}"] if grids else []
+    return " and ".join([*said, *([f"scalar point {some_names(scalars)}"] if scalars else [])])
 
 
 def _turns(body: Mass) -> bool:

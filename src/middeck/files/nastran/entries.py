@@ -17,7 +17,9 @@ from middeck.files.nastran.formats import (
     IDLE,
     NOT_YET,
     PARSED,
+    PLACED,
     PLACES,
+    PLACING,
     REDUCE,
     REQUIRED,
     Format,
@@ -34,7 +36,7 @@ SHOWN = 20  # faults in one report
 SPACES = {
     "GRID": "grid",
     **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CONM1", "CONM2", "CELAS1", "CELAS2"), "element"),
-    **dict.fromkeys(("CMASS1", "CMASS2"), "element"),
+    **dict.fromkeys(("CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS3", "CELAS4"), "element"),
     **dict.fromkeys(("CBUSH", "RBE1", "RBE2", "RBE3", "RBAR"), "element"),
     **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH"), "property"),
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
@@ -293,6 +295,8 @@ def _refusal(name: str, found: list[Card]) -> Fault:
     count = f"{len(found)} of them" if len(found) > 1 else "one of them"
     if name in CONTINUA:
         message, hint = f"shells and solids are not read ({count})", REDUCE
+    elif name in PLACING:
+        message, hint = f"{PLACING[name]}, which is not read ({count})", PLACED
     elif name in NOT_YET:
         message, hint = f"not converted yet, and without it the modes would be others ({count})", ""
     else:

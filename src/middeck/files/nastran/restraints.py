@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import Any
 
 from middeck.files.faults import Fault
@@ -13,8 +14,13 @@ from middeck.files.nastran.rigid_links import ALL, expand
 from middeck.structure.model.clamps import LETTERS
 
 
-def read_restraints(deck: Deck, places: Places, faults: list[Fault]) -> dict[int, str]:
-    """Held components by grid; appends to ``faults`` what is wrong or has no clamp."""
+def read_restraints(
+    deck: Deck, places: Places, scalars: Container[int], faults: list[Fault]
+) -> dict[int, str]:
+    """Held components by grid; appends to ``faults`` what is wrong or has no clamp.
+
+    Scalar points (``scalars``) are passed over: see `held_points`.
+    """
     found: dict[int, set[str]] = {}
     default = default_components(deck.entries)
     for entry in deck.entries.of("GRID"):
@@ -28,6 +34,8 @@ def read_restraints(deck: Deck, places: Places, faults: list[Fault]) -> dict[int
         faults.append(Fault(file=line[1], line=line[2], key="SPC", message=what, hint=hint))
     for entry in deck.selected("SPC"):
         for key, grid, components in _terms(entry, places, faults):
+            if grid in scalars:
+                continue
             if grid not in places.grids:
                 faults.append(entry.fault(f"there is no grid {grid}", key))
             elif not components:

@@ -7,7 +7,7 @@ refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from middeck.files.nastran.coordinates import BASIC, Places
 from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.members import own_axes
 from middeck.files.nastran.numbers import real
+from middeck.files.nastran.scalars import ends_of, names_scalar
 
 ROW = 8
 APART = 1e-9  # of a length, and the sine between directions that are one
@@ -33,14 +34,24 @@ class Tie(NamedTuple):
     stiffness: np.ndarray
 
 
-def read_ties(entries: Entries, places: Places, held: Mapping[int, str], faults: list[Fault]) -> list[Tie]:
+def read_ties(
+    entries: Entries,
+    places: Places,
+    scalars: Container[int],
+    held: Mapping[int, str],
+    faults: list[Fault],
+) -> list[Tie]:
     """All CBUSH, CELAS1 and CELAS2 of some stiffness; appends to ``faults`` what cannot be represented.
+
+    Springs of scalar points (``scalars``) are passed over: see `read_elements`.
 
     A scalar spring at a component that the ground holds (``held``, by grid) is one to the ground.
     """
     found: list[Tie] = []
     properties = entries.numbered("PELAS", "PBUSH")
     for entry in entries.of("CBUSH", "CELAS1", "CELAS2"):
+        if entry.name != "CBUSH" and names_scalar(entry, scalars):
+            continue
         try:
             if entry.name == "CBUSH":
                 tie = _bushing(entry, properties, places)
@@ -72,11 +83,10 @@ def _spring(
     entry: Entry, properties: dict[int, Entry], places: Places, held: Mapping[int, str]
 ) -> Tie | None:
     k = (_property(entry, properties, "PELAS") if entry.name == "CELAS1" else entry)["k"]
-    ends = [(entry[f"g{i}"], entry[f"c{i}"]) for i in "12" if entry[f"g{i}"]]
-    if not ends or any(component not in range(1, 7) for _, component in ends):
-        raise ValueError(
-            "a spring needs a grid and a component of 1 to 6; scalar points are not converted yet"
-        )
+    ends = ends_of(entry)
+    whole = [grid for grid, component in ends if not component]
+    if whole:
+        raise ValueError(f"grid {whole[0]} has components, 1 to 6: which? only scalar points have none")
     if k < 0.0:
         raise ValueError("a negative stiffness is not converted")
     points = [_place(grid, places) for grid, _ in ends]
@@ -88,8 +98,6 @@ def _spring(
     stiffness = np.zeros(6)
     stiffness[ends[0][1] - 1] = k
     if len(ends) == 2:
-        if ends[0] == ends[1]:
-            raise ValueError("it joins a component to itself")
         (one, other), turns = (c - 1 for _, c in ends), [c > 3 for _, c in ends]
         first, second = frames[0][:, one % 3], frames[1][:, other % 3]
         span = points[1] - points[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ COMMON = (
 )
 # Of solids that are built with, from wood to carbon fibres and tungsten.
 YOUNG, DENSITY, SIZE = (1e8, 1.5e12), (100.0, 2.3e4), (1e-3, 2e3)
+BUILT = (1e10, 5e11)  # of the most common: light alloys, fibres, steel
 ROUNDING = 1e-6  # of a force that people round
 
 
@@ -84,6 +86,23 @@ def guess_units(materials: Sequence[tuple[float, float]], size: float) -> list[U
 
     fitting = [u for u in map(parse_units, COMMON) if _plausible(u, materials, size)]
     return sorted(fitting, key=distance)
+
+
+def doubt_modulus(units: Units, E: float) -> str:
+    """What is wrong with a Young's modulus in ``units``, and in which others it is one; else nothing.
+
+    A power of ten is one for form's sake, of a beam that is given by E A and E I.
+
+    >>> doubt_modulus(parse_units("m-kg-s-N"), 7e4)
+    "a Young's modulus of 7e+04 Pa, which nothing has that is built with; in mm-t-s-N it is 7e+10 Pa"
+    """
+    found = E * units.force / units.length**2
+    if E <= 0.0 or YOUNG[0] <= found <= YOUNG[1] or abs(math.remainder(math.log10(E), 1.0)) < ROUNDING:
+        return ""
+    said = f"a Young's modulus of {found:.4g} Pa, which nothing has that is built with"
+    others = [(u, E * u.force / u.length**2) for u in map(parse_units, COMMON)]
+    better = [(u, e) for u, e in others if BUILT[0] <= e <= BUILT[1]]
+    return said + (f"; in {better[0][0].name} it is {better[0][1]:.4g} Pa" if better else "")
 
 
 def _plausible(units: Units, materials: Sequence[tuple[float, float]], size: float) -> bool:

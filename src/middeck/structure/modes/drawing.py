@@ -23,6 +23,7 @@ from middeck.structure.elements.frames import (
 )
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
+from middeck.structure.model.links import Interpolation, Link
 from middeck.structure.modes.recovery import inner_points
 from middeck.structure.modes.repeated import repeated
 from middeck.structure.modes.solve import Modes
@@ -48,7 +49,8 @@ POINT, POINT_M = 1e-9, 1.0
 class Line(NamedTuple):
     """Consecutive points ``first`` to ``last``, the latter not among them, that are joined.
 
-    ``what`` is "member", "section" (around a member), "rigid" (an offset or an arm), "body", "spring",
+    ``what`` is "member", "section" (around a member), "rigid" (an offset, an arm or a link of all six
+    motions), "link" (any other, and from a frame that follows to those that it follows), "body", "spring",
     "bushing", "component" (from its centre of mass to a grid or to a point of its outputs) or "cable";
     ``name`` that of the part.
     """
@@ -150,7 +152,7 @@ def _draw(
     size = _diagonal(points_in_world(model.points, model.drawn))
     seats = list(_seats(equilibrium))
     marked = PosePoints(np.array([s[1] for s in seats], dtype=int), _rows([s[2] for s in seats]))
-    strokes = [*_rigid(model), *_bodies(model, size), *_ties(model), *_sections(model, size)]
+    strokes = [*_rigid(model), *_links(model), *_bodies(model, size), *_ties(model), *_sections(model, size)]
     pieces = (
         _Piece((), *_moved(equilibrium, marked, shapes)),
         _members(equilibrium, shapes),
@@ -265,6 +267,23 @@ def _rigid(model: Model) -> Iterator[_Stroke]:
         frame, carrier = model.frames.index(joint.name), model.frames.index(joint.parent)
         arm = np.array([np.zeros(3), np.zeros(3), joint.body.cg])
         yield _Stroke("rigid", joint.name, [carrier, frame, frame], arm)
+
+
+def _links(model: Model) -> Iterator[_Stroke]:
+    """Arms of attach points, links to the point of their second frame, and averages as spiders."""
+    structure, none = model.structure, np.zeros(3)
+    for point in structure.attach_points:
+        if np.any(point.offset):
+            frame = model.frames.index(point.frame)
+            yield _Stroke("rigid", point.name, [frame, frame], np.array([none, point.offset]))
+    for link in structure.links:
+        first, *others = (model.frames.index(frame) for frame in link.frames)
+        if isinstance(link, Link):
+            what = "rigid" if (len(link.along), len(link.about)) == (3, 3) else "link"
+            yield _Stroke(what, link.name, [first, *others * 2], np.array([none, link.offset, none]))
+        elif isinstance(link, Interpolation):
+            for other in others:
+                yield _Stroke("link", link.name, [first, other], np.zeros((2, 3)))
 
 
 def _bodies(model: Model, size: float) -> Iterator[_Stroke]:

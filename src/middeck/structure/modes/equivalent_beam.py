@@ -31,6 +31,8 @@ FEWEST, MOST, FRAMES_EACH = 4, 12, 4
 RCOND = 1e-9
 # Of the length: what reaches less far along it is appended to the beam. And how many of these count.
 SHORT, FEW = 0.1, 4
+# Of the length: a line of members that reaches farther, with others along less of it, is a mast.
+LONG, BESIDE = 0.5, 0.2
 
 
 class BeamMotion(NamedTuple):
@@ -38,8 +40,10 @@ class BeamMotion(NamedTuple):
 
     ``names`` are characters of motion, ``share`` theirs in that of the sections, ``fit`` the part of the
     kinetic energy that this has, ``appended`` the part of the strain energy in the `FEW` short lines that
-    have most. ``lateral`` has the squares and the product of the motions along the two directions across: for
-    motion in one plane the projection on its direction, as trace of 1.
+    have most, ``mast`` the part in a line of members that is alone over most of the length, such as a boom
+    on a box: whatever moves the rest, that line bends, twists or stretches. ``lateral`` has the squares and
+    the product of the motions along the two directions across: for motion in one plane the projection on its
+    direction, as trace of 1; ``mast_lateral`` is that of the mast.
     """
 
     names: tuple[str, ...]
@@ -47,6 +51,8 @@ class BeamMotion(NamedTuple):
     fit: Float[np.ndarray, " mode"]
     appended: Float[np.ndarray, " mode"]
     lateral: Float[np.ndarray, "mode 2 2"]
+    mast: Float[np.ndarray, " mode"]
+    mast_lateral: Float[np.ndarray, "mode 2 2"]
 
 
 def on_one_line(equilibrium: Equilibrium) -> bool:
@@ -103,10 +109,19 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     share = energy / np.where(total > 0.0, total, 1.0)
     own = [(B[:, a:b] @ c[a:b])[: 3 * len(seen)].reshape(len(seen), 3, -1) for a, b in pairwise(width[2:])]
     aside = np.stack([np.einsum("i,pim->pm", e, f) for e, f in zip(across, own, strict=True)])
+    lines = _Lines(equilibrium, shapes, r[ends] @ axis)
+    on_mast = np.repeat(lines.of_element == lines.mast, 2)
+    own = np.einsum("ai,pim->apm", across, changes[ends[on_mast], :3])
+    return BeamMotion(
+        names, share, fit, lines.appended(), _planes_of(aside), lines.on_mast(), _planes_of(own)
+    )
+
+
+def _planes_of(aside: Float[np.ndarray, "2 point mode"]) -> Float[np.ndarray, "mode 2 2"]:
+    """Squares and product of two motions across, of a trace of 1."""
     lateral = np.einsum("apm,bpm->mab", aside, aside)
     size = np.trace(lateral, axis1=1, axis2=2)[:, None, None]
-    lateral = lateral / np.where(size > 0.0, size, 1.0)
-    return BeamMotion(names, share, fit, _appended(equilibrium, shapes, r[ends] @ axis), lateral)
+    return lateral / np.where(size > 0.0, size, 1.0)
 
 
 def turned_bodies(equilibrium: Equilibrium, poses: Poses) -> Float[np.ndarray, "body 3 3"]:
@@ -132,19 +147,41 @@ def _polynomials(s: np.ndarray, at: np.ndarray, terms: int) -> np.ndarray:
     return legendre.legvander(2.0 * (at - s.min()) / max(np.ptp(s), np.finfo(float).tiny) - 1.0, terms - 1)
 
 
-def _appended(equilibrium: Equilibrium, shapes: np.ndarray, s: np.ndarray) -> Float[np.ndarray, " mode"]:
-    """``s`` are the places of the ends of all elements along the axis."""
-    model = equilibrium.model
-    first, line = np.unique(straight_lines(model.structure), return_inverse=True)
-    of_end = np.repeat(line[model.element_member], 2)
-    low, high = np.full(len(first), np.inf), np.full(len(first), -np.inf)
-    np.minimum.at(low, of_end, s)
-    np.maximum.at(high, of_end, s)
-    energy = np.zeros((len(first), shapes.shape[1]))
-    np.add.at(energy, line, member_energy(equilibrium, shapes).T)
-    short = np.sort(energy[high - low < SHORT * np.ptp(s)], axis=0)[-FEW:].sum(axis=0)
-    whole = energy.sum(axis=0)
-    return short / np.where(whole > 0.0, whole, 1.0)
+class _Lines:
+    """Straight lines of members: their reach along the axis, and the strain energy of each mode there."""
+
+    def __init__(self, equilibrium: Equilibrium, shapes: np.ndarray, s: np.ndarray) -> None:
+        """``s`` are the places of the ends of all elements along the axis."""
+        model = equilibrium.model
+        first, line = np.unique(straight_lines(model.structure), return_inverse=True)
+        self.of_element = line[model.element_member]
+        of_end = np.repeat(self.of_element, 2)
+        self.low, self.high = np.full(len(first), np.inf), np.full(len(first), -np.inf)
+        np.minimum.at(self.low, of_end, s)
+        np.maximum.at(self.high, of_end, s)
+        self.energy = np.zeros((len(first), shapes.shape[1]))
+        np.add.at(self.energy, line, member_energy(equilibrium, shapes).T)
+        whole = self.energy.sum(axis=0)
+        self.whole = np.where(whole > 0.0, whole, 1.0)
+        self.length = float(np.ptp(s))
+        self.mast = self._mast(np.sort(s.reshape(-1, 2), axis=1))
+
+    def appended(self) -> Float[np.ndarray, " mode"]:
+        """The part of the energy in the `FEW` short lines that have most."""
+        short = self.energy[self.high - self.low < SHORT * self.length]
+        return np.sort(short, axis=0)[-FEW:].sum(axis=0) / self.whole
+
+    def on_mast(self) -> Float[np.ndarray, " mode"]:
+        """The part of the energy in the mast; none where there is none."""
+        return self.energy[self.mast] / self.whole if self.mast >= 0 else 0.0 * self.whole
+
+    def _mast(self, ends: Float[np.ndarray, "element 2"]) -> int:
+        """The longest line, if it is long and few members run beside it; else -1."""
+        line = int(np.argmax(self.high - self.low))
+        low, high = self.low[line], self.high[line]
+        beside = np.minimum(ends[:, 1], high) - np.maximum(ends[:, 0], low)
+        beside = np.maximum(beside, 0.0)[self.of_element != line].sum()
+        return line if high - low >= LONG * self.length and beside <= BESIDE * (high - low) else -1
 
 
 def _across(axis: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:

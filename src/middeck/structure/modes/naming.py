@@ -87,11 +87,12 @@ def deformation_names(
 ) -> list[Deformation]:
     """What deforms in each mode, not numbered.
 
-    Of an article along one line it is the deformation with most strain energy. Of any other it is the motion
-    of the whole as one beam, if `WHOLE` of the kinetic energy is that; else "local: PART" where parts with
-    half of the strain energy can be named or "local: turn of BODY" where that has half of the kinetic energy;
-    or "overall", with the deformation of the members. Two that are
-    nearly equal are both named, and modes of one frequency that `turn_apart` leaves alike are named alike.
+    Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
+    strain energy is in a mast (see `BeamMotion`). Of any other it is the motion of the whole as one beam, if
+    `WHOLE` of the kinetic energy is that; else "local: PART" where parts with half of the strain energy can
+    be named or "local: turn of BODY" where that has half of the kinetic energy; or "overall", with the
+    deformation of the members. Two that are nearly equal are both named, and modes of one frequency that
+    `turn_apart` leaves alike are named alike.
     """
     mean = _mean_of_groups(len(lam), repeated_apart(equilibrium.model.tree, M, lam, shapes))
     strain = mean @ strain_energy(equilibrium, shapes)
@@ -104,10 +105,11 @@ def deformation_names(
         named, of_it = leading_parts(parts, share[m])
         deformation = leading_parts(PARTS, strain[m] / max(strain[m].sum(), TINY))[0]
         tied = strain[m, len(PARTS) - TIES :].sum() > HALF * strain[m].sum()
-        if whole is not None and not tied and mean[m] @ whole.fit >= WHOLE > mean[m] @ whole.appended:
+        if whole is not None and not tied and mean[m] @ whole.mast >= WHOLE:
+            names.append(_bent(deformation, mean[m], whole.mast_lateral))
+        elif whole is not None and not tied and mean[m] @ whole.fit >= WHOLE > mean[m] @ whole.appended:
             words = leading_parts(whole.names, mean[m] @ whole.share)[0]
-            bent = np.einsum("n,nij->ij", mean[m], whole.lateral) if BENDING in words else None
-            names.append(Deformation(words, bent))
+            names.append(_bent(words, mean[m], whole.lateral))
         elif of_it >= HALF:
             names.append(Deformation(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}"))
         elif (turned := leading_parts(bodies, mean[m] @ turning))[1] >= HALF:
@@ -115,6 +117,10 @@ def deformation_names(
         else:
             names.append(Deformation(f"overall {deformation}"))
     return names
+
+
+def _bent(words: str, mean: np.ndarray, lateral: np.ndarray) -> Deformation:
+    return Deformation(words, np.einsum("n,nij->ij", mean, lateral) if BENDING in words else None)
 
 
 def _turning(

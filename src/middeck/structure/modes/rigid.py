@@ -41,8 +41,10 @@ def _joint_name(joint: Joint) -> str:
 
 
 def _centre_of_mass(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
-    """From the coupling of rotations about the origin with translations in the rigid mass matrix."""
+    """From the coupling of rotations about the origin with translations; the origin of what has no mass."""
     rigid = motions.T @ (M @ motions)
+    if not rigid[0, 0] > 0.0:
+        return np.zeros(3)
     return np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / rigid[0, 0]
 
 

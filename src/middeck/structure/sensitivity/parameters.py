@@ -73,7 +73,8 @@ class Parameter:
     """One number: its name, its unit ("" for a factor or a direction), and its value.
 
     ``spots`` are where it stands: "structure" or "environment", then names of fields and indices. A factor
-    (``scales``) multiplies what is there. A component of an axis turns it: its length stays one.
+    (``scales``) multiplies what is there. A component of an axis turns it: its length stays one. One that is
+    ``unstated``, a coupling of a bushing that has none, is found by its whole name only.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Parameter:
     value: float
     spots: tuple[Path, ...]
     scales: bool = False
+    unstated: bool = False
 
 
 def list_parameters(structure: Structure, environment: Environment) -> tuple[Parameter, ...]:
@@ -101,6 +103,7 @@ def find_parameters(
 ) -> tuple[Parameter, ...]:
     """The parameters with the given names; ``*`` stands for any text, ``?`` for one letter.
 
+    A pattern leaves out the couplings that a bushing does not have, unless it fits nothing else.
     Raises `ConfigError` for a name or pattern that fits none, with the nearest names.
     """
     return choose_parameters(list_parameters(structure, environment), patterns)
@@ -115,6 +118,7 @@ def choose_parameters(
     for pattern in patterns:
         wild = any(c in pattern for c in "*?[")
         fits = [n for n in every if fnmatchcase(n, pattern)] if wild else [pattern] * (pattern in every)
+        fits = [n for n in fits if not every[n].unstated] or fits
         if not fits and not missing:
             raise _unknown(pattern, every)
         found |= {name: every[name] for name in fits}
@@ -122,7 +126,10 @@ def choose_parameters(
 
 
 def _unknown(pattern: str, every: Iterable[str]) -> ConfigError:
-    near = get_close_matches(pattern, every, SHOWN, 0.5)
+    whole = pattern.rstrip(".*")
+    near = [n for n in every if n.startswith(f"{whole}.")] or [n for n in every if f".{whole}." in f".{n}."]
+    near = near or [n for n in every if fnmatchcase(n, f"*.{pattern}")]
+    near = near[:SHOWN] or get_close_matches(pattern, every, SHOWN, 0.5)
     hint = f"did you mean {', '.join(near)}?" if near else "e.g. node.*.mass, member.*.EI_y, environment.*"
     return ConfigError(f"no parameter {pattern!r}", where="parameter", hint=_became(pattern, every) or hint)
 
@@ -338,4 +345,5 @@ def _fields(name: str, part: Any, path: Path, fields: dict[str, str]) -> Iterato
                     unit=unit,
                     value=float(value[i, j]),
                     spots=spots,
+                    unstated=names is SIX and i != j and value[i, j] == 0.0,
                 )

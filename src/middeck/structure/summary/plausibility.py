@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.model.article import JointState, Node, Section, Structure
+from middeck.structure.model.article import Body, JointState, Node, Section, Structure
 from middeck.structure.model.component import component_doubts
+from middeck.structure.model.connectivity import some_names
 
 BODY_DENSITY = (1e-3, 2.5e4)  # kg/m^3: from a solar sail with its box to solid osmium
 MATERIAL_DENSITY = (10.0, 2.5e4)  # kg/m^3: from a rigid foam to osmium
@@ -24,12 +25,19 @@ SLENDERNESS = (0.3, 1e4)  # length over radius of gyration: a disc, a cable
 STOUT = 3.0  # the same of the median member: a tube as long as it is wide
 DENSE, SLOW = 2500.0, 500.0  # kg/m^3, m/s: what is as dense as this is stiffer than lead (1200 m/s)
 ROOM = 3.0  # sides of a body over the clear distance that its node leaves between members
+NEAR = 0.05  # of the article: nodes nearer than this only divide members more finely
 SAME = 1e-6  # of half a cube: a node this near is at the same place
 STEEL = 7850.0  # kg/m^3
 OVERHANG = 2.0  # an offset from a frame's origin over the distance between the nodes farthest apart
 ROUNDING = 1e-6  # of the first frequency: what a comparison with a test never sees
 FLAT = 1e-2  # least side of a box over its largest, so that a line and a sheet have a volume
 THICK = 0.2  # the same of one body, whose thin sides nobody measured
+# Of the mass of an article: members with a density for form's sake, where bodies carry what there is.
+TOKEN = 1e-3
+# kg/m^3, and kg m^2: what a power of ten may be one of (SI, slug, pound, slinch with feet or inches).
+DENSITY_UNITS = (1.0, 515.379, 16.0185, 27679.9, 1.06869e7)
+INERTIA_UNITS = (1.0, 1.35582, 0.0421401, 2.92640e-4, 0.112985)
+DIGITS = 2e-5  # of such units
 
 
 class Measures(NamedTuple):
@@ -47,12 +55,12 @@ def doubt_measures(
 ) -> tuple[str, ...]:
     """One warning for each implausible quantity; ``length`` and later arguments are the members'."""
     return (
-        *_whole(of),
+        *_whole(structure, of),
         *_bodies(structure, of),
         *_densities(structure),
         *_offsets(structure),
         *_joints(structure),
-        *_sections(structure),
+        *_sections(structure, of, length),
         *_members(structure, length, radius),
         *_mesh(structure, of, length, elements),
         *(doubt for component in structure.components for doubt in component_doubts(component)),
@@ -63,7 +71,7 @@ def _outside(value: float, limits: tuple[float, float]) -> bool:
     return not limits[0] <= value <= limits[1]
 
 
-def _whole(of: Measures) -> Iterator[str]:
+def _whole(structure: Structure, of: Measures) -> Iterator[str]:
     longest = float(of.size.max())
     if not of.mass > 0.0:
         yield "the article has no mass: give its bodies mass_kg, or its members a density"
@@ -74,7 +82,13 @@ def _whole(of: Measures) -> Iterator[str]:
         yield f"the article is {longest:.4g} m long: are its positions in millimetres? they are read as m"
     sides = np.maximum(of.size, _equivalent_box(of.mass, np.diag(of.inertia)))
     volume = float(np.prod(np.maximum(sides, FLAT * sides.max())))
-    if volume > 0.0 and _outside(of.mass / volume, BODY_DENSITY):
+    # A point that outweighs all else says nothing of its own size.
+    points = [n.body.mass for n in structure.nodes if not np.any(n.body.inertia)]
+    lone = max(points, default=0.0)
+    spread = of.mass - (lone if lone > 0.5 * of.mass else 0.0)
+    if volume > 0.0 and (
+        _outside(of.mass / volume, BODY_DENSITY) and _outside(spread / volume, BODY_DENSITY)
+    ):
         box = " x ".join(f"{side:.3g}" for side in sides)
         yield (
             f"{of.mass:.4g} kg in a box of {box} m is {of.mass / volume:.3g} kg/m^3: "
@@ -94,22 +108,54 @@ def _equivalent_box(mass: float, moments: np.ndarray) -> np.ndarray:
 
 
 def _densities(structure: Structure) -> Iterator[str]:
-    """Bodies in the box of their inertia; points by their node's size, and by how near the next node is."""
-    for part in (*structure.nodes, *structure.joints):
+    """Bodies in the box of their inertia; points by their node's size, and by how near the next node is.
+
+    An inertia for form's sake is a point's: the same power of ten about all axes, or the same about all for
+    bodies of several masses, where that is too little for a box.
+    """
+    parts = [part for part in (*structure.nodes, *structure.joints) if part.body.mass > 0.0]
+    masses: dict[float, set[float]] = {}
+    for part in parts:
+        if (moment := _same_moment(part.body)) is not None:
+            masses.setdefault(moment, set()).add(part.body.mass)
+    found: list[tuple[str, str]] = []
+    for part in parts:
         body = part.body
-        if not body.mass > 0.0:
+        if not np.any(body.inertia):
+            found += [
+                (part.name, said) for said in (_point(part, structure) if isinstance(part, Node) else ())
+            ]
             continue
-        if np.any(body.inertia):
-            sides = _equivalent_box(body.mass, np.linalg.eigvalsh(body.inertia))
-            density = body.mass / float(np.prod(np.maximum(sides, THICK * sides.max())))
-            if _outside(density, BODY_DENSITY):
-                box = " x ".join(f"{side:.3g}" for side in sides)
-                yield (
-                    f"{part.name!r} carries {body.mass:.4g} kg with the inertia of a box of {box} m, "
-                    f"{density:.3g} kg/m^3: is its mass in kg, its inertia in kg m^2?"
-                )
-        elif isinstance(part, Node):
-            yield from _point(part, structure)
+        sides = _equivalent_box(body.mass, np.linalg.eigvalsh(body.inertia))
+        density = body.mass / float(np.prod(np.maximum(sides, THICK * sides.max())))
+        moment = _same_moment(body)
+        token = moment is not None and (_is_power(moment, INERTIA_UNITS) or len(masses[moment]) > 1)
+        if isinstance(part, Node) and token and density > BODY_DENSITY[1]:
+            found += [(part.name, said) for said in _point(part, structure)]
+        elif _outside(density, BODY_DENSITY):
+            box = " x ".join(f"{side:.3g}" for side in sides)
+            said = (
+                f"carries {body.mass:.4g} kg with the inertia of a box of {box} m, "
+                f"{density:.3g} kg/m^3: is its mass in kg, its inertia in kg m^2?"
+            )
+            found.append((part.name, said))
+    for said in dict.fromkeys(said for _, said in found):
+        names = [name for name, same in found if same == said]
+        more = f" (and so {'does' if len(names) == 2 else 'do'} {some_names(names[1:])})" if names[1:] else ""
+        yield f"{names[0]!r} {said}{more}"
+
+
+def _same_moment(body: Body) -> float | None:
+    """A body's inertia if it is the same about every axis, and not zero."""
+    moment = float(body.inertia[0, 0])
+    alike = moment > 0.0 and np.all(np.abs(body.inertia - moment * np.eye(3)) <= DIGITS * moment)
+    return float(f"{moment:.4e}") if alike else None
+
+
+def _is_power(value: float, units: tuple[float, ...]) -> bool:
+    """Whether ``value`` is a power of ten in any of ``units``: nobody measured that."""
+    decades = np.log10(value / np.array(units))
+    return bool(np.any(np.abs(decades - np.round(decades)) <= DIGITS / np.log(10.0)))
 
 
 def _point(node: Node, structure: Structure) -> Iterator[str]:
@@ -118,13 +164,14 @@ def _point(node: Node, structure: Structure) -> Iterator[str]:
     room = max(ROOM * node.size, 2.0 * float(np.linalg.norm(cg)))
     reach = 0.5 * (mass / STEEL) ** (1.0 / 3.0)
     others = [np.linalg.norm(n.position - node.position - cg) for n in structure.nodes if n is not node]
+    across = float(np.linalg.norm(np.ptp([n.position for n in structure.nodes], axis=0)))
     # A node at the same place is what a link or a joint ties to it there.
     nearest = float(min((d for d in others if d > SAME * reach), default=np.inf))
     if node.size > 0.0 and mass > BODY_DENSITY[1] * room**3:
-        yield f"{node.name!r} carries {mass:.4g} kg on a node of {node.size:.3g} m: is its mass in kg?"
-    elif reach > nearest:
+        yield f"carries {mass:.4g} kg on a node of {node.size:.3g} m: is its mass in kg?"
+    elif reach > max(nearest, NEAR * across):
         yield (
-            f"{node.name!r} carries {mass:.4g} kg: a solid steel cube of it would reach past the next node, "
+            f"carries {mass:.4g} kg: a solid steel cube of it would reach past the next node, "
             f"{nearest:.3g} m away; is its mass in kg?"
         )
 
@@ -177,12 +224,19 @@ def _bodies(structure: Structure, of: Measures) -> Iterator[str]:
             )
 
 
-def _sections(structure: Structure) -> Iterator[str]:
-    """One sentence a section, at the first member that has it."""
+def _sections(structure: Structure, of: Measures, length: np.ndarray) -> Iterator[str]:
+    """One sentence a section, at the first member that has it.
+
+    A density of zero, or of a power of ten, is one for form's sake where its members weigh next to nothing.
+    """
     seen: dict[Section, str] = {}
-    for member in structure.members:
+    weight: dict[Section, float] = {}
+    for member, long in zip(structure.members, length.tolist(), strict=True):
         seen.setdefault(member.section, member.name)
+        weight[member.section] = weight.get(member.section, 0.0) + member.section.rho_A * long
     for section, name in seen.items():
+        if weight[section] <= TOKEN * of.mass and _is_token(section.density):
+            continue
         if section.density is not None and _outside(section.density, MATERIAL_DENSITY):
             yield f"member {name!r} is of a material of {section.density:.4g} kg/m^3: is rho in kg/m^3?"
         heavy = section.density is not None and section.density >= DENSE
@@ -192,6 +246,12 @@ def _sections(structure: Structure) -> Iterator[str]:
                 f"in member {name!r} sound would travel at {speed:.3g} m/s (steel has 5000): "
                 "is E in Pa, EA in N, and mass per length in kg/m?"
             )
+
+
+def _is_token(density: float | None) -> bool:
+    if density is None or density >= MATERIAL_DENSITY[0]:
+        return False
+    return density == 0.0 or _is_power(density, DENSITY_UNITS)
 
 
 def _members(structure: Structure, length: np.ndarray, radius: np.ndarray) -> Iterator[str]:

@@ -113,7 +113,8 @@ def fit_rotation(equilibrium: Equilibrium) -> Float[np.ndarray, "3 3"]:
         turn = np.array([rotation_log(fit.T @ own) for own in config.R])
         error = np.zeros(model.tree.size)
         error[: 6 * model.tree.roots] = np.hstack([x, turn]).ravel()
-        step = np.linalg.solve(rigid, T.T @ (M @ error))
+        # Masses in one line have no inertia about it: they do not say how it is turned, so that it is not.
+        step = np.linalg.lstsq(rigid, T.T @ (M @ error), rcond=FLAT**2)[0]
         p = p + fit @ step[:3]
         fit = fit @ rotation_exp(step[3:])
         if np.abs(step[3:]).max() < FITTED:

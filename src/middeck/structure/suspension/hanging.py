@@ -13,6 +13,7 @@ from middeck.structure.suspension.attitude import Attitude
 
 # A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
 LARGE_TILT = np.radians(1.0)
+SAGS = 0.5  # of the tilt: more bending than this is most of what nodes tilt by
 ASIDE = 0.1  # of the larger tilt: a smaller one is left alone
 AXES = "xyz"
 
@@ -53,10 +54,33 @@ def doubt_attitude(attitude: Attitude, environment: Environment) -> Iterator[Dou
     tilt = float(np.linalg.norm(attitude.tilt))
     if tilt <= LARGE_TILT:
         return
+    if said := sag(attitude):
+        yield Doubt("", said, SAG_HINT)
+        return
     yield Doubt(
         "",
         f"the article hangs tilted by {np.degrees(tilt):.1f} deg; it was drawn level",
         f"{_levelling(attitude, environment)}see docs/how-to/level-an-article.md",
+    )
+
+
+SAG_HINT = (
+    "hang it at more points, near what sags most, or measure it as it hangs: moving the attach points turns "
+    "all of it alike and leaves its bending"
+)
+
+
+def sag(attitude: Attitude) -> str:
+    """What nodes tilt by where that is bending rather than the tilt of the whole; else nothing."""
+    whole, tilts = np.linalg.norm(attitude.tilt), np.linalg.norm(attitude.node_tilt, axis=1)
+    bent = np.linalg.norm(attitude.node_tilt - attitude.tilt, axis=1)
+    if not bent.max(initial=0.0) > SAGS * whole:
+        return ""
+    least, most = int(np.argmin(tilts)), int(np.argmax(tilts))
+    return (
+        f"the article sags: its nodes tilt by {np.degrees(tilts[least]):.1f} ({attitude.node[least]}) to "
+        f"{np.degrees(tilts[most]):.1f} deg ({attitude.node[most]}), and the mean of "
+        f"{np.degrees(whole):.1f} deg is its bending more than the way it hangs"
     )
 
 

@@ -17,6 +17,7 @@ from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.sensitivity.parameters import AXES, list_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.suspension.attitude import Attitude, estimate_attitude
+from middeck.structure.suspension.hanging import SAG_HINT, sag
 from middeck.values import record
 
 LEVEL = 1e-7
@@ -264,10 +265,12 @@ def _rate(task: _Task, at: _Hung, motion: np.ndarray) -> np.ndarray:
 
 def _unreached(task: _Task, at: _Hung, what: str, history: Sequence[float]) -> EquilibriumError:
     found = {f"{name} {axis}": float(by) for (name, axis), by in zip(task.free, at.change, strict=True)}
+    hint = "free other offsets, across the line of the attach points, or hang it by points out of line"
+    said = sag(at.attitude)
     return EquilibriumError(
-        f"with the offsets {', '.join(found)} the article {what}",
+        f"with the offsets {', '.join(found)} the article {what}" + (f"; {said}" if said else ""),
         where="level",
-        hint="free other offsets, across the line of the attach points, or hang it by points out of line",
+        hint=SAG_HINT if said else hint,
         change_m=found,
         history=tuple(history),
     )
