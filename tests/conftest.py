@@ -101,6 +101,18 @@ def chromium():
     return _program("chromium", "chromium-browser", "google-chrome")
 
 
+@pytest.fixture(scope="session")
+def compiler():
+    """The C compiler of this machine."""
+    return _program("cc", "gcc", "clang")
+
+
+@pytest.fixture(scope="session")
+def small_processors():
+    """A cross compiler and an emulator: gcc-arm-none-eabi and qemu-system-arm of Debian."""
+    return _program("arm-none-eabi-gcc"), _program("qemu-system-arm")
+
+
 def _program(*names: str) -> str:
     found = next((path for name in names if (path := shutil.which(name))), None)
     if found is None:

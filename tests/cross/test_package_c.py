@@ -8,7 +8,9 @@ import subprocess
 
 import numpy as np
 import pytest
-from small_processor.emulated import emulate_package, missing_tools
+from small_processor.emulated import emulate_package
+
+pytestmark = pytest.mark.usefixtures("compiler")
 
 from middeck.errors import ConfigError
 from middeck.realtime.generate.c_source import generate_c
@@ -118,10 +120,7 @@ def test_a_name_that_c_does_not_allow_is_refused():
 
 
 @pytest.mark.parametrize("single", [False, True], ids=["double on a Cortex-M7", "single on a Cortex-M4"])
-def test_a_small_processor_gives_the_same_bits(single, tmp_path):
-    missing = missing_tools()
-    if missing:
-        pytest.skip(f"apt-get install gcc-arm-none-eabi qemu-system-arm: no {', '.join(missing)}")
+def test_a_small_processor_gives_the_same_bits(single, tmp_path, small_processors):
     law = random_law(np.random.default_rng(3), 12, 3, 2, radii=(0.9, 0.99))
     paths = (LoopPath(1, 0, SECTION),)
     package = package_law(

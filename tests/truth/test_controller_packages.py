@@ -33,6 +33,8 @@ from middeck.systems.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, compile_law, ports, random_law
 from repeats import LONG
 
+pytestmark = pytest.mark.usefixtures("compiler")
+
 
 def run(package, y, fast=False):
     law = ReferenceLaw(package, fast=fast)

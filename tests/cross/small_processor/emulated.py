@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import NamedTuple
@@ -31,11 +30,6 @@ class Emulated(NamedTuple):
     instructions: int
     flash: int
     memory: int
-
-
-def missing_tools() -> list[str]:
-    """Of compiler and emulator, those that are not installed."""
-    return [tool for tool in (COMPILER, EMULATOR) if shutil.which(tool) is None]
 
 
 def emulate_package(package: ControllerPackage, folder: Path) -> Emulated:
