@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from small_processor.emulated import emulate_package
 
-pytestmark = pytest.mark.usefixtures("compiler")
-
 from middeck.errors import ConfigError
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.build import package_law
@@ -23,6 +21,7 @@ from middeck.signals.ports import Port
 from packaged_laws import STRICT, compile_law, random_law, replay
 from repeats import LONG
 
+pytestmark = pytest.mark.usefixtures("compiler")
 SECTION = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
 SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 BUILDS = [("-O0",), ("-O2",), ("-O3", "-march=native"), ("-Os",), SANITIZERS]
