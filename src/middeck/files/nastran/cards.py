@@ -44,9 +44,9 @@ class Card(NamedTuple):
         return next(line for first, line in reversed(self.lines) if first <= field or not first)
 
 
-# Places in a `Row`, one line cut up: a card's name or a continuation's mark, the mark at the end, whether its
-# fields are large, and the line. A plain tuple, for there are as many as lines.
-HEAD, TAIL, LARGE, LINE = 0, 2, 3, 4
+# Places in a `Row`, one line cut up: a card's name or a continuation's mark, the fields, the mark at the end,
+# whether the fields are large, and the line. A plain tuple, for there are as many as lines.
+HEAD, FIELDS, TAIL, LARGE, LINE = 0, 1, 2, 3, 4
 
 
 def join_cards(lines: Iterable[Line]) -> list[Card]:
@@ -55,14 +55,31 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     groups: list[list[Row]] = []
     apart: list[list[Row]] = []  # continuations whose parents are elsewhere, each with its followers
     group: list[Row] = []
-    lines = list(lines)
+    lines, strip = list(lines), str.strip
     whole = "\n".join([line[0] for line in lines]).upper()
     texts = whole.split("\n")  # all at once: a fifth of one by one
+    tabs, stars = "\t" in whole, "*" in whole
     for text, line in zip(texts, lines, strict=False):  # no lines are one text
-        row = _cut_free(text, line) if "," in text else _cut_fixed(text, line)
-        if isinstance(row, Fault):
-            faults.append(row)
-            continue
+        if "," in text:
+            row = _cut_free(text, line)
+            if isinstance(row, Fault):
+                faults.append(row)
+                continue
+        else:
+            text = (text.expandtabs(8) if tabs else text).rstrip()
+            head = text[:8].strip()
+            if stars and "*" in head:
+                row = _cut_large(head, text, line)
+            else:  # here, not in a function: three in four lines of a large deck
+                end = len(text)
+                tail = text[72:80].strip() if end > 72 else ""
+                row = (
+                    head or "+",
+                    tuple(map(strip, NARROW[min(ROW, (end - 1) // 8)](text))),
+                    tail,
+                    False,
+                    line,
+                )
         head = row[HEAD]
         if head[0] not in MARKS:
             group = [row]
@@ -84,7 +101,13 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     if "=" in whole:
         groups = replicated(groups, faults)
     raise_faults(faults)
-    return [_joined(group) for group in groups]
+    new = tuple.__new__  # half of the time of a named tuple's own
+    return [
+        new(Card, (row[HEAD], row[FIELDS], ((0, row[LINE]),)))
+        if len(group) == 1 and (row := group[0])[FIELDS] and row[FIELDS][-1]
+        else _joined(group)
+        for group in groups
+    ]
 
 
 def _mark(text: str) -> str:
@@ -135,7 +158,7 @@ def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
 def _joined(group: list[Row]) -> Card:
     head, fields, _, _, line = group[0]
     if len(group) == 1:
-        return Card(head, fields if fields and fields[-1] else _filled(list(fields)), ((0, line),))
+        return Card(head, _filled(list(fields)), ((0, line),))
     if len(group) == 2 and not (group[0][LARGE] or group[1][LARGE]):
         _, more, _, _, other = group[1]
         fields = fields if len(fields) == ROW else (*fields, *BLANKS[len(fields) :])
@@ -160,21 +183,9 @@ def _filled(fields: list[str]) -> tuple[str, ...]:
     return tuple(fields)
 
 
-def _cut_fixed(text: str, line: Line) -> Row:
-    if "\t" in text:
-        text = text.expandtabs(8)
-    text = text.rstrip()
-    head, end = text[:8].strip(), len(text)
-    tail = text[72:80].strip() if end > 72 else ""
-    if "*" in head:
-        return (
-            _large(head),
-            tuple(map(str.strip, WIDE[min(ROW // 2, (end + 7) // 16)](text))),
-            tail,
-            True,
-            line,
-        )
-    return head or "+", tuple(map(str.strip, NARROW[min(ROW, (end - 1) // 8)](text))), tail, False, line
+def _cut_large(head: str, text: str, line: Line) -> Row:
+    fields = WIDE[min(ROW // 2, (len(text) + 7) // 16)](text)
+    return _large(head), tuple(map(str.strip, fields)), text[72:80].strip(), True, line
 
 
 def _large(head: str) -> str:

@@ -211,7 +211,9 @@ def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> 
             found = [None] * len(more) if rest is None else read[-1][i]
             what = WANTED["-" if rest is None else rest.kind]
             wrong += [(i, count + k, what) for k, text in enumerate(more) if text and found[k] is None]
-    entries = list(map(Entry, repeat(name), zip(*read, strict=True), cards))
+    # Each an `Entry`, without the call of a function of Python's for each.
+    whole = zip(repeat(name), zip(*read, strict=True), cards, strict=False)
+    entries = list(map(tuple.__new__, repeat(Entry), whole))
     faults += [entries[i].fault_at(place, what) for i, place, what in sorted(wrong)]
     return entries
 
