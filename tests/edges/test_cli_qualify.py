@@ -92,6 +92,7 @@ def test_a_compensator_comes_back_with_ports_and_how_it_was_made(tmp_path: Path)
         dynamics=made.system,
         inputs=made.inputs,
         outputs=made.outputs,
+        applied=made.applied,
         authority=made.authority,
         cost=made.cost,
         inert=made.inert,
@@ -108,6 +109,7 @@ def test_a_sampled_compensator_too(tmp_path: Path) -> None:
     assert isinstance(back, StoredCompensator)
     assert (back.sampled, back.inputs, back.outputs) == (made.sampled, made.inputs, made.outputs)
     assert (back.method, back.authority) == (made.method, made.authority)
+    assert made.applied is not None and np.array_equal(back.applied, made.applied)
 
 
 def test_a_law_without_states_and_one_of_an_earlier_version(tmp_path: Path) -> None:
