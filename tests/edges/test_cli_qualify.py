@@ -109,7 +109,8 @@ def test_a_sampled_compensator_too(tmp_path: Path) -> None:
     assert isinstance(back, StoredCompensator)
     assert (back.sampled, back.inputs, back.outputs) == (made.sampled, made.inputs, made.outputs)
     assert (back.method, back.authority) == (made.method, made.authority)
-    assert made.applied is not None and np.array_equal(back.applied, made.applied)
+    assert made.applied is not None
+    assert np.array_equal(back.applied, made.applied)
 
 
 def test_a_law_without_states_and_one_of_an_earlier_version(tmp_path: Path) -> None:

@@ -181,6 +181,7 @@ def test_packages_that_do_not_fit_together():
         ({"input_range": -1.0}, "ranges of"),
         ({"slew_rate": np.nan}, "slew limits"),
         ({"ramp_s": -1.0}, "a ramp of"),
+        ({"ramp_s": np.nan}, "a ramp of"),
         ({"form": "other"}, "no form"),
         ({"filters": (InputFilter(2, SECTION),)}, "section at input 2"),
         ({"name": "no name"}, "the name"),
@@ -234,6 +235,11 @@ def test_the_verb_writes_all_forms(law_file, tmp_path, capfd):
         (["--limit", "1,2,3"], 2, "3 limits for 1 ports"),
         (["--single"], 2, "has no range"),
         (["--name", "a b"], 2, "the name 'a b'"),
+        (["--name", ""], 2, "the name ''"),
+        (["--rule", "hold"], 2, "--rule is for a continuous law"),
+        (["--single", "--form", "dense"], 2, "--single with --form dense"),
+        (["-o", "new.mdk", "-o", "2law.c"], 2, "the C name '2law'"),
+        (["-o", "gimbal.json"], 2, "would be written over the law"),
     ],
 )
 def test_the_verb_refuses(law_file, arguments, code, says, capfd, tmp_path, monkeypatch):
@@ -241,13 +247,23 @@ def test_the_verb_refuses(law_file, arguments, code, says, capfd, tmp_path, monk
     done = middeck(capfd, "generate", law_file, *arguments)
     assert done.code == code
     assert says in done.err
+    assert [file.name for file in tmp_path.iterdir()] == [
+        "gimbal.json"
+    ]  # nothing is written before all is checked
 
 
 def test_other_files_are_named_for_what_they_are(law_file, tmp_path, capfd):
     package = tmp_path / "law.mdk"
     write_package(package, whole())
     assert "a controller package" in middeck(capfd, "record", package).err
-    assert middeck(capfd, "generate", package, "--limit", "1").code == 2
+    for again in (
+        ["--limit", "1"],
+        ["--rule", "hold"],
+        ["--form", "dense"],
+        ["--name", "b"],
+        ["--ramp", "0"],
+    ):
+        assert "cannot be told anew" in middeck(capfd, "generate", package, *again).err
     assert middeck(capfd, "generate", tmp_path / "none.mdk").code == 4
     with pytest.raises(MiddeckError, match=r"begins otherwise|schema"):
         load_package(law_file)

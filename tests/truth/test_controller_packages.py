@@ -19,12 +19,13 @@ from middeck.errors import ConfigError
 from middeck.files.exchange.named import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.build import package_law, without_applied
 from middeck.realtime.package.modal_form import to_modal
 from middeck.realtime.package.peak import bound_peaks
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import InputFilter, Section
+from middeck.realtime.package.section import InputFilter, LoopPath, Section
 from middeck.realtime.package.single import to_single
+from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.sampling import sample_dynamics
@@ -206,6 +207,36 @@ def test_an_unstable_law_is_declared():
     assert not package_law(random_law(np.random.default_rng(0), 4, 1, 1), "law", unstable=True).unstable
 
 
+def test_the_largest_pole_of_a_modal_core_is_that_of_its_matrix():
+    for states in (0, 1, 2, 7):
+        core = package_law(random_law(np.random.default_rng(states), states, 1, 1), "law").core
+        assert core.radius == pytest.approx(np.abs(np.linalg.eigvals(core.A)).max(initial=0.0), rel=1e-9)
+
+
+def test_a_ramp_is_no_shorter_than_asked():
+    law = random_law(np.random.default_rng(0), 2, 1, 1)
+    period = law.period_s
+    for asked, samples in ((0.0, 0), (1e-5, 1), (3.0 * period, 3), (3.2 * period, 4)):
+        assert package_law(law, "law", ramp_s=asked).ramp == samples
+
+
+def test_where_the_compensator_gives_no_number_the_inner_loop_stands_alone(tmp_path):
+    """inf - inf of its two states; the inner loop and the limits still act, in the reference and in C."""
+    A = np.diag([0.5, 0.5])
+    law = Compensator(
+        SampledStateSpace(A, 1e308 * np.ones((2, 1)), [[10.0, -10.0]], [[0.0]], period_s=0.01),
+        *ports(1, 1, 1),
+    )
+    path = LoopPath(0, 0, Section(np.array([-0.25, 0.0, 0.0]), np.zeros(2)))
+    package = add_test_vectors(
+        dataclasses.replace(package_law(law, "law", limit=2.0, form="dense"), paths=(path,), vectors=None)
+    )
+    y = np.array([[3.0], [3.0], [1.0]])
+    expected = run(package, y)
+    assert expected[1:, 0].tolist() == [-0.75, -0.25]
+    assert np.array_equal(compile_law(package, tmp_path)(y), expected)
+
+
 def test_peaks_are_bounded_from_above_and_closely():
     rng = np.random.default_rng(9)
     for states in (1, 4, 9):
@@ -223,6 +254,9 @@ def test_peaks_are_bounded_from_above_and_closely():
         assert np.all(bound <= 1.1 * truth)
     delay = np.eye(5, k=1)  # defective: no eigenvectors
     assert np.all(bound_peaks(delay, np.ones((5, 1)), np.ones((1, 5)), np.zeros((1, 1))) >= 15.0)
+    block = 0.9 * np.eye(12) + np.eye(12, k=1)  # a Jordan block: the sum of its powers is known
+    known = sum(10.0 ** (j + 1) for j in range(12))
+    assert known <= bound_peaks(block, np.eye(12)[:, -1:], np.ones((1, 12)), np.zeros((1, 1)))[0, 0]
     slow = np.array([[0.99999]])
     assert 1e5 <= float(bound_peaks(slow, np.eye(1), np.eye(1), np.zeros((1, 1)))[0, 0]) < 1.1e5
 
@@ -270,6 +304,15 @@ def test_what_has_no_bound_is_refused():
         to_single(package_law(loud, "law", input_range=1.0, limit=0.1))
     with pytest.raises(ConfigError, match="overflows"):
         to_single(package_law(law, "law", input_range=1e37))
+    s = law.sampled
+    for huge in (1e300, 1e31):  # beyond single precision; and beyond what sums may reach
+        loud = SampledStateSpace(s.A, s.B, s.C, [[huge]], period_s=s.period_s)
+        with pytest.raises(ConfigError, match="overflows"):
+            to_single(package_law(Compensator(loud, law.inputs, law.outputs), "law", input_range=1.0))
+    extreme = SampledStateSpace(s.A, 1e300 * s.B, s.C / 1e300, s.D, period_s=s.period_s)
+    to_single(package_law(Compensator(extreme, law.inputs, law.outputs), "law", input_range=1.0))
+    with pytest.raises(ConfigError, match="the path of applied commands"):
+        without_applied(to_single(package_law(law, "law", input_range=1.0, limit=1e3)))
     slow = Compensator(
         SampledStateSpace([[1.0 - 1e-7]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)
     )

@@ -137,6 +137,7 @@ def test_each_step_refuses_what_it_is_there_for():
         good,
         filters=(InputFilter(0, Section(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.01]))),),
         vectors=None,
+        unstable=True,
     )
     assert "section at input y0 is unstable" in steps_of(add_test_vectors(ringing, 4))["poles"].said
     with pytest.raises(ConfigError, match="no model"):
@@ -167,7 +168,13 @@ def test_an_unstable_compensator_needs_declaration_and_recovery():
         )  # fmt: skip
         law = Compensator(grown, law.inputs, law.outputs)
     package = package_law(law, "law", input_range=1.0, limit=1.0, unstable=True)
-    silent = dataclasses.replace(package, unstable=False)
+    with pytest.raises(ConfigError, match="undeclared pole of magnitude"):
+        dataclasses.replace(package, unstable=False)
+    edge = dataclasses.replace(law.sampled, A=np.diag([1.0, 0.5]))  # no rounding: to the gate it is outside
+    told = package_law(
+        Compensator(edge, law.inputs, law.outputs), "law", input_range=1.0, limit=1.0, unstable=True
+    )
+    silent = dataclasses.replace(told, unstable=False)
     assert "not declared" in steps_of(silent, named)["poles"].said
     blind = package_law(
         dataclasses.replace(law, applied=None), "law", input_range=1.0, limit=1.0, unstable=True

@@ -110,9 +110,11 @@ def _from_document(data: dict[str, Any], where: str) -> ControllerPackage:
         _refuse(f"keys that no package has: {', '.join(strange)}", where)
     try:
         package = _build(data, where)
-    except (ConfigError, TypeError, ValueError, OverflowError) as error:
-        if isinstance(error, DataError):
-            raise
+    except DataError:
+        raise
+    except ConfigError as error:
+        raise DataError(error.what, where=where, hint=error.hint) from None
+    except (TypeError, ValueError, OverflowError) as error:
         _refuse(f"no package: {error}", where)
     if hash_package(package) != data["sha256"]:
         _refuse("the package was changed: its hash does not fit", where)
@@ -198,7 +200,7 @@ def _of(table: Any, key: str, kind: type, where: str) -> Any:
     require_keys(table, (key,), where, AGAIN)
     value = table[key]
     if type(value) is not kind:
-        _refuse(f"{key} is {value!r}", where)
+        _refuse(f"{key} is not of the kind {kind.__name__}", where)
     return value
 
 

@@ -51,9 +51,7 @@ def _each(flag: str, name: str, help: str) -> Any:
 @click.option(
     "--rule",
     type=click.Choice(["tustin", "hold", "matched"]),
-    default="tustin",
-    show_default=True,
-    help="How a continuous law is sampled.",
+    help="How a continuous law is sampled.  [default: tustin]",
 )
 @_each("--range", "input_range", "Largest magnitude of each input, its unit; one stands for all.")
 @_each("--limit", "limit", "Largest magnitude of each output; same.")
@@ -62,16 +60,13 @@ def _each(flag: str, name: str, help: str) -> Any:
     "--ramp",
     "ramp_s",
     type=click.FloatRange(min=0.0),
-    default=0.0,
     metavar="SECONDS",
-    help="Time to full authority.",
+    help="Time to full authority.  [default: 0]",
 )
 @click.option(
     "--form",
     type=click.Choice(["auto", "modal", "dense"]),
-    default="auto",
-    show_default=True,
-    help="Form of the law; auto is modal where its poles are far enough apart.",
+    help="Form of the law; auto is modal where its poles are far enough apart.  [default: auto]",
 )
 @click.option("--unstable", is_flag=True, help="Declare poles on or outside the unit circle.")
 @click.option("--without-applied", is_flag=True, help="Estimate from the command asked for.")
@@ -88,11 +83,30 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     from middeck.cli.blame import reading
     from middeck.files.packages import write_package
 
+    _require_consistent(law_file, target, given)
     with reading(law_file):
         package = _package(law_file, given)
     files = [file for path in target for file in write_package(path, package)]
     document = describe(package, files)
     show(as_json, document, *_tables(document))
+
+
+def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str, Any]) -> None:
+    from pathlib import Path
+
+    from middeck.errors import ConfigError
+    from middeck.realtime.generate.c_source import c_name
+
+    for path in map(Path, target):
+        written = [path.with_suffix(".h")] if path.suffix.lower() == ".c" else []
+        if any(
+            file.exists() and file.samefile(law_file) for file in (path, *written) if Path(law_file).exists()
+        ):
+            raise ConfigError("would be written over the law", where=f"-o {path}", hint="another name")
+        if path.suffix.lower() in (".c", ".h"):
+            c_name(path.stem)
+    if given["single"] and given["form"] == "dense":
+        raise ConfigError("--single with --form dense", hint="single precision is modal where it can be")
 
 
 def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
@@ -107,9 +121,10 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
 
     settings: Any = {key: _one_or_each(given[key]) for key in LIMITS if given[key] is not None}
     if is_package(law_file):
-        if settings or given["ramp_s"] or given["unstable"] or given["rate"] or given["name"]:
+        told = [key for key in ("ramp_s", "rate", "rule", "form", "name") if given[key] is not None]
+        if settings or told or given["unstable"]:
             raise ConfigError(
-                "a package has its name, rate, ranges and limits: they cannot be told anew",
+                "a package has its name, rate, form, ranges and limits: they cannot be told anew",
                 where=law_file,
                 hint="generate from the compensator",
             )
@@ -119,16 +134,25 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
         if law.period_s is None:
             if given["rate"] is None:
                 raise ConfigError("a continuous law", where=law_file, hint="--rate HZ, at which it is to run")
-            law = emulate(law, 1.0 / given["rate"], given["rule"])
+            law = emulate(law, 1.0 / given["rate"], given["rule"] or "tustin")
         elif given["rate"] is not None and not same_rate(law.period_s, given["rate"]):
             raise ConfigError(
                 f"--rate is {given['rate']:g} Hz, the law is sampled at {1.0 / law.period_s:g} Hz",
                 where=law_file,
                 hint="leave --rate out",
             )
-        name = given["name"] or Path(law_file).stem
+        elif given["rule"] is not None:
+            raise ConfigError(
+                "--rule is for a continuous law; this one is sampled", where=law_file, hint="leave --rule out"
+            )
+        name = Path(law_file).stem if given["name"] is None else given["name"]
         package = package_law(
-            law, name, ramp_s=given["ramp_s"], form=given["form"], unstable=given["unstable"], **settings
+            law,
+            name,
+            ramp_s=given["ramp_s"] or 0.0,
+            form=given["form"] or "auto",
+            unstable=given["unstable"],
+            **settings,
         )
     if given["without_applied"]:
         package = without_applied(package)
@@ -146,12 +170,9 @@ def same_rate(period_s: float, rate_hz: float) -> bool:
 
 def describe(package: ControllerPackage, files: list[Path]) -> dict[str, Any]:
     """The JSON document; null stands for a limit that is not there."""
-    import numpy as np
-
     from middeck.files.packages import package_document
     from middeck.realtime.package.binary import encode_package
 
-    radius = float(np.abs(np.linalg.eigvals(package.core.A)).max(initial=0.0))
     keys = (
         "sha256", "name", "period_s", "precision", "unstable", "inputs", "input_range", "outputs", "lower",
         "upper", "slew_per_sample", "ramp_samples", "error_bound",
@@ -163,7 +184,7 @@ def describe(package: ControllerPackage, files: list[Path]) -> dict[str, Any]:
         "form": "dense" if package.core.pairs is None else "modal",
         "states": len(package.core.A),
         "applied": package.core.drives,
-        "pole_radius": radius,
+        "pole_radius": package.core.radius,
         "bytes": len(encode_package(package)),
         "samples": len(twin["vectors"].y),
         "files": files,
@@ -174,7 +195,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     def number(value: float | None) -> str:
         return "-" if value is None else f"{value:g}"
 
-    stable = "stable" if document["pole_radius"] < 1.0 else "UNSTABLE by itself, declared"
+    stable = "UNSTABLE by itself, declared" if document["unstable"] else "stable"
     sees = "the torque really applied" if document["applied"] else "the torque asked for"
     ranges = zip(document["inputs"], document["input_range"], strict=True)
     columns = ("lower", "upper", "slew_per_sample", "error_bound")

@@ -72,7 +72,7 @@ def check_interface(package: ControllerPackage, models: Mapping[str, Plant]) -> 
 
 def check_poles(package: ControllerPackage) -> GateStep:
     """Poles lie inside the unit circle unless the package declares otherwise; those of sections always."""
-    radius = float(np.abs(np.linalg.eigvals(package.core.A)).max(initial=0.0))
+    radius = package.core.radius
     places = (*package.filters, *package.paths)
     faults = [
         f"a section at input {package.inputs[s.input].name} is unstable"

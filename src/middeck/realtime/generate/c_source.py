@@ -29,12 +29,18 @@ def generate_c(package: ControllerPackage, name: str = "", header: str = "") -> 
     ``-ffp-contract=off``. Raises `ConfigError` for a name that C does not allow, and for a package without
     test vectors.
     """
-    name = (name or package.name).lower().replace("-", "_")
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise ConfigError(f"the C name {name!r}", hint="a letter, then letters, digits and _")
+    name = c_name(name or package.name)
     words = _words(package)
     words["header"] = header or f"{name}.h"
     return CSource(*(_fill(_template(f"law.{ending}.in"), words, name) for ending in "hc"))
+
+
+def c_name(name: str) -> str:
+    """``name`` as C names begin; raises `ConfigError` for one that C does not allow."""
+    lower = name.lower().replace("-", "_")
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", lower):
+        raise ConfigError(f"the C name {lower!r}", hint="a letter, then letters, digits and _")
+    return lower
 
 
 def _words(package: ControllerPackage) -> dict[str, str]:

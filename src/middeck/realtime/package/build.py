@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Literal, get_args
 
@@ -68,6 +69,10 @@ def package_law(
             f"the compensator is unstable by itself: a pole of magnitude {radius:.6f}",
             hint="declare it, and it must be proved on every model; or design with less authority",
         )
+    if not (np.isfinite(ramp_s) and ramp_s >= 0.0):
+        raise ConfigError(f"a ramp of {ramp_s} s", hint=">= 0 s, 0 for none")
+    inner_paths = () if inner is None else _loop_paths(law, inner)
+    steady = all(place.section.stable for place in (*filters, *inner_paths))
     top = _each(limit, len(law.outputs), "limits")
     return add_test_vectors(
         ControllerPackage(
@@ -81,15 +86,23 @@ def package_law(
             slew=_each(slew_rate, len(law.outputs), "slew rates") * sampled.period_s,
             core=_core(law, form),
             filters=tuple(filters),
-            paths=() if inner is None else _loop_paths(law, inner),
-            ramp=round(ramp_s / sampled.period_s),
-            unstable=radius >= 1.0,
+            paths=inner_paths,
+            ramp=math.ceil(ramp_s / sampled.period_s - 1e-6),
+            unstable=unstable and not (radius < 1.0 and steady),
         )
     )
 
 
 def without_applied(package: ControllerPackage) -> ControllerPackage:
-    """``package`` whose law does not know of limits and fade, with new test vectors."""
+    """``package`` whose law does not know of limits and fade, with new test vectors.
+
+    Raises `ConfigError` for one in single precision: its bound is that of the law with the path.
+    """
+    if package.single and package.core.drives:
+        raise ConfigError(
+            "the bound of its error is that of the law with the path of applied commands",
+            hint="the package in double precision",
+        )
     core = dataclasses.replace(package.core, E=np.zeros_like(package.core.E))
     return add_test_vectors(dataclasses.replace(package, core=core, vectors=None))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from jaxtyping import Float
 
@@ -46,6 +48,20 @@ class Core:
             raise ConfigError(
                 "A is not modal: it couples states of different blocks", where="Core", hint="pairs=None"
             )
+
+    @functools.cached_property
+    def radius(self) -> float:
+        """The largest magnitude of a pole; 0 without states."""
+        p = self.pairs
+        if p is None:
+            return float(np.abs(np.linalg.eigvals(self.A)).max(initial=0.0))
+        first, second, alone = slice(0, p), slice(p, 2 * p), slice(2 * p, None)
+        diagonal = np.diag(self.A)
+        blocks = np.empty((p, 2, 2))
+        blocks[:, 0, 0], blocks[:, 1, 1] = diagonal[first], diagonal[second]
+        blocks[:, 0, 1], blocks[:, 1, 0] = np.diag(self.A[first, second]), np.diag(self.A[second, first])
+        poles = [*np.linalg.eigvals(blocks).ravel(), *diagonal[alone]]
+        return float(np.abs(poles).max(initial=0.0))
 
     @property
     def drives(self) -> bool:

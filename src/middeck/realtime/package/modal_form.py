@@ -44,12 +44,12 @@ def to_modal(core: Core) -> Core | None:
 
 
 def _scales(B: np.ndarray, C: np.ndarray, pairs: int) -> np.ndarray:
-    """A power of two for each block, so that its rows of B and columns of C come to one norm."""
+    """A power of two for each block, so that its rows of B and columns of C have one largest number."""
     n = len(B)
     blocks = [*([i, i + pairs] for i in range(pairs)), *([i] for i in range(2 * pairs, n))]
     scales = np.ones(n)
     for block in blocks:
-        into, out = np.linalg.norm(B[block]), np.linalg.norm(C[:, block])
+        into, out = np.abs(B[block]).max(initial=0.0), np.abs(C[:, block]).max(initial=0.0)
         if into > 0.0 and out > 0.0:
-            scales[block] = 2.0 ** np.round(0.5 * np.log2(into / out))
+            scales[block] = 2.0 ** np.round(0.5 * (np.log2(into) - np.log2(out)))
     return scales

@@ -15,6 +15,8 @@ from middeck.values import record
 
 STATES, CHANNELS, SECTIONS, RAMP, SAMPLES, TEXT = 1024, 64, 256, 1 << 24, 4096, 64
 """Most states, inputs or outputs, filters or paths, samples of a ramp, test samples, and bytes of a name."""
+NEAR = 1e-9
+"""How far the poles of an undeclared law may seem to lie outside the unit circle: their own rounding."""
 
 
 @record(kw_only=True)
@@ -53,7 +55,7 @@ class ControllerPackage:
         slew: Most that each output changes from one sample to the next.
         core, filters, paths: The compensator, filters of its inputs, and the inner loop.
         ramp: Samples from zero to full authority.
-        unstable: Whether the compensator is declared to have poles on or outside the unit circle.
+        unstable: Whether compensator or sections are declared to have poles on or outside the unit circle.
         single: Whether it is computed in single precision: all numbers are of 24 bits.
         error_bound: Of a law in single precision: the most by which each output differs from that of the law
             in double precision, whatever the inputs; None else.
@@ -100,6 +102,7 @@ class ControllerPackage:
             _refuse(f"a ramp of {self.ramp} samples", f"0 to {RAMP}")
         self._check_limits()
         self._check_places()
+        self._check_declared()
         if self.single:
             self._check_single()
         elif self.error_bound is not None:
@@ -129,6 +132,14 @@ class ControllerPackage:
         for path in self.paths:
             if not 0 <= path.output < len(self.outputs):
                 _refuse(f"a path to output {path.output}", f"0 to {len(self.outputs) - 1}")
+
+    def _check_declared(self) -> None:
+        if self.unstable:
+            return
+        if self.core.radius > 1.0 + NEAR:
+            _refuse(f"an undeclared pole of magnitude {self.core.radius:.6f}", "declare it: unstable=True")
+        if not all(place.section.stable for place in (*self.filters, *self.paths)):
+            _refuse("a section with an undeclared pole on or outside the unit circle", "unstable=True")
 
     def _check_single(self) -> None:
         if self.error_bound is None or not np.all(np.isfinite(self.error_bound) & (self.error_bound >= 0.0)):
@@ -173,7 +184,7 @@ def _check_ports(side: str, ports: tuple[Port, ...]) -> None:
         _refuse(f"two {side} of one name among {', '.join(names)}", "names that differ")
     for port in ports:
         for text, what in ((port.name, "name"), (port.unit, "unit")):
-            if len(text.encode()) > TEXT or not text.isprintable() or (what == "name" and not text.strip()):
+            if not text.isprintable() or len(text.encode()) > TEXT or (what == "name" and not text.strip()):
                 _refuse(f"{side}: the {what} {text!r}", f"printable, {TEXT} bytes at most")
         if port.channel is not None:
             _refuse(f"{side}: {port.name} with its transducer", "Port(name, unit): a package has no bench")

@@ -17,6 +17,7 @@ MOST = 1 << 13
 """Samples after which the rest is bounded, however much it is."""
 CONDITION = 1e8
 """Of the eigenvectors, up to which their modes bound the rest: to eight digits."""
+NO_NORM = "no norm is found in which the system contracts: no peak is bounded"
 
 Array = np.ndarray
 
@@ -66,8 +67,19 @@ def _bound_rest(F: Array, H: Array) -> Callable[[Array], Array]:
     if np.linalg.cond(vectors) < CONDITION:
         seen, inverse = np.abs(H @ vectors) / (1.0 - np.abs(poles)), np.linalg.inv(vectors)
         return lambda x: seen @ np.abs(inverse @ x)
-    # x' P x with F' P F < r^2 P.
-    contraction = 0.5 * (1.0 + radius)
-    root = np.linalg.cholesky(sla.solve_discrete_lyapunov((F / contraction).T, np.eye(len(F))))
-    norms = np.linalg.norm(sla.solve_triangular(root, H.T, lower=True), axis=0) / (1.0 - contraction)
-    return lambda x: norms[:, None] * np.linalg.norm(root.T @ x, axis=0)
+    return _bound_in_norm(F, H, radius)
+
+
+def _bound_in_norm(F: Array, H: Array, radius: float) -> Callable[[Array], Array]:
+    """The same without eigenvectors: by how much F contracts in the norm x' P x, which is measured."""
+    balanced, (scale, _) = sla.matrix_balance(F, permute=False, separate=True)
+    wanted = 0.5 * (1.0 + radius)
+    try:
+        root = np.linalg.cholesky(sla.solve_discrete_lyapunov((balanced / wanted).T, np.eye(len(F)))).T
+        found = float(np.linalg.norm(sla.solve_triangular(root, (root @ balanced).T, trans=1), 2))
+    except (np.linalg.LinAlgError, ValueError):
+        raise NumericalError(NO_NORM, hint="a modal form") from None
+    if not found < 1.0:
+        raise NumericalError(NO_NORM, hint="a modal form")
+    norms = np.linalg.norm(sla.solve_triangular(root, (H * scale).T, trans=1), axis=0) / (1.0 - found)
+    return lambda x: norms[:, None] * np.linalg.norm(root @ (x / scale[:, None]), axis=0)

@@ -60,7 +60,7 @@ class ReferenceLaw:
             c, self.next = self.advance(self.x, self._filtered(self.held))
             p = self._inner_loop(self.held)
             self.wanted = p + c
-            return self._limited(p + self.fade() * c)
+            return self._limited(p + self.fade() * c, p)
 
     def commit(self, applied: Float[np.ndarray, " output"]) -> None:
         """End the sample: what was ``applied`` moves the states."""
@@ -102,9 +102,9 @@ class ReferenceLaw:
             p[path.output] += section.step(y[path.input])
         return p
 
-    def _limited(self, t: Array) -> Array:
-        """Slew, then size; a command that is no number asks for zero."""
-        t = np.where(np.isnan(t), self.real(0.0), t)
+    def _limited(self, t: Array, p: Array) -> Array:
+        """Slew, then size; where the command is no number the inner loop stands alone, or zero."""
+        t = np.where(np.isnan(t), np.where(np.isnan(p), self.real(0.0), p), t)
         low, high = self.last - self.slew, self.last + self.slew
         t = np.where(t < low, low, np.where(t > high, high, t))
         return np.where(t < self.lower, self.lower, np.where(t > self.upper, self.upper, t))

@@ -74,6 +74,11 @@ def rounding_of(sums: Sequence[Sum], peaks: Float[np.ndarray, " signal"]) -> Flo
     return errors * (1.0 + 1e-3)
 
 
+def reach_of(sums: Sequence[Sum], peaks: Float[np.ndarray, " signal"]) -> float:
+    """The largest that a product or partial sum can become: terms that cancel count in full."""
+    return max((float(np.abs(one.coefficients) @ peaks[one.signals]) for one in sums), default=0.0)
+
+
 class _Unfolding:
     """Runs the law once on rows: each signal as a row over states, inputs and errors."""
 

@@ -10,9 +10,9 @@ import numpy as np
 from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.modal_form import to_modal
-from middeck.realtime.package.package import ControllerPackage, largest
+from middeck.realtime.package.package import ControllerPackage, law_numbers
 from middeck.realtime.package.peak import bound_peaks
-from middeck.realtime.package.rounding import UNIT, LinearLaw, rounding_of, unfold_law
+from middeck.realtime.package.rounding import UNIT, LinearLaw, reach_of, rounding_of, unfold_law
 from middeck.realtime.package.section import Section
 from middeck.realtime.package.vectors import add_test_vectors
 
@@ -22,6 +22,8 @@ ALLOWANCE = 1.01
 """For the rounding of this computation itself, in double precision."""
 NOTHING = 2.0**-100
 """Below all that matters, and above what is lost where numbers of single precision end (2^-149)."""
+ROOM = 2.0**100
+"""No product or sum may exceed it: what is added to the largest number then leaves it as it is."""
 DOUBLE = "double precision"
 
 Array = np.ndarray
@@ -44,6 +46,8 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     core = package.core
     modal = to_modal(core) if core.pairs is None else core
     exact = dataclasses.replace(package, core=modal or core, vectors=None)
+    numbers = np.concatenate([np.ravel(part) for part in law_numbers(exact)])
+    _require_room(float(np.abs(numbers[np.isfinite(numbers)]).max()), "a coefficient or limit")
     bound = bound_error(exact)
     rounded = dataclasses.replace(
         exact,
@@ -71,12 +75,11 @@ def bound_error(package: ControllerPackage) -> Array:
     by_y, by_e, by_error = gain[:, :m], gain[:, m : m + p], gain[:, m + p :]
     # Ranges are rounded too.
     peaks = _with_limits(package, linear, by_y @ (package.input_range * (1.0 + UNIT)), by_e)
-    if peaks.max() > 1e-2 * largest(single=True):
-        raise ConfigError(f"a signal of {peaks.max():.1e} overflows in single precision", hint=DOUBLE)
     errors, limited = np.zeros(len(peaks)), np.zeros(p)
     for _ in range(ROUNDS):
         # A signal with its error in it rounds a little more: until what is assumed holds what comes out.
         assumed = peaks + GROWTH * errors + NOTHING
+        _require_room(reach_of(linear.sums, assumed), "a sum")
         rounded = rounding_of(linear.sums, assumed)
         limited = _rounding_at_limits(package, assumed[list(linear.law)], assumed[list(linear.loop)])
         wanted = rounded[[w - linear.first for w in linear.wanted]]
@@ -84,6 +87,11 @@ def bound_error(package: ControllerPackage) -> Array:
         if np.all(peaks + errors <= assumed):
             return ALLOWANCE * (errors[list(linear.law)] + errors[list(linear.loop)] + limited)
     raise ConfigError("rounding may change a signal by more than itself", hint=DOUBLE)
+
+
+def _require_room(reach: float, what: str) -> None:
+    if not reach <= ROOM:
+        raise ConfigError(f"{what} of {reach:.1e} overflows in single precision", hint=DOUBLE)
 
 
 def _rounding_at_limits(package: ControllerPackage, law: Array, loop: Array) -> Array:
