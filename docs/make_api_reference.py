@@ -49,7 +49,8 @@ SECTIONS = {
     "control.sampled": "Sampled control",
     "control.robust": "Robust control",
     "control": "Shaping and reduction",
-    "realtime": "The rig",
+    "realtime": "Controller packages",
+    "laboratory": "The rig",
     "files": "Files and other programs",
 }
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
-from middeck.realtime.rig import Rig
-from middeck.realtime.rig_state import RigState
-from middeck.realtime.simulation import cut_blocks, simulate_rig
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig
+from middeck.laboratory.rig.state import RigState
 from middeck.systems.statespace import SampledStateSpace
 
 

@@ -13,11 +13,11 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.realtime.computer import build_computer
-from middeck.realtime.motors import Motor
-from middeck.realtime.rig import Rig, build_rig
-from middeck.realtime.sensors import Encoder
-from middeck.realtime.simulation import BLOCK, cut_blocks, simulate_rig
+from middeck.laboratory.rig.computer import build_computer
+from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.rig import Rig, build_rig
+from middeck.laboratory.rig.sensors import Encoder
+from middeck.laboratory.rig.simulation import BLOCK, cut_blocks, simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.feedback import feedback
 from middeck.systems.modal import ModalSystem, select_modes

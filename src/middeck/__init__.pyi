@@ -147,6 +147,23 @@ from .laboratory.article import (
     rig_article_plant as rig_article_plant,
     solve_rig_article as solve_rig_article,
 )
+from .laboratory.rig.drift import (
+    Drift as Drift,
+    age_plant as age_plant,
+    nearest_modes as nearest_modes,
+)
+from .laboratory.rig.events import StopRule as StopRule
+from .laboratory.rig.motors import Motor as Motor
+from .laboratory.rig.rig import build_rig as build_rig
+from .laboratory.rig.runs import (
+    run_closed_loop as run_closed_loop,
+    run_open_loop as run_open_loop,
+)
+from .laboratory.rig.sensors import (
+    Encoder as Encoder,
+    Gyro as Gyro,
+    Sampler as Sampler,
+)
 from .plot.amplitude import draw_amplitude as draw_amplitude
 from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
 from .plot.nichols import draw_nichols as draw_nichols
@@ -159,23 +176,6 @@ from .realtime.package.build import package_law as package_law
 from .realtime.package.package import ControllerPackage as ControllerPackage
 from .realtime.package.reference import ReferenceLaw as ReferenceLaw
 from .realtime.package.single import to_single as to_single
-from .realtime.drift import (
-    Drift as Drift,
-    age_plant as age_plant,
-    nearest_modes as nearest_modes,
-)
-from .realtime.events import StopRule as StopRule
-from .realtime.motors import Motor as Motor
-from .realtime.rig import build_rig as build_rig
-from .realtime.runs import (
-    run_closed_loop as run_closed_loop,
-    run_open_loop as run_open_loop,
-)
-from .realtime.sensors import (
-    Encoder as Encoder,
-    Gyro as Gyro,
-    Sampler as Sampler,
-)
 from .signals.excitation.limits import Limits as Limits
 from .signals.excitation.multisine import design_multisine as design_multisine
 from .signals.excitation.recognition import cut_periods as cut_periods

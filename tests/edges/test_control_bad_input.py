@@ -32,7 +32,7 @@ from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.files.exchange import from_scipy
 from middeck.files.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.realtime.rig import build_rig
+from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant, delay_plant

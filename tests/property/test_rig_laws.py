@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.realtime.motors import Motor, Rotor
-from middeck.realtime.rig import build_rig
-from middeck.realtime.sensors import Encoder, Sampler
-from middeck.realtime.simulation import simulate_rig, switch_on
+from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.sensors import Encoder, Sampler
+from middeck.laboratory.rig.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

@@ -14,8 +14,8 @@ import updating_case as case
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant
-from middeck.realtime.rig import build_rig
-from middeck.realtime.runs import run_open_loop
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.runs import run_open_loop
 from middeck.signals.excitation import Limits, design_multisine
 from middeck.signals.record import Record
 

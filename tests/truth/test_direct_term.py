@@ -11,9 +11,9 @@ from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.realtime.motors import Motor
-from middeck.realtime.rig import build_rig
-from middeck.realtime.sensors import Encoder, Gyro, Sampler
+from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, output_rows, select_modes
 from middeck.systems.plant import Plant

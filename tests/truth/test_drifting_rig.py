@@ -13,14 +13,14 @@ from scipy.special import jv, yv
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.realtime.ageing import CHORD, TURN
-from middeck.realtime.drift import Drift, age_plant
-from middeck.realtime.linear_view import close_rig
-from middeck.realtime.motors import Motor
-from middeck.realtime.rig import build_rig
-from middeck.realtime.runs import StopRule, run_closed_loop, run_open_loop
-from middeck.realtime.sensors import Encoder, Gyro, Sampler
-from middeck.realtime.simulation import simulate_rig, switch_on
+from middeck.laboratory.rig.ageing import CHORD, TURN
+from middeck.laboratory.rig.drift import Drift, age_plant
+from middeck.laboratory.rig.linear_view import close_rig
+from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.runs import StopRule, run_closed_loop, run_open_loop
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
+from middeck.laboratory.rig.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

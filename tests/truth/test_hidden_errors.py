@@ -13,7 +13,7 @@ from middeck.files.studies import load_study
 from middeck.laboratory.article import RigArticle, holding_torque, solve_rig_article
 from middeck.laboratory.article_rig import build_article_rig, rig_delay
 from middeck.laboratory.hidden_errors import HiddenErrors, hide_in_structure
-from middeck.realtime.linear_view import linearise_rig
+from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.systems.response import statespace_response
 
 ROOT = Path(__file__).resolve().parents[2]

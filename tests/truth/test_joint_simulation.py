@@ -10,9 +10,9 @@ from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.realtime.rig import build_rig
-from middeck.realtime.sensors import Gyro, Sampler
-from middeck.realtime.simulation import simulate_rig, switch_on
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.sensors import Gyro, Sampler
+from middeck.laboratory.rig.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

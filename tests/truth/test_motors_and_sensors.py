@@ -10,12 +10,12 @@ import rig_checks
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.realtime.drift import Drift, age_plant, nearest_modes
-from middeck.realtime.motors import Motor, Rotor
-from middeck.realtime.rig import build_rig
-from middeck.realtime.runs import run_closed_loop, run_open_loop
-from middeck.realtime.sensors import Encoder, Gyro, Sampler
-from middeck.realtime.simulation import BLOCK, cut_blocks, simulate_rig, switch_on
+from middeck.laboratory.rig.drift import Drift, age_plant, nearest_modes
+from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
+from middeck.laboratory.rig.simulation import BLOCK, cut_blocks, simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

@@ -10,10 +10,10 @@ from middeck.identification.spectra import estimate_response
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.realtime.motors import Motor
-from middeck.realtime.rig import build_rig
-from middeck.realtime.runs import run_open_loop
-from middeck.realtime.sensors import Sampler
+from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.runs import run_open_loop
+from middeck.laboratory.rig.sensors import Sampler
 from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem, modal_response

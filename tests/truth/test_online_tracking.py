@@ -24,8 +24,8 @@ from middeck.identification.tracking.recovery import (
     step_modes,
 )
 from middeck.identification.uncertainty.parameters import Uncertainty
-from middeck.realtime.linear_view import linearise_rig
-from middeck.realtime.rig import build_rig
+from middeck.laboratory.rig.linear_view import linearise_rig
+from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.record import Record
 from middeck.systems.simulation import simulate
 from repeats import repeats

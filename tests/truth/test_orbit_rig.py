@@ -11,8 +11,8 @@ import pytest
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies import load_study
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
-from middeck.realtime.linear_view import close_rig, linearise_rig
-from middeck.realtime.runs import run_closed_loop, run_open_loop
+from middeck.laboratory.rig.linear_view import close_rig, linearise_rig
+from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
 from middeck.signals.excitation import random_multisine
 from middeck.structure.model.environment import Environment
 from middeck.systems.response import statespace_response

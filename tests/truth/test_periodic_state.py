@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import NumericalError
-from middeck.realtime.rig import build_rig
-from middeck.realtime.runs import run_open_loop
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.runs import run_open_loop
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

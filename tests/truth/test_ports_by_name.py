@@ -17,7 +17,7 @@ from middeck.control.reduction import reduce_compensator
 from middeck.control.robust.monte_carlo import outcomes_on
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
-from middeck.realtime.law import place_law
+from middeck.laboratory.rig.law import place_law
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

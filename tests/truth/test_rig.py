@@ -7,10 +7,10 @@ import pytest
 
 from middeck.control.loop.closed_loop import predict_closed_loop_response
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.linear_view import close_rig, linearise_rig
-from middeck.realtime.rig import build_rig
-from middeck.realtime.runs import run_closed_loop, run_open_loop
-from middeck.realtime.sensors import Sampler
+from middeck.laboratory.rig.linear_view import close_rig, linearise_rig
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
+from middeck.laboratory.rig.sensors import Sampler
 from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem

@@ -10,11 +10,11 @@ import pytest
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
-from middeck.realtime.motors import Motor
-from middeck.realtime.rig import Rig, build_rig
-from middeck.realtime.runs import run_closed_loop
-from middeck.realtime.sensors import Encoder, Gyro, Sampler
-from middeck.realtime.simulation import simulate_rig
+from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.rig import Rig, build_rig
+from middeck.laboratory.rig.runs import run_closed_loop
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
+from middeck.laboratory.rig.simulation import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

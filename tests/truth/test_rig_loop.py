@@ -10,8 +10,8 @@ import pytest
 from middeck.control.law.compensator import Compensator
 from middeck.laboratory.bench import Bench
 from middeck.laboratory.loop import RigView, fastest_pole, judge_loop, view_rig
-from middeck.realtime.drift import Drift, age_plant, nearest_modes
-from middeck.realtime.rig import build_rig
+from middeck.laboratory.rig.drift import Drift, age_plant, nearest_modes
+from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.realtime.rig import Rig, build_rig
-from middeck.realtime.sensors import Encoder, Gyro, Sensor
-from middeck.realtime.simulation import simulate_rig
+from middeck.laboratory.rig.rig import Rig, build_rig
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sensor
+from middeck.laboratory.rig.simulation import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant

@@ -8,9 +8,9 @@ from middeck.files.study_form import RigForm, SisoForm
 from middeck.joints.deadband import Deadband
 from middeck.joints.element import JointElement
 from middeck.joints.friction import Friction
+from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.sensors import Encoder, Gyro
 from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.realtime.motors import Motor, Rotor
-from middeck.realtime.sensors import Encoder, Gyro
 
 
 def build_rig_settings(form: RigForm) -> RigSettings:

@@ -1,6 +1,6 @@
 """Elements attached to the joints of a plant: which port is whose, viscous drag, and what is refused.
 
-A rig (`middeck.realtime.rig`) steps them. Between two substeps its linear part is exact under held
+A rig (`middeck.laboratory.rig.rig`) steps them. Between two substeps its linear part is exact under held
 torques. The torque of an element is held too, at its mean over the way that the joint goes in this step,
 found together with where the joint ends. The work of a held torque is exact, mean torque times way; it is the
 work done on the element. So nothing but the excitation brings energy in, whatever the step; the discrete

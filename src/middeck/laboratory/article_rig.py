@@ -13,11 +13,11 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
+from middeck.laboratory.rig.drift import Drift, age_plant
+from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.rig import Rig, build_rig
+from middeck.laboratory.rig.sensors import Sensor
 from middeck.laboratory.settings import RigSettings
-from middeck.realtime.drift import Drift, age_plant
-from middeck.realtime.motors import Motor
-from middeck.realtime.rig import Rig, build_rig
-from middeck.realtime.sensors import Sensor
 from middeck.structure.model.article import Actuator, JointState, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.plants.port_rows import RATE

@@ -16,10 +16,10 @@ from middeck.control.sampled import emulate
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
+from middeck.laboratory.rig.drift import Drift, nearest_modes
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
 from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.realtime.drift import Drift, nearest_modes
-from middeck.realtime.rig import Rig
-from middeck.realtime.runs import Run, run_closed_loop, run_open_loop
 from middeck.signals.excitation import Limits, design_multisine, random_multisine
 from middeck.systems.response import FrequencyResponse
 from middeck.values import record

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.runs import run_open_loop
+from middeck.laboratory.rig.sensors import Sampler
 from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.realtime.rig import build_rig
-from middeck.realtime.runs import run_open_loop
-from middeck.realtime.sensors import Sampler
 from middeck.signals.excitation import random_multisine
 from middeck.signals.record import Record
 from middeck.structure.modes.solve import Modes

@@ -16,8 +16,8 @@ from middeck.control.analysis import measure_margins
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled import emulate
 from middeck.laboratory.bench import Bench
-from middeck.realtime.law import place_law
-from middeck.realtime.linear_view import linearise_rig
+from middeck.laboratory.rig.law import place_law
+from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.response import evaluate_plant, statespace_response

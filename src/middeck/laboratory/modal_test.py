@@ -10,9 +10,9 @@ from jaxtyping import Float
 from middeck.errors import NumericalError
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.runs import run_open_loop
 from middeck.laboratory.settings import RigSettings
-from middeck.realtime.rig import Rig
-from middeck.realtime.runs import run_open_loop
 from middeck.signals.excitation import Limits, design_multisine
 from middeck.signals.record import Record
 from middeck.values import record

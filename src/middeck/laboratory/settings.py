@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from middeck.joints.element import JointElement
-from middeck.realtime.motors import Motor
-from middeck.realtime.sensors import Encoder, Gyro
+from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.sensors import Encoder, Gyro
 from middeck.values import record
 
 

@@ -1,1 +1,1 @@
-"""Laws at a sampling rate, and the rigs they run on."""
+"""Control laws on their way to a computer: packages, generated C and the gate."""

@@ -15,9 +15,9 @@ from middeck.files.study_promise import PromiseForm
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.runs import run_closed_loop
 from middeck.laboratory.settings import RigSettings
-from middeck.realtime.rig import Rig
-from middeck.realtime.runs import run_closed_loop
 from middeck.signals.excitation import random_multisine
 from middeck.structure.plants.port_rows import RATE
 from middeck.systems.plant import Plant

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.realtime.computer import integrators
-from middeck.realtime.rig import Rig
+from middeck.laboratory.rig.computer import integrators
+from middeck.laboratory.rig.rig import Rig
 from middeck.systems.feedback import feedback
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace

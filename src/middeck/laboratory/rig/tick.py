@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.joints.balance import Balance
-from middeck.realtime.hybrid_plant import HybridPlant
-from middeck.realtime.motors import EXACT, WHOLE, LimitedMotors
-from middeck.realtime.readout import Readout
-from middeck.realtime.rig import Rig
-from middeck.realtime.rig_state import RigState
+from middeck.laboratory.rig.hybrid_plant import HybridPlant
+from middeck.laboratory.rig.motors import EXACT, WHOLE, LimitedMotors
+from middeck.laboratory.rig.readout import Readout
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.state import RigState
 
 Array = np.ndarray
 

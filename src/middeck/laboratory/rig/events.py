@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.realtime.rig import Rig
-from middeck.realtime.rig_state import RigBlock
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.state import RigBlock
 from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.realtime.rig import Rig
+from middeck.laboratory.rig.rig import Rig
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 

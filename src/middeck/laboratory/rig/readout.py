@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.realtime.motors import EXACT
-from middeck.realtime.sensors import Encoder, Gyro, Sampler, Sensor
+from middeck.laboratory.rig.motors import EXACT
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler, Sensor
 from middeck.values import record
 
 

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, add_viscous
-from middeck.realtime.sensor_filters import anti_alias, sensor_filter
-from middeck.realtime.sensors import Gyro, Sensor
+from middeck.laboratory.rig.sensor_filters import anti_alias, sensor_filter
+from middeck.laboratory.rig.sensors import Gyro, Sensor
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, select_paths

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.realtime.sensors import Gyro, Sensor
+from middeck.laboratory.rig.sensors import Gyro, Sensor
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -45,7 +45,7 @@ def build_computer(sensors: Sequence[Sensor], law: SampledStateSpace) -> Compute
 def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace:
     """Readings to measured outputs: y = s + T/2 r with s[k+1] = s + T r for a gyro, y = r for the others.
 
-    >>> from middeck.realtime.sensors import Encoder
+    >>> from middeck.laboratory.rig.sensors import Encoder
     >>> integrators([Encoder(0.1), Gyro()], 0.5).D.tolist()
     [[1.0, 0.0], [0.0, 0.25]]
     """

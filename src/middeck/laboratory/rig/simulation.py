@@ -16,14 +16,14 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.realtime.ageing import follow_ageing
-from middeck.realtime.computer import Computer, build_computer
-from middeck.realtime.hybrid_plant import HybridPlant
-from middeck.realtime.law import place_law
-from middeck.realtime.linear_view import close_rig
-from middeck.realtime.rig import Rig
-from middeck.realtime.rig_state import RigBlock, RigState, check_start, start_at_rest
-from middeck.realtime.tick import Tick
+from middeck.laboratory.rig.ageing import follow_ageing
+from middeck.laboratory.rig.computer import Computer, build_computer
+from middeck.laboratory.rig.hybrid_plant import HybridPlant
+from middeck.laboratory.rig.law import place_law
+from middeck.laboratory.rig.linear_view import close_rig
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.state import RigBlock, RigState, check_start, start_at_rest
+from middeck.laboratory.rig.tick import Tick
 from middeck.systems.simulation import simulate
 from middeck.systems.statespace import SampledStateSpace
 

@@ -14,13 +14,12 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.realtime.ageing import check_life
-from middeck.realtime.events import EventCounter, RunEvents, StopRule, find_stop, stop_limits
-from middeck.realtime.law import place_law
-from middeck.realtime.linear_view import close_rig, gyro_sums
-from middeck.realtime.rig import Rig
-from middeck.realtime.rig_state import RigBlock, RigState, cut_block
-from middeck.realtime.simulation import (
+from middeck.laboratory.rig.ageing import check_life
+from middeck.laboratory.rig.events import EventCounter, RunEvents, StopRule, find_stop, stop_limits
+from middeck.laboratory.rig.law import place_law
+from middeck.laboratory.rig.linear_view import close_rig, gyro_sums
+from middeck.laboratory.rig.rig import Rig
+from middeck.laboratory.rig.simulation import (
     BLOCK,
     DivergedError,
     check_excitation,
@@ -29,6 +28,7 @@ from middeck.realtime.simulation import (
     simulate_rig,
     switch_on,
 )
+from middeck.laboratory.rig.state import RigBlock, RigState, cut_block
 from middeck.signals.record import Record
 from middeck.systems.simulation import find_periodic_state
 from middeck.systems.stability import growth_rates, is_stable
