@@ -73,6 +73,7 @@ def _words(package: ControllerPackage) -> dict[str, str]:
         "modal": str(int(core.pairs is not None)),
         "pairs": str(core.pairs or 0),
         "applied": str(int(core.drives)),
+        "kernel": _template("kernel.h"),
         "tables": "\n\n".join(law_tables(package)),
         "samples": str(len(vectors.y)),
         "start_level": str(vectors.start_level),

@@ -1,0 +1,91 @@
+"""What a supervisor may ask of an engine, and what it answers."""
+
+from __future__ import annotations
+
+from middeck.realtime.engine.header import constants, names_of
+from middeck.values import record
+
+REASONS = {
+    "done": "",
+    "unknown command": "no such command",
+    "wrong slot": "no such slot",
+    "not loaded": "the slot holds no checked package",
+    "not ready": "not in this state: SAFE needs a reset first",
+    "wrong trip": "the reset names another trip than the one that holds the loop",
+    "still unhealthy": "a sensor is still out of order",
+    "busy": "the slot runs",
+    "out of range": "a value outside its range",
+    "on blacklist": "a trip has put this package on the blacklist",
+    "no waveform": "the engine was started without an excitation",
+    "not adaptive": "the settings have no adaptive gain",
+    "bad hash": "the package was changed or cut short: its hash does not fit",
+    "bad magic": "no controller package: it begins otherwise",
+    "bad format": "a package of another format or byte order",
+    "bad size": "a size that no package has",
+    "bad length": "its sizes and its length do not fit",
+    "bad number": "a number that is not finite",
+    "bad limit": "limits or ranges that no output or input can have",
+    "bad place": "a filter at an input that is not there",
+    "bad text": "a name or unit that does not fit",
+    "bad padding": "bytes that must be zero are not",
+    "single precision": "a law in single precision, for small processors: load the one in double precision",
+    "inner loop": "a package with an inner loop: the hold belongs to the engine's settings",
+    "other rate": "a package of another sampling rate",
+    "unknown port": "a port that the engine lacks, or has in another unit",
+    "bad vectors": "the engine does not give the package's test vectors",
+}
+
+
+@record
+class Answer:
+    """Whether a command was carried out, after which sample, and the engine's word for it."""
+
+    number: int
+    sample: int
+    word: str
+
+    @property
+    def done(self) -> bool:
+        """Whether it was carried out."""
+        return self.word == "done"
+
+    @property
+    def reason(self) -> str:
+        """Why it was not; empty where it was."""
+        return REASONS[self.word]
+
+
+@record(kw_only=True)
+class Event:
+    """Something that happened in the engine.
+
+    Attributes:
+        number: From 1, without gaps.
+        sample: In which.
+        kind: A trip ("envelope", "stop" ...) or another happening ("engaged", "loaded" ...).
+        channel: The sensor or output, where there is one.
+        value, limit: What was seen, and what it is compared with.
+        sha256: Of the package in control, where there is one.
+    """
+
+    number: int
+    sample: int
+    kind: str
+    channel: str
+    value: float
+    limit: float
+    sha256: str
+
+    @property
+    def trips(self) -> bool:
+        """Whether it took the loop to SAFE."""
+        return self.kind in TRIPS
+
+
+TRIPS = frozenset(names_of("trip").values()) - {"no trip", "power up"}
+KINDS = {**names_of("trip"), **names_of("happening")}
+COMMANDS = {word: code for code, word in names_of("command_kind").items()}
+STRIP_WORDS = {word.removeprefix("strip "): code for code, word in names_of("strip_word").items()}
+ANSWERS = names_of("answer")
+STATES = names_of("state")
+QUEUE = constants()["COMMANDS"]

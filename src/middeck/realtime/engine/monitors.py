@@ -1,0 +1,78 @@
+"""What an engine looks at in a band of one channel: its power, and whether it grows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.signal
+
+from middeck.errors import ConfigError
+from middeck.values import record
+
+PASSES = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+"""A section that changes nothing."""
+
+
+@record(kw_only=True)
+class Monitor:
+    """Band-passed signal of a sensor or an output, and what of it trips.
+
+    Attributes:
+        channel: Name of the sensor or output.
+        band_hz: Lower and upper edge: a Butterworth band pass of order two; from 0 a low pass, to inf a high
+            pass.
+        limit: Rms that trips, inf for none: the root of a mean square that forgets with ``seconds``.
+        seconds: Time constant of that mean.
+        window_s, factor, times, floor: Growth trips where the rms has grown by ``factor`` from window to
+            window so many ``times`` in a row, each time above ``floor``; ``factor`` 0 for no such test.
+    """
+
+    channel: str
+    band_hz: tuple[float, float]
+    limit: float = math.inf
+    seconds: float = 1.0
+    window_s: float = 1.0
+    factor: float = 0.0
+    times: int = 3
+    floor: float = 0.0
+
+    def __post_init__(self) -> None:
+        low, high = self.band_hz
+        sound = 0.0 <= low < high and self.limit > 0.0 and self.seconds > 0.0 and self.window_s > 0.0
+        if not sound or not (self.factor == 0.0 or self.factor > 1.0) or self.times < 1 or self.floor < 0.0:
+            raise ConfigError(
+                f"monitor of {self.channel}: band {low} to {high} Hz, limit {self.limit}, "
+                f"factor {self.factor}",
+                hint="0 <= low < high, positive limit and times, a factor above one or zero",
+            )
+
+    def sections(self, period_s: float) -> np.ndarray:
+        """Two second-order sections b0 b1 b2 a1 a2; raises `ConfigError` for a band beyond half the rate."""
+        low, high = (2.0 * edge * period_s for edge in self.band_hz)
+        if low >= 1.0:
+            raise ConfigError(
+                f"monitor of {self.channel} from {self.band_hz[0]} Hz",
+                hint=f"below {0.5 / period_s:g} Hz, half the sampling rate",
+            )
+        if low > 0.0 and high < 1.0:
+            rows = _butterworth([low, high], "bandpass")
+        elif low > 0.0:
+            rows = np.vstack([_butterworth(low, "highpass"), PASSES])
+        elif high < 1.0:
+            rows = np.vstack([_butterworth(high, "lowpass"), PASSES])
+        else:
+            rows = np.vstack([PASSES, PASSES])
+        return rows[:, [0, 1, 2, 4, 5]]
+
+    def encode(self, words: np.ndarray, channel: int, period_s: float) -> None:
+        """Fill the shared record (one row)."""
+        words["channel"] = channel
+        words["band"]["g"][0] = self.sections(period_s)
+        words["forget"] = -math.expm1(-period_s / self.seconds)
+        words["limit"], words["floor"], words["factor"] = self.limit, self.floor, self.factor
+        words["window"], words["times"] = max(1, round(self.window_s / period_s)), self.times
+
+
+def _butterworth(edges: float | list[float], kind: str) -> np.ndarray:
+    return np.asarray(scipy.signal.butter(2, edges, kind, output="sos"))

@@ -1,0 +1,235 @@
+"""Settings of an engine: ports, what holds the article, what trips, and how commands fade."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.realtime.engine.header import constants, layout
+from middeck.realtime.engine.monitors import Monitor
+from middeck.realtime.package.section import LoopPath
+from middeck.signals.ports import Port
+from middeck.values import record
+
+LEAST_RAMP = 150
+"""Samples of the shortest fade: its steepest step moves a command by at most 1 % of its limit."""
+
+
+@record(kw_only=True)
+class SensorTest:
+    """A sensor and what its samples must not do.
+
+    Attributes:
+        port: Name and unit.
+        range: Magnitude that no healthy sensor gives; one sample beyond it trips.
+        envelope: Magnitude of the motion that trips.
+        stuck_s: Time of one and the same value that no healthy sensor gives; 0 for no test.
+    """
+
+    port: Port
+    range: float
+    envelope: float = math.inf
+    stuck_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(
+            0.0 < self.range < math.inf and self.envelope > 0.0 and self.stuck_s >= 0.0,
+            f"sensor {self.port.name}: range {self.range}, envelope {self.envelope}, stuck_s {self.stuck_s}",
+            "a finite range and an envelope > 0, stuck_s from zero",
+        )
+
+
+@record(kw_only=True)
+class Drive:
+    """An output and its limits.
+
+    Attributes:
+        port: Name and unit.
+        lower, upper: Limits, which contain zero.
+        slew_rate: Most that it changes in a second.
+        momentum: Magnitude of its integral that trips: what a torque wheel may store.
+    """
+
+    port: Port
+    lower: float
+    upper: float
+    slew_rate: float = math.inf
+    momentum: float = math.inf
+
+    def __post_init__(self) -> None:
+        _require(
+            -math.inf < self.lower <= 0.0 <= self.upper < math.inf and self.lower < self.upper,
+            f"output {self.port.name}: limits of {self.lower} to {self.upper}",
+            "finite, zero between them",
+        )
+        _require(
+            self.slew_rate > 0.0 and self.momentum > 0.0,
+            f"output {self.port.name}: slew rate {self.slew_rate}, momentum {self.momentum}",
+            "> 0",
+        )
+
+
+@record
+class Spread:
+    """Two sensors that read one thing, how far they may be apart, and for how long."""
+
+    first: str
+    second: str
+    limit: float
+    seconds: float
+
+
+@record(kw_only=True)
+class AdaptiveGain:
+    """Gain of the compensator from 0 to ``most``, which band power moves.
+
+    It falls while the rms of a monitor is above ``high`` and rises while it is below ``low``.
+
+    ``rate`` is the most that it changes in a second; the gate proves the loop for it.
+    """
+
+    monitor: int
+    low: float
+    high: float
+    most: float
+    rate: float
+
+
+@record(kw_only=True)
+class EngineSettings:
+    """What an engine needs to know beside its packages.
+
+    Attributes:
+        period_s: From sample to sample.
+        sensors, drives: Ports with their limits, in the order of a sample's numbers.
+        hold: The loop that holds the article, by places in ``sensors`` and ``drives``: what packages call an
+            inner loop, and what SAFE falls back on once it is verified.
+        monitors, spreads, adaptive: Band power and growth; sensors that must agree; an adaptive gain.
+        effort_s, effort_share: Share of this time at a limit that trips; 0 s for no test.
+        verify_s: Time of holding, alone and without a trip, after which the hold is verified.
+        ramp_s: Least time of a fade; `LEAST_RAMP` samples at least.
+        safe_ramp_s: From the command at a trip to the hold or to zero.
+        heartbeat_s: Silence of the supervisor that trips; 0 for no test.
+        late_s, late_most: Lateness that counts, and how many samples in a row may be late.
+        answer_s: Patience with a rig over UDP in lockstep.
+        processor, priority: In real time: processor to stay on, and FIFO priority; None for none.
+
+    Raises `ConfigError` for what does not fit.
+    """
+
+    period_s: float
+    sensors: tuple[SensorTest, ...]
+    drives: tuple[Drive, ...]
+    hold: tuple[LoopPath, ...] = ()
+    monitors: tuple[Monitor, ...] = ()
+    spreads: tuple[Spread, ...] = ()
+    adaptive: AdaptiveGain | None = None
+    effort_s: float = 2.0
+    effort_share: float = 0.5
+    verify_s: float = 2.0
+    ramp_s: float = 0.5
+    safe_ramp_s: float = 0.02
+    heartbeat_s: float = 0.2
+    late_s: float = 0.0005
+    late_most: int = 2
+    answer_s: float = 10.0
+    processor: int | None = None
+    priority: int | None = None
+
+    def __post_init__(self) -> None:
+        _require(0.0 < self.period_s < math.inf, f"a period of {self.period_s} s", "> 0 s")
+        most = constants()["CHANNELS"]
+        for side, ports in (("sensors", self.inputs), ("outputs", self.outputs)):
+            names = [port.name for port in ports]
+            _require(1 <= len(names) <= most, f"{len(names)} {side}", f"1 to {most}")
+            _require(len(set(names)) == len(names), f"two {side} of one name", "names that differ")
+        for what in ("monitors", "spreads"):
+            count = len(getattr(self, what))
+            _require(
+                count <= constants()[what.upper()], f"{count} {what}", f"{constants()[what.upper()]} at most"
+            )
+        for path in self.hold:
+            _require(
+                0 <= path.input < len(self.sensors) and 0 <= path.output < len(self.drives),
+                f"a hold from sensor {path.input} to output {path.output}",
+                "places in sensors and drives",
+            )
+            _require(path.section.stable, "a hold with an unstable section", "poles inside the unit circle")
+
+    @property
+    def inputs(self) -> tuple[Port, ...]:
+        """What it reads."""
+        return tuple(sensor.port for sensor in self.sensors)
+
+    @property
+    def outputs(self) -> tuple[Port, ...]:
+        """What it drives."""
+        return tuple(drive.port for drive in self.drives)
+
+    def samples(self, seconds: float) -> int:
+        """``seconds`` in whole samples, rounded up."""
+        return math.ceil(seconds / self.period_s - 1e-6)
+
+    def channel(self, name: str) -> int:
+        """Place of a sensor, or of an output after all sensors; raises `ConfigError` for another name."""
+        names = [port.name for port in (*self.inputs, *self.outputs)]
+        _require(name in names, f"no channel {name!r}", f"one of {', '.join(names)}")
+        return names.index(name)
+
+
+def encode_settings(settings: EngineSettings) -> np.ndarray:
+    """The shared record of ``settings``; clock, rig and port of the rig are left to who starts it."""
+    words = np.zeros((), layout("settings"))
+    words["inputs"], words["outputs"] = len(settings.sensors), len(settings.drives)
+    words["period_s"] = settings.period_s
+    for field, ports in (("sensor", settings.inputs), ("output", settings.outputs)):
+        words[field][: len(ports)] = [port.name.encode() for port in ports]
+        words[f"{field}_unit"][: len(ports)] = [port.unit.encode() for port in ports]
+    _encode_limits(words, settings)
+    for k, monitor in enumerate(settings.monitors):
+        monitor.encode(words["monitor"][k : k + 1], settings.channel(monitor.channel), settings.period_s)
+    for k, spread in enumerate(settings.spreads):
+        first, second = settings.channel(spread.first), settings.channel(spread.second)
+        words["spread"][k] = (first, second, spread.limit, settings.samples(spread.seconds))
+    for k, path in enumerate(settings.hold):
+        words["path"][k] = (path.input, path.output, (np.concatenate([path.section.b, path.section.a]),))
+    words["monitors"], words["spreads"] = len(settings.monitors), len(settings.spreads)
+    words["paths"] = len(settings.hold)
+    _encode_times(words, settings)
+    return words
+
+
+def _encode_limits(words: np.ndarray, settings: EngineSettings) -> None:
+    for k, sensor in enumerate(settings.sensors):
+        words["range"][k], words["envelope"][k] = sensor.range, sensor.envelope
+        words["stuck"][k] = settings.samples(sensor.stuck_s)
+    for k, drive in enumerate(settings.drives):
+        words["lower"][k], words["upper"][k] = drive.lower, drive.upper
+        words["slew"][k] = drive.slew_rate * settings.period_s
+        words["momentum"][k] = drive.momentum
+
+
+def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
+    gain = settings.adaptive
+    words["adaptive"] = (
+        (-1, 0.0, 0.0, 1.0, 0.0)
+        if gain is None
+        else (gain.monitor, gain.low, gain.high, gain.most, gain.rate * settings.period_s)
+    )
+    words["effort_window"] = 2 * (settings.samples(settings.effort_s) // 2)
+    words["effort_share"] = settings.effort_share
+    words["verify"] = settings.samples(settings.verify_s)
+    words["ramp"] = max(settings.samples(settings.ramp_s), LEAST_RAMP)
+    words["safe_ramp"] = settings.samples(settings.safe_ramp_s)
+    words["heartbeat"] = settings.samples(settings.heartbeat_s)
+    words["late_ns"], words["late_most"] = round(1e9 * settings.late_s), settings.late_most
+    words["answer_ms"] = round(1e3 * settings.answer_s)
+    words["processor"] = -1 if settings.processor is None else settings.processor
+    words["priority"] = settings.priority or 0
+
+
+def _require(holds: bool, what: str, hint: str) -> None:
+    if not holds:
+        raise ConfigError(what, where="engine settings", hint=hint)

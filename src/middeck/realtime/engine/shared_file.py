@@ -1,0 +1,120 @@
+"""The file that engine and supervisor map."""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.realtime.engine.header import constants, layout
+from middeck.realtime.package.binary import encode_package
+from middeck.realtime.package.package import ControllerPackage
+
+STAGING = 1 << 24
+"""Bytes of the room in which a package waits to be loaded: the largest that an engine takes."""
+ALIGNED = 64
+
+
+def record_type(sensors: int, outputs: int) -> np.dtype:
+    """One sample in the ring: its head, then numbers by name, ``added`` and ``wanted`` for each slot."""
+    slots = constants()["SLOTS"]
+    law = [(f"{what}_{k}", "<f8", (outputs,)) for k in range(slots) for what in ("added", "wanted")]
+    return np.dtype(
+        [
+            *((name, layout("record_head")[name]) for name in layout("record_head").names or ()),
+            ("y", "<f8", (sensors,)),
+            ("u", "<f8", (outputs,)),
+            ("hold", "<f8", (outputs,)),
+            ("excitation", "<f8", (outputs,)),
+            *law,
+            ("gain", "<f8"),
+        ]
+    )
+
+
+class SharedFile:
+    """A mapped file with the regions as arrays; each is a view, and what the engine writes is seen."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with path.open("r+b") as file:
+            self.map = mmap.mmap(file.fileno(), 0)
+        (at,) = np.frombuffer(self.map, layout("places"), 1)
+        self.places = at
+        self.settings = self._one("settings")
+        self.asks, self.status = self._one("asks"), self._one("status")
+        self.commands = self._many(layout("command"), at["commands"], constants()["COMMANDS"])
+        self.acknowledgements = self._many(
+            layout("acknowledgement"), at["acknowledgements"], constants()["COMMANDS"]
+        )
+        self.events = self._many(layout("event"), at["events"], constants()["EVENTS"])
+        kind = record_type(int(self.settings["inputs"]), int(self.settings["outputs"]))
+        self.ring = self._many(kind, at["ring"], int(at["ring_count"]))
+        self.pretrip = self._many(kind, at["pretrip"], int(at["pretrip_count"]))
+
+    def stage(self, package: ControllerPackage | bytes) -> int:
+        """Put a package where the engine's LOAD takes it from; its size in bytes."""
+        data = package if isinstance(package, bytes) else encode_package(package)
+        start = int(self.places["staging"])
+        self.map[start : start + min(len(data), STAGING)] = data[:STAGING]
+        return len(data)
+
+    def _one(self, record: str) -> np.ndarray:
+        return self._many(layout(record), self.places[record], 1)[0]
+
+    def _many(self, kind: np.dtype, place: int, count: int) -> np.ndarray:
+        return np.frombuffer(self.map, kind, count, int(place))
+
+
+def make_shared_file(
+    path: Path,
+    settings: np.ndarray,
+    article: np.ndarray,
+    numbers: Float[np.ndarray, " number"],
+    waveform: Float[np.ndarray, "sample output"],
+    *,
+    ring: int,
+    pretrip: int,
+) -> SharedFile:
+    """Lay the file out for an engine: ``ring`` records for the recorder, ``pretrip`` before a trip."""
+    kind = record_type(int(settings["inputs"]), int(settings["outputs"]))
+    sizes = {
+        "settings": settings.nbytes,
+        "article": article.nbytes,
+        "article_numbers": numbers.nbytes,
+        "asks": layout("asks").itemsize,
+        "status": layout("status").itemsize,
+        "commands": constants()["COMMANDS"] * layout("command").itemsize,
+        "acknowledgements": constants()["COMMANDS"] * layout("acknowledgement").itemsize,
+        "events": constants()["EVENTS"] * layout("event").itemsize,
+        "ring": ring * kind.itemsize,
+        "pretrip": pretrip * kind.itemsize,
+        "waveform": waveform.nbytes,
+        "staging": STAGING,
+    }
+    places, end = np.zeros((), layout("places")), _aligned(layout("places").itemsize)
+    for region, size in sizes.items():
+        places[region] = end
+        end = _aligned(end + size)
+    places["magic"], places["format"], places["size"] = constants()["MAGIC"], constants()["FORMAT"], end
+    places["article_count"], places["stride"] = len(numbers), kind.itemsize
+    places["ring_count"], places["pretrip_count"] = ring, pretrip
+    places["waveform_samples"], places["staging_size"] = len(waveform), STAGING
+    with path.open("wb") as file:
+        file.truncate(end)
+        for region, data in (
+            (0, places),
+            (int(places["settings"]), settings),
+            (int(places["article"]), article),
+            (int(places["article_numbers"]), numbers),
+            (int(places["waveform"]), waveform),
+        ):
+            file.seek(region)
+            file.write(np.ascontiguousarray(data).tobytes())
+    return SharedFile(path)
+
+
+def _aligned(size: int) -> int:
+    return -(-size // ALIGNED) * ALIGNED

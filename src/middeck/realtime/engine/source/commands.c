@@ -1,0 +1,236 @@
+/* Commands between two samples. */
+#include <math.h>
+#include <string.h>
+
+#include "engine.h"
+
+static int same_text(const unsigned char *text, const char name[NAME])
+{
+    const size_t length = (size_t)text[0] | (size_t)text[1] << 8;
+
+    return memcmp(text + 2, name, length) == 0 && (length == NAME || name[length] == 0);
+}
+
+static const unsigned char *after(const unsigned char *text)
+{
+    return text + 2 + ((size_t)text[0] | (size_t)text[1] << 8);
+}
+
+/* The engine's place of each port, by name and unit; null where one is not there. */
+static const unsigned char *map_ports(const unsigned char *text, int ports, int *place, const char (*name)[NAME], const char (*unit)[NAME], whole known)
+{
+    int i, k;
+
+    for (i = 0; i < ports; ++i) {
+        const unsigned char *its_unit = after(text);
+
+        for (k = 0; k < known && !(same_text(text, name[k]) && same_text(its_unit, unit[k])); ++k)
+            ;
+        if (k == known)
+            return NULL;
+        place[i] = k;
+        text = after(its_unit);
+    }
+    return text;
+}
+
+static int on_blacklist(const engine *e, const unsigned char *hash)
+{
+    whole k;
+
+    for (k = 0; k < e->blacklisted; ++k)
+        if (memcmp(e->blacklist[k], hash, 32) == 0)
+            return 1;
+    return 0;
+}
+
+enum answer engine_load(engine *e, int which, size_t count)
+{
+    slot *s = &e->slots[which];
+    const settings *set = &e->set;
+    const unsigned char *text;
+    enum answer found;
+
+    s->loaded = 0;
+    found = package_read(&s->p, s->bytes, count);
+    if (found != DONE)
+        return found;
+    if (fabs(s->p.period_s - set->period_s) > 1e-9 * set->period_s)
+        return OTHER_RATE;
+    text = map_ports(after(s->p.texts), s->p.law.inputs, s->sensor, set->sensor, set->sensor_unit, set->inputs);
+    if (!text || !map_ports(text, s->p.law.outputs, s->output, set->output, set->output_unit, set->outputs))
+        return UNKNOWN_PORT;
+    found = package_replay(&s->p, &s->law);
+    if (found != DONE)
+        return found;
+    if (s->p.law.ramp < set->ramp)
+        s->p.law.ramp = (long)set->ramp;
+    return DONE;
+}
+
+enum answer engine_loaded(engine *e, int which, enum answer found)
+{
+    slot *s = &e->slots[which];
+
+    if (found == DONE && on_blacklist(e, s->p.hash))
+        found = ON_BLACKLIST;
+    s->loaded = found == DONE;
+    engine_tell(e, s->loaded ? LOADED : REFUSED, -1, (real)which, 0, s->p.hash);
+    return found;
+}
+
+static enum answer stand_by(engine *e, slot *s)
+{
+    if (!s->loaded)
+        return NOT_LOADED;
+    if (on_blacklist(e, s->p.hash))
+        return ON_BLACKLIST;
+    if (!s->running) {
+        law_reset(&s->law, &s->p.law);
+        s->law.engaged = 0;
+        s->running = 1;
+    }
+    return DONE;
+}
+
+/* Rise to a share of full authority, 1 for all; whoever is in control fades out meanwhile. */
+static enum answer engage(engine *e, slot *s, real share)
+{
+    enum answer found;
+    int k;
+
+    if (e->state == SAFE)
+        return NOT_READY;
+    if (!(share > 0 && share <= 1))
+        return OUT_OF_RANGE;
+    found = stand_by(e, s);
+    if (found != DONE)
+        return found;
+    for (k = 0; k < SLOTS; ++k) {
+        e->slots[k].law.engaged = &e->slots[k] == s;
+        e->slots[k].in_control = &e->slots[k] == s;
+    }
+    s->law.top = (long)ceil(share * (real)s->p.law.ramp);
+    if (s->law.level > s->law.top)
+        s->law.level = s->law.top;
+    engine_tell(e, ENGAGED, -1, share, 0, s->p.hash);
+    return DONE;
+}
+
+static enum answer disengage(engine *e)
+{
+    int k;
+
+    if (e->state == SAFE)
+        return NOT_READY;
+    for (k = 0; k < SLOTS; ++k)
+        e->slots[k].in_control = e->slots[k].law.engaged = 0;
+    return DONE;
+}
+
+static enum answer reset(engine *e, real trip)
+{
+    if (e->state != SAFE)
+        return NOT_READY;
+    if (trip != (real)e->trip)
+        return WRONG_TRIP;
+    if (e->sensors.unhealthy)
+        return STILL_UNHEALTHY;
+    e->state = READY;
+    e->trip = 0;
+    e->hold_off = 0;
+    monitors_forget(&e->monitors);
+    memset(e->monitors.momentum, 0, sizeof e->monitors.momentum);
+    engine_tell(e, RESET_DONE, -1, trip, 0, NULL);
+    return DONE;
+}
+
+static enum answer excite(engine *e, real periods)
+{
+    if (e->state == SAFE)
+        return NOT_READY;
+    if (!e->waveform_samples)
+        return NO_WAVEFORM;
+    if (!(periods >= 0 && periods < 1e9))
+        return OUT_OF_RANGE;
+    e->playing = 1;
+    e->playing_at = 0;
+    e->periods_left = (whole)periods;
+    engine_tell(e, EXCITED, -1, periods, 0, NULL);
+    return DONE;
+}
+
+static enum answer set_strip(engine *e, whole output, const real value[4])
+{
+    strip *s;
+
+    if (output < 0 || output >= e->set.outputs || !(value[1] - value[1] == 0))
+        return OUT_OF_RANGE;
+    s = &e->strips[output];
+    if (value[0] == STRIP_GAIN && fabs(value[1]) <= 10)
+        s->gain_to = value[1];
+    else if (value[0] == STRIP_OFFSET && value[1] >= e->set.lower[output] && value[1] <= e->set.upper[output])
+        s->offset_to = value[1];
+    else if (value[0] == STRIP_LIMIT && value[1] > 0 && value[1] <= 1)
+        s->limit_to = value[1];
+    else if (value[0] == STRIP_HOLD)
+        s->hold = value[1] != 0;
+    else
+        return OUT_OF_RANGE;
+    return DONE;
+}
+
+static enum answer adapt(engine *e, int on)
+{
+    if (e->set.adaptive.monitor < 0)
+        return NOT_ADAPTIVE;
+    if (e->state != SAFE && e->state != READY) /* else its gain would jump */
+        return NOT_READY;
+    e->adaptive_on = on;
+    e->gain = on ? 0 : 1;
+    return DONE;
+}
+
+static enum answer forgive(engine *e, const slot *s)
+{
+    whole k, kept = 0;
+
+    if (e->state != SAFE && e->state != READY)
+        return NOT_READY;
+    for (k = 0; k < e->blacklisted; ++k)
+        if (memcmp(e->blacklist[k], s->p.hash, 32) != 0)
+            memcpy(e->blacklist[kept++], e->blacklist[k], 32);
+    e->blacklisted = kept;
+    return DONE;
+}
+
+enum answer engine_command(engine *e, const command *c)
+{
+    const int needs_slot = c->kind == STANDBY || c->kind == ENGAGE || c->kind == FORGIVE;
+
+    if (needs_slot && (c->slot < 0 || c->slot >= SLOTS))
+        return WRONG_SLOT;
+    switch (c->kind) {
+    case RESET:
+        return reset(e, c->value[0]);
+    case STANDBY:
+        return stand_by(e, &e->slots[c->slot]);
+    case ENGAGE:
+        return engage(e, &e->slots[c->slot], c->value[0]);
+    case DISENGAGE:
+        return disengage(e);
+    case EXCITE:
+        return excite(e, c->value[0]);
+    case SILENCE:
+        e->playing = 0;
+        return DONE;
+    case STRIP:
+        return set_strip(e, c->slot, c->value);
+    case ADAPT:
+        return adapt(e, c->value[0] != 0);
+    case FORGIVE:
+        return forgive(e, &e->slots[c->slot]);
+    default:
+        return UNKNOWN_COMMAND;
+    }
+}

@@ -1,0 +1,82 @@
+/* The loop without clock, rig and shared file: one sample in, one sample out. */
+#ifndef MIDDECK_ENGINE_H
+#define MIDDECK_ENGINE_H
+
+#include "monitors.h"
+#include "package.h"
+#include "sensors.h"
+
+/* A place for a package, and the law that runs from it. */
+typedef struct {
+    unsigned char bytes[LARGEST_PACKAGE];
+    package p;
+    law_state law;
+    int sensor[CHANNELS], output[CHANNELS]; /* of the engine, for each port of the package */
+    int loaded, running, in_control;
+} slot;
+
+/* What each output's value passes on its way out. */
+typedef struct {
+    real gain, gain_to, offset, offset_to, limit, limit_to; /* limit: share of the output's range */
+    int hold;
+    real last; /* as written */
+} strip;
+
+/* What the world tells the engine with a sample. */
+typedef struct {
+    int stop, silent, late, no_answer, rig_dead; /* each: 1 where it is so */
+    whole late_ns;
+} circumstances;
+
+typedef struct {
+    settings set;
+    whole sample;
+    enum state state;
+    whole trip, trips; /* number of the trip that holds it in SAFE, and of all so far */
+    trip_cause cause;
+    sensor_tests sensors;
+    monitor_states monitors;
+    slot slots[SLOTS];
+    real hold_state[SECTIONS][2];
+    uint64_t hold_needs;         /* sensors that the hold reads */
+    int hold_verified, hold_off; /* off: the hold itself has failed in SAFE */
+    whole quiet;                 /* samples of holding so far */
+    whole since_trip;
+    real at_trip[CHANNELS];      /* outputs when it tripped, less the hold's */
+    strip strips[CHANNELS];
+    const real *waveform;
+    whole waveform_samples, periods_left, playing_at; /* playing_at: next sample of it */
+    int playing;
+    real gain;                   /* adaptive */
+    int adaptive_on;
+    unsigned char blacklist[HASHES][32];
+    whole blacklisted;
+    /* of the last sample, for the record */
+    real hold[CHANNELS], excitation[CHANNELS], added[SLOTS][CHANNELS], wanted[SLOTS][CHANNELS], u[CHANNELS];
+    uint64_t saturated;
+    /* what happened in it */
+    event happened[16];
+    int happenings;
+} engine;
+
+void engine_start(engine *e, const settings *set, const real *waveform, whole waveform_samples);
+
+/* One sample: sensors y to outputs u. */
+void engine_sample(engine *e, const real *y, const circumstances *c, real *u);
+
+/* Carry out a command between two samples: all but LOAD and END. */
+enum answer engine_command(engine *e, const command *c);
+
+/* Check ``count`` bytes that stand in a slot that does not run, and map its ports: DONE, or why not. Takes long, and touches
+   nothing but the slot: it may run beside the loop. */
+enum answer engine_load(engine *e, int which, size_t count);
+
+/* The loop learns what `engine_load` has found, and gives its own answer. */
+enum answer engine_loaded(engine *e, int which, enum answer found);
+
+void engine_tell(engine *e, whole kind, whole channel, real value, real limit, const unsigned char *hash);
+
+/* Fill a record of the last sample. */
+void engine_record(const engine *e, const real *y, real *numbers);
+
+#endif

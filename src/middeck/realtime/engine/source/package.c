@@ -1,0 +1,226 @@
+#include "package.h"
+
+#include <float.h>
+#include <string.h>
+
+#include "sha256.h"
+
+#if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
+#error "packages are little-endian, and are read where they lie"
+#endif
+
+enum { HEAD = 64, HASH = 32, WORDS = 12, TEXT = 64, LONGEST_RAMP = 1 << 24, SAMPLES = 4096 };
+enum { MODAL = 1, SINGLE = 2, UNSTABLE = 4, APPLIED = 8 };
+enum word { W_FORMAT, W_FLAGS, W_STATES, W_PAIRS, W_INPUTS, W_OUTPUTS, W_FILTERS, W_PATHS, W_RAMP, W_SAMPLES, W_START, W_RESERVED };
+
+static const uint32_t most[WORDS] = {1, 15, STATES, STATES / 2, CHANNELS, CHANNELS, SECTIONS, SECTIONS, LONGEST_RAMP, SAMPLES, LONGEST_RAMP, 0};
+
+typedef struct {
+    unsigned char *at, *end;
+} bytes_left;
+
+static int finite(const real *v, size_t count)
+{
+    size_t i;
+
+    for (i = 0; i < count; ++i)
+        if (!(v[i] - v[i] == 0))
+            return 0;
+    return 1;
+}
+
+static real *take(bytes_left *b, size_t count)
+{
+    real *found = (real *)(void *)b->at;
+
+    if (count > (size_t)(b->end - b->at) / sizeof(real))
+        return NULL;
+    b->at += count * sizeof(real);
+    return found;
+}
+
+/* A text of at most TEXT bytes; null where it does not fit. */
+static const unsigned char *take_text(bytes_left *b)
+{
+    const unsigned char *found = b->at;
+    size_t length;
+
+    if (b->end - b->at < 2)
+        return NULL;
+    length = (size_t)found[0] | (size_t)found[1] << 8;
+    if (length > TEXT || (size_t)(b->end - b->at) < 2 + length)
+        return NULL;
+    b->at += 2 + length;
+    return found;
+}
+
+static enum answer read_words(const unsigned char *bytes, uint32_t w[WORDS])
+{
+    int i;
+
+    memcpy(w, bytes + 8, WORDS * sizeof *w);
+    if (w[W_FORMAT] != most[W_FORMAT])
+        return BAD_FORMAT;
+    for (i = 1; i < WORDS; ++i)
+        if (w[i] > most[i])
+            return BAD_SIZE;
+    if (w[W_INPUTS] < 1 || w[W_OUTPUTS] < 1 || w[W_SAMPLES] < 1 || 2 * w[W_PAIRS] > w[W_STATES] || (!(w[W_FLAGS] & MODAL) && w[W_PAIRS]) || w[W_START] > w[W_RAMP])
+        return BAD_SIZE;
+    if (w[W_FLAGS] & SINGLE)
+        return SINGLE_PRECISION;
+    if (w[W_PATHS])
+        return INNER_LOOP;
+    return DONE;
+}
+
+static enum answer read_places(package *p, bytes_left *b, const unsigned char *start)
+{
+    const int filters = p->law.filters;
+    int i;
+
+    if (b->end - b->at < 8 * filters)
+        return BAD_LENGTH;
+    for (i = 0; i < filters; ++i, b->at += 8) {
+        uint32_t place[2];
+
+        memcpy(place, b->at, sizeof place);
+        if (place[0] >= (uint32_t)p->law.inputs || place[1] != 0)
+            return BAD_PLACE;
+        p->law.filtered[i] = (int)place[0];
+    }
+    for (; (b->at - start) % 8; ++b->at)
+        if (b->at == b->end || *b->at)
+            return BAD_PADDING;
+    return DONE;
+}
+
+static enum answer read_limits(law_tables *t, bytes_left *b)
+{
+    real *limit[4];
+    int i, k;
+
+    for (k = 0; k < 4; ++k) {
+        const int count = k ? t->outputs : t->inputs;
+
+        if (!(limit[k] = take(b, (size_t)count)))
+            return BAD_LENGTH;
+        for (i = 0; i < count; ++i) {
+            const real v = limit[k][i];
+
+            if (v != v || (k == 1 ? v > 0 : k == 2 ? v < 0 : !(v > 0)))
+                return BAD_LIMIT;
+            if (k == 2 && !(limit[1][i] < v))
+                return BAD_LIMIT;
+            limit[k][i] = v > DBL_MAX ? DBL_MAX : v < -DBL_MAX ? -DBL_MAX : v;
+        }
+    }
+    t->reach = limit[0];
+    t->least = limit[1];
+    t->most = limit[2];
+    t->slew = limit[3];
+    return DONE;
+}
+
+static enum answer read_numbers(package *p, bytes_left *b, const uint32_t w[WORDS])
+{
+    law_tables *t = &p->law;
+    const size_t n = w[W_STATES], m = w[W_INPUTS], o = w[W_OUTPUTS], pairs = w[W_PAIRS];
+    const real *first = (const real *)(const void *)b->at;
+
+    if (w[W_FLAGS] & MODAL) {
+        t->diagonal = take(b, n);
+        t->upper = take(b, pairs);
+        t->lower = take(b, pairs);
+        if (!t->lower)
+            return BAD_LENGTH;
+    } else if (!(t->A = take(b, n * n))) {
+        return BAD_LENGTH;
+    }
+    t->B = take(b, n * m);
+    t->C = take(b, o * n);
+    t->D = take(b, o * m);
+    t->E = w[W_FLAGS] & APPLIED ? take(b, n * o) : NULL;
+    t->sections = take(b, 5 * (size_t)t->filters);
+    p->test_y = take(b, p->samples * m);
+    p->test_u = take(b, p->samples * o);
+    if (!t->B || !t->C || !t->D || (w[W_FLAGS] & APPLIED && !t->E) || !t->sections || !p->test_y || !p->test_u)
+        return BAD_LENGTH;
+    return finite(first, (size_t)((const real *)(const void *)b->at - first)) ? DONE : BAD_NUMBER;
+}
+
+static enum answer read_end(package *p, bytes_left *b)
+{
+    long i;
+
+    if (b->end - b->at != (p->samples + 7) / 8 * 8)
+        return BAD_LENGTH;
+    p->test_engaged = b->at;
+    for (i = 0; i < p->samples; ++i)
+        if (b->at[i] > 1)
+            return BAD_NUMBER;
+    for (; b->at + i < b->end; ++i)
+        if (b->at[i])
+            return BAD_PADDING;
+    return DONE;
+}
+
+enum answer package_read(package *p, unsigned char *bytes, size_t count)
+{
+    uint32_t w[WORDS];
+    bytes_left b = {bytes + HEAD, bytes + count - HASH};
+    enum answer found;
+    uint32_t i;
+
+    memset(p, 0, sizeof *p);
+    if (count < HEAD + HASH || count > LARGEST_PACKAGE || count % 8)
+        return BAD_LENGTH;
+    if (memcmp(bytes, "MIDDECKP", 8) != 0)
+        return BAD_MAGIC;
+    sha256(bytes, count - HASH, p->hash);
+    if (memcmp(p->hash, bytes + count - HASH, HASH) != 0)
+        return BAD_HASH;
+    if ((found = read_words(bytes, w)) != DONE)
+        return found;
+    memcpy(&p->period_s, bytes + 8 + sizeof w, sizeof p->period_s);
+    if (!(p->period_s > 0) || !finite(&p->period_s, 1))
+        return BAD_NUMBER;
+    p->law.states = (int)w[W_STATES];
+    p->law.inputs = (int)w[W_INPUTS];
+    p->law.outputs = (int)w[W_OUTPUTS];
+    p->law.filters = (int)w[W_FILTERS];
+    p->law.pairs = w[W_FLAGS] & MODAL ? (int)w[W_PAIRS] : -1;
+    p->law.ramp = (long)w[W_RAMP];
+    p->samples = (long)w[W_SAMPLES];
+    p->start_level = (long)w[W_START];
+    p->texts = b.at;
+    for (i = 0; i < 1 + 2 * (w[W_INPUTS] + w[W_OUTPUTS]); ++i)
+        if (!take_text(&b))
+            return BAD_TEXT;
+    if ((found = read_places(p, &b, bytes)) != DONE || (found = read_limits(&p->law, &b)) != DONE)
+        return found;
+    if ((found = read_numbers(p, &b, w)) != DONE)
+        return found;
+    return read_end(p, &b);
+}
+
+enum answer package_replay(const package *p, law_state *state)
+{
+    const law_tables *t = &p->law;
+    real y[CHANNELS], u[CHANNELS];
+    long k;
+    int i;
+
+    law_reset(state, t);
+    state->level = p->start_level;
+    for (k = 0; k < p->samples; ++k) {
+        state->engaged = p->test_engaged[k];
+        for (i = 0; i < t->inputs; ++i)
+            y[i] = p->test_y[i * p->samples + k];
+        law_compute(state, t, y, 1, u);
+        law_commit(state, t, u);
+        for (i = 0; i < t->outputs; ++i)
+            if (memcmp(&u[i], &p->test_u[i * p->samples + k], sizeof(real)) != 0)
+                return BAD_VECTORS;
+    }
+    return DONE;
+}

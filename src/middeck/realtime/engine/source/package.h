@@ -1,0 +1,28 @@
+/* A controller package taken apart: nothing in it is believed before it is checked. */
+#ifndef MIDDECK_PACKAGE_H
+#define MIDDECK_PACKAGE_H
+
+#include <stddef.h>
+
+#include "law.h"
+
+enum { LARGEST_PACKAGE = 1 << 24 };
+
+typedef struct {
+    law_tables law;
+    real period_s;
+    const unsigned char *texts; /* name, then name and unit of each port: 16 bits of length, then the text */
+    long samples, start_level;
+    const real *test_y, *test_u; /* column by column */
+    const unsigned char *test_engaged;
+    unsigned char hash[32];
+} package;
+
+/* Read ``count`` bytes, aligned to eight, which the package goes on using. Limits of infinity become the largest number.
+   Returns an answer of shared.h. */
+enum answer package_read(package *p, unsigned char *bytes, size_t count);
+
+/* Replay the test vectors with ``state`` as scratch: DONE where every bit agrees, else BAD_VECTORS. */
+enum answer package_replay(const package *p, law_state *state);
+
+#endif

@@ -1,0 +1,111 @@
+/* An article in another process, over UDP on this machine's loopback interface.
+
+   Sample k asks with (MAGIC, k, alive, outputs since sample k - 1) and is answered by (MAGIC, k, sensors). A request that was
+   lost is sent again; the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include "rig.h"
+
+enum { TRIES = 20 };
+
+typedef struct {
+    uint64_t magic;
+    whole sample, alive;
+    real numbers[CHANNELS];
+} request;
+
+typedef struct {
+    uint64_t magic;
+    whole sample;
+    real numbers[CHANNELS];
+} reply;
+
+typedef struct {
+    rig face;
+    int socket;
+    request out;
+    size_t out_size, in_size;
+} udp_rig;
+
+static void send_request(udp_rig *r)
+{
+    if (send(r->socket, &r->out, r->out_size, MSG_DONTWAIT) < 0)
+        return; /* as if it had been lost on the way */
+}
+
+static enum rig_answer read_udp(rig *face, real *y)
+{
+    udp_rig *r = (udp_rig *)face;
+    const int waits = face->set->clock == LOCKSTEP;
+    reply in;
+    int tries = TRIES;
+
+    for (;;) {
+        const ssize_t got = recv(r->socket, &in, sizeof in, waits ? 0 : MSG_DONTWAIT);
+
+        if (got == (ssize_t)r->in_size && in.magic == MAGIC && in.sample == r->out.sample) {
+            memcpy(y, in.numbers, (size_t)face->set->inputs * sizeof *y);
+            return RIG_READ;
+        }
+        if (got < 0 && (!waits || --tries == 0))
+            return waits ? RIG_LOST : RIG_MISSED;
+        if (got < 0)
+            send_request(r);
+    }
+}
+
+static enum rig_answer write_udp(rig *face, const real *u, whole alive)
+{
+    udp_rig *r = (udp_rig *)face;
+
+    memcpy(r->out.numbers, u, (size_t)face->set->outputs * sizeof *u);
+    r->out.alive = alive;
+    ++r->out.sample;
+    send_request(r);
+    return RIG_READ;
+}
+
+static void close_udp(rig *face)
+{
+    udp_rig *r = (udp_rig *)face;
+
+    r->out.sample = -1; /* the end */
+    send_request(r);
+    close(r->socket);
+}
+
+rig *open_udp_rig(const settings *set)
+{
+    static udp_rig r;
+    struct sockaddr_in there;
+    const whole each_ms = set->answer_ms / TRIES + 1;
+    const struct timeval patience = {each_ms / 1000, (suseconds_t)(each_ms % 1000 * 1000)};
+
+    memset(&r, 0, sizeof r);
+    memset(&there, 0, sizeof there);
+    r.face.read = read_udp;
+    r.face.write = write_udp;
+    r.face.close = close_udp;
+    r.face.set = set;
+    r.out.magic = MAGIC;
+    r.out_size = sizeof r.out - sizeof r.out.numbers + (size_t)set->outputs * sizeof(real);
+    r.in_size = sizeof(reply) - sizeof r.out.numbers + (size_t)set->inputs * sizeof(real);
+    there.sin_family = AF_INET;
+    there.sin_port = htons((uint16_t)set->port);
+    there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    r.socket = socket(AF_INET, SOCK_DGRAM, 0);
+    if (r.socket < 0 || connect(r.socket, (struct sockaddr *)&there, sizeof there) != 0
+        || setsockopt(r.socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0) {
+        perror("the rig's socket");
+        return NULL;
+    }
+    send_request(&r);
+    return &r.face;
+}

@@ -1,0 +1,20 @@
+/* Tests of each sensor: finite, range, stuck, spread. */
+#ifndef MIDDECK_SENSORS_H
+#define MIDDECK_SENSORS_H
+
+#include "trip.h"
+
+typedef struct {
+    real value[CHANNELS]; /* the last good ones */
+    real last[CHANNELS];  /* as read */
+    whole same[CHANNELS]; /* samples of one value */
+    whole apart[SPREADS]; /* samples of disagreement */
+    uint64_t unhealthy;   /* a bit for each sensor */
+} sensor_tests;
+
+void sensors_start(sensor_tests *s);
+
+/* Look at a sample: values, health, and the first trip. */
+void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_cause *cause);
+
+#endif

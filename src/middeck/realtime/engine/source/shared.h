@@ -1,0 +1,186 @@
+/* What engine and supervisor share: one file, mapped by both.
+ *
+ * Every field takes eight bytes (or a text of whole eights), so that there is no padding and the layout is the same in
+ * C and in layout.py, which a test compares. Regions follow each other in the order of "places". A word is written by
+ * one side only; the other reads it by the atomics of words.h.
+ */
+#ifndef MIDDECK_SHARED_H
+#define MIDDECK_SHARED_H
+
+#include <stdint.h>
+
+typedef double real;
+typedef int64_t whole;
+
+enum { MAGIC = 0x4b44524d, FORMAT = 1 };
+enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 64, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 64, NAME = 64, FAULTS = 16 };
+
+enum clock_kind { LOCKSTEP, REAL_TIME };
+enum rig_kind { LINEAR_RIG, UDP_RIG, DRIVER_RIG };
+enum state { SAFE, READY, IDENTIFY, ENGAGING, CONTROL, DISENGAGING };
+
+/* Why the loop went to SAFE. */
+enum trip {
+    NO_TRIP, POWER_UP, STOP, NOT_FINITE, RANGE, STUCK, SPREAD, ENVELOPE, GROWTH, BAND_POWER, EFFORT, MOMENTUM, HEARTBEAT,
+    LATENESS, NO_ANSWER, COMMAND_NOT_FINITE, RIG_DEAD
+};
+
+/* What happened that is no trip: kinds of events from here on. */
+enum happening { RESET_DONE = 100, LOADED, ENGAGED, IN_CONTROL, DISENGAGED, EXCITED, QUIET, HOLD_VERIFIED, HOLD_LOST, BLACKLISTED, REFUSED, ENDED };
+
+enum command_kind { NO_COMMAND, RESET, LOAD, STANDBY, ENGAGE, DISENGAGE, EXCITE, SILENCE, STRIP, ADAPT, FORGIVE, END };
+enum strip_word { STRIP_GAIN, STRIP_OFFSET, STRIP_LIMIT, STRIP_HOLD };
+
+/* Why a command was not carried out; text in commands.py. */
+enum answer {
+    DONE, UNKNOWN_COMMAND, WRONG_SLOT, NOT_LOADED, NOT_READY, WRONG_TRIP, STILL_UNHEALTHY, BUSY, OUT_OF_RANGE, ON_BLACKLIST,
+    NO_WAVEFORM, NOT_ADAPTIVE, BAD_HASH = 50, BAD_MAGIC, BAD_FORMAT, BAD_SIZE, BAD_LENGTH, BAD_NUMBER, BAD_LIMIT, BAD_PLACE,
+    BAD_TEXT, BAD_PADDING, SINGLE_PRECISION, INNER_LOOP, OTHER_RATE, UNKNOWN_PORT, BAD_VECTORS
+};
+
+/* out = (b0 + b1/z + b2/z^2) / (1 + a1/z + a2/z^2), as of a package. */
+typedef struct {
+    real g[5]; /* b0 b1 b2 a1 a2 */
+} section;
+
+/* A section of the loop that holds the article: from a sensor to an output. */
+typedef struct {
+    whole sensor, output;
+    section s;
+} hold_path;
+
+/* Band-passed signal of a channel: sensors first, then outputs. */
+typedef struct {
+    whole channel;
+    section band[2];
+    real forget;  /* share of the last sample in the running mean square */
+    real limit;   /* rms that trips; inf for none */
+    real floor;   /* rms of a window below which nothing is called growth */
+    real factor;  /* growth of rms from one window to the next that counts; 0 for no growth trip */
+    whole window; /* samples */
+    whole times;  /* successive windows that must grow */
+} monitor;
+
+typedef struct {
+    whole first, second; /* sensors that read one thing */
+    real limit;
+    whole samples; /* for so long */
+} spread;
+
+/* Gain of the compensator between 0 and most, moved by a monitor's rms: down above high, up below low. */
+typedef struct {
+    whole monitor; /* -1 for none */
+    real low, high, most;
+    real rate; /* most change a sample */
+} adaptive;
+
+typedef struct {
+    whole inputs, outputs, clock, rig;
+    real period_s;
+    char sensor[CHANNELS][NAME], sensor_unit[CHANNELS][NAME], output[CHANNELS][NAME], output_unit[CHANNELS][NAME];
+    real range[CHANNELS];    /* magnitude that no healthy sensor reaches */
+    whole stuck[CHANNELS];   /* samples of one and the same value that no healthy sensor gives; 0 for no test */
+    real envelope[CHANNELS]; /* magnitude that trips */
+    whole spreads;
+    spread spread[SPREADS];
+    whole monitors;
+    monitor monitor[MONITORS];
+    adaptive adaptive;
+    real lower[CHANNELS], upper[CHANNELS], slew[CHANNELS]; /* of each output; slew a sample */
+    whole effort_window;  /* samples; 0 for no test */
+    real effort_share;    /* share of a window at the limit that trips */
+    real momentum[CHANNELS]; /* magnitude of an output's integral that trips */
+    whole paths;
+    hold_path path[SECTIONS];
+    whole verify;      /* samples of quiet holding after which the hold is verified; 0: never */
+    whole ramp;        /* least samples of a fade, and of a strip's change */
+    whole safe_ramp;   /* samples to zero, or from the last command to the hold */
+    whole heartbeat;   /* samples of silence that trip; 0 for no test */
+    whole late_ns;     /* lateness that counts */
+    whole late_most;   /* samples late in a row that trip */
+    whole answer_ms;   /* patience with a rig in lockstep */
+    whole port;        /* of a rig over UDP, on the loopback interface */
+    whole processor;   /* to stay on in real time; -1 for any */
+    whole priority;    /* FIFO priority in real time; 0 for none */
+} settings;
+
+/* Numbers of the linear article that the engine steps itself: x+ = A x + B u + G w, y = C x + n. */
+typedef struct {
+    whole states, pairs; /* pairs: -1 for a dense A */
+    whole noises;
+    whole seed;
+    real sensor_noise[CHANNELS]; /* rms */
+    whole faults;
+    struct {
+        whole kind, channel, from, until; /* samples, until excluded */
+        real value;
+    } fault[FAULTS];
+} article;
+
+enum fault_kind {
+    SENSOR_NAN, SENSOR_ADD, SENSOR_STUCK, SENSOR_DRIFT, SENSOR_GAIN, SENSOR_LATE, SENSOR_DROP, SENSOR_SWAP, SENSOR_NOISE, ENCODER_WRAP,
+    OUTPUT_DEAD, OUTPUT_GAIN, OUTPUT_STUCK, OUTPUT_LIMIT, RIG_SILENT
+};
+
+typedef struct {
+    whole number, at, kind, slot;
+    real value[4];
+} command;
+
+typedef struct {
+    whole number, sample, answer, detail;
+} acknowledgement;
+
+typedef struct {
+    whole sequence, sample, kind, channel;
+    real value, limit;
+    unsigned char hash[32]; /* of the package in control */
+} event;
+
+/* One sample: this head, then doubles: sensors; outputs; hold; excitation; for each slot what it adds, then what it would
+   add at full authority; the adaptive gain. */
+typedef struct {
+    whole sequence; /* sample + 1, written last */
+    whole state, trip, slots; /* slots: two bits each, 1 running, 2 in control */
+    whole saturated, unhealthy; /* a bit for each output, sensor */
+    whole late_ns, step_ns;
+} record_head;
+
+/* Written by the supervisor. */
+typedef struct {
+    whole until;     /* lockstep: run to this sample and wait */
+    whole heartbeat; /* any change is a beat */
+    whole stop;      /* asks: any change is a STOP; anybody may add one */
+    whole written;   /* commands given */
+    whole taken;     /* records read */
+} asks;
+
+/* Written by the engine. */
+typedef struct {
+    whole pid, format, size, running;
+    whole sample, state, trip, trips, trip_sample, trip_channel;
+    whole acknowledged, events;
+    whole alive; /* changes with every sample */
+    whole late, worst_late_ns, worst_step_ns, lost; /* lost: records overwritten before they were read */
+    whole hold_verified, frozen, frozen_at;
+    whole loaded[SLOTS], forgiven;
+    unsigned char slot_hash[SLOTS][32];
+    whole blacklisted;
+    unsigned char blacklist[HASHES][32];
+    whole real_time; /* what the system granted: 1 priority, 2 locked memory, 4 processor */
+} status;
+
+/* Offsets of the regions from the start of the file, and their sizes. */
+typedef struct {
+    whole magic, format, size;
+    whole settings, article, article_numbers, article_count;
+    whole asks, status;
+    whole commands, acknowledgements, events;
+    whole stride; /* bytes of a record */
+    whole ring, ring_count;
+    whole pretrip, pretrip_count;
+    whole waveform, waveform_samples;
+    whole staging, staging_size;
+} places;
+
+#endif

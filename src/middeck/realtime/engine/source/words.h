@@ -1,0 +1,8 @@
+/* Words that two processes share: written with release, read with acquire. */
+#ifndef MIDDECK_WORDS_H
+#define MIDDECK_WORDS_H
+
+#define word_get(p) __atomic_load_n((p), __ATOMIC_ACQUIRE)
+#define word_set(p, value) __atomic_store_n((p), (value), __ATOMIC_RELEASE)
+
+#endif
