@@ -204,7 +204,7 @@ static enum answer forgive(engine *e, const slot *s)
     return DONE;
 }
 
-enum answer engine_command(engine *e, const command *c)
+static enum answer carry_out(engine *e, const command *c)
 {
     const int needs_slot = c->kind == STANDBY || c->kind == ENGAGE || c->kind == FORGIVE;
 
@@ -233,4 +233,12 @@ enum answer engine_command(engine *e, const command *c)
     default:
         return UNKNOWN_COMMAND;
     }
+}
+
+enum answer engine_command(engine *e, const command *c)
+{
+    const enum answer found = carry_out(e, c);
+
+    engine_settle(e); /* the next command may come before the next sample */
+    return found;
 }

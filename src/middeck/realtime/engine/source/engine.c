@@ -262,7 +262,7 @@ static void adapt(engine *e)
         e->gain = towards(e->gain, a->most, a->rate);
 }
 
-static void settle_state(engine *e)
+void engine_settle(engine *e)
 {
     slot *s = in_control(e);
     const enum state before = e->state;
@@ -324,7 +324,7 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
     monitors_look(&e->monitors, &e->set, 1, e->u, &after);
     monitors_effort(&e->monitors, &e->set, e->u, e->saturated, &after);
     judge(e, &after);
-    settle_state(e);
+    engine_settle(e);
     verify_hold(e);
     e->since_trip += e->since_trip < INT64_MAX;
     memcpy(u, e->u, (size_t)e->set.outputs * sizeof *u);

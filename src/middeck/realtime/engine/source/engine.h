@@ -74,6 +74,9 @@ enum answer engine_load(engine *e, int which, size_t count);
 /* The loop learns what `engine_load` has found, and gives its own answer. */
 enum answer engine_loaded(engine *e, int which, enum answer found);
 
+/* The state that slots and excitation make, where it is not SAFE. */
+void engine_settle(engine *e);
+
 void engine_tell(engine *e, whole kind, whole channel, real value, real limit, const unsigned char *hash);
 
 /* Fill a record of the last sample. */
