@@ -23,6 +23,10 @@ FAULT_KINDS = (
 )  # fmt: skip
 
 
+LATEST = 64
+"""Samples of a sensor's past that the rig keeps."""
+
+
 @record(kw_only=True)
 class Fault:
     """A fault of the simulated article from one sample to another.
@@ -44,6 +48,11 @@ class Fault:
     def __post_init__(self) -> None:
         if self.kind not in FAULT_KINDS:
             raise ConfigError(f"no fault {self.kind!r}", hint=f"one of {', '.join(FAULT_KINDS)}")
+        late = self.kind == "sensor late" and not 0.0 <= self.value < LATEST
+        if late or (self.kind == "encoder wrap" and not self.value > 0.0):
+            raise ConfigError(
+                f"{self.kind} of {self.value}", hint=f"a delay below {LATEST} samples, a wrap above zero"
+            )
 
 
 @record(kw_only=True)
@@ -134,6 +143,7 @@ def encode_article(article: LinearArticle) -> tuple[np.ndarray, np.ndarray]:
     words["sensor_noise"][: len(article.C)] = article.sensor_noise
     words["faults"] = len(article.faults)
     for k, fault in enumerate(article.faults):
+        _check_channel(article, fault)
         words["fault"][k] = (
             FAULT_KINDS.index(fault.kind),
             fault.channel,
@@ -152,6 +162,17 @@ def encode_article(article: LinearArticle) -> tuple[np.ndarray, np.ndarray]:
         ]
     parts = [*dynamics, article.B, article.C, article.G, article.x]
     return words, np.concatenate([np.ravel(part, order="F") for part in parts])
+
+
+def _check_channel(article: LinearArticle, fault: Fault) -> None:
+    ports = article.B.shape[1] if fault.kind.startswith("output") else len(article.C)
+    places = [fault.channel, *([fault.value] if fault.kind == "sensor swap" else [])]
+    if not all(0 <= place < ports for place in places):
+        raise ConfigError(
+            f"{fault.kind} at channel {', '.join(f'{place:g}' for place in places)}",
+            where="linear article",
+            hint=f"0 to {ports - 1}",
+        )
 
 
 def with_faults(article: LinearArticle, *faults: Fault, seed: int | None = None) -> LinearArticle:

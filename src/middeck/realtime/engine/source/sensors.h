@@ -14,6 +14,9 @@ typedef struct {
 
 void sensors_start(sensor_tests *s);
 
+/* There is no sample: the last values stay, and no sensor is healthy. */
+void sensors_miss(sensor_tests *s);
+
 /* Look at a sample: values, health, and the first trip. */
 void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_cause *cause);
 
