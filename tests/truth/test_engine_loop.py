@@ -42,19 +42,24 @@ def held_by(y):
     return u
 
 
-def learnt(package, records, slot=0, fade=lambda law: law.fade(), start=0):
-    """What the law asks for in each sample, where it is told what was applied of it."""
+def learnt(package, records, engaged_at=0):
+    """What the law of slot 0, alone, asks for in each sample where it is told what was applied of it."""
     law, asked = ReferenceLaw(dataclasses.replace(package, ramp=max(package.ramp, LEAST_RAMP))), []
-    for row in records[start:]:
-        asked.append((law.compute(row["y"]), law.wanted))
-        law.commit(row["u"] - row["hold"] - row["excitation"])
+    for k, row in enumerate(records):
+        law.engaged = k >= engaged_at
+        added = law.compute(row["y"])
+        asked.append((added, law.wanted))
+        total = row["hold"] + added + row["excitation"]
+        law.commit(np.where(row["u"] == total, added, row["u"] - row["hold"] - row["excitation"]))
     return np.array(asked)
 
 
 def test_the_hold_filters_its_sensors():
     with started(settings=plain_settings(hold=HOLD)) as engine:
-        records = engine.run(400)
-    assert np.abs(records["hold"] - held_by(records["y"])).max() < 1e-13
+        records = engine.run(600)
+    expected = held_by(records["y"])
+    assert np.abs(records["hold"] - expected)[250:].max() < 1e-13  # it has faded in after the reset
+    assert np.all(np.abs(records["hold"]) <= np.abs(expected) + 1e-13)
     assert np.abs(records["u"] - np.clip(records["hold"], -0.5, 0.5)).max() == 0.0
 
 
@@ -100,6 +105,7 @@ def test_a_strip_scales_shifts_limits_and_holds():
         assert np.abs(records["u"][:, 0]).max() <= 0.25  # half of a law that is limited to 0.5
         assert np.abs(records["u"][:, 1]).max() == 0.125
         assert engine.set_strip("u1", "hold", 1.0).done
+        engine.run(LEAST_RAMP + 200)
         assert np.ptp(engine.run(50)["u"][:, 1]) == 0.0
         assert engine.set_strip("u1", "gain", 11.0).word == "out of range"
         assert engine.set_strip("u0", "offset", 0.6).word == "out of range"

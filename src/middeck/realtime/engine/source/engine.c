@@ -342,7 +342,7 @@ static void through_strips(engine *e, const real *command, real *share)
         most = e->set.upper[i] * s->limit;
         t = s->gain * command[i] + s->offset;
         if (s->held_share > 0)
-            t += s->held_share * (s->held - t);
+            t = s->held_share * s->held + (1 - s->held_share) * t;
         e->u[i] = s->last = limited(t, 0, last, e->set.slew[i], least, most);
         share[i] = larger(share_taken(s->last, last, e->set.slew[i], least, most), e->law_share[i]);
         if (share[i] >= 1)
