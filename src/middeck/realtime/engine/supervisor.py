@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import subprocess
 import tempfile
 import time
@@ -95,6 +96,7 @@ class Supervisor:
             ring=ring,
             pretrip=max(1, settings.samples(pretrip_s)),
         )
+        self.file.asks["supervisor"] = os.getpid()
         self.seen_events = 0
         self.process = subprocess.Popen(
             [str(program or build_engine()), str(self.file.path)], stderr=subprocess.PIPE, text=True
