@@ -155,6 +155,7 @@ typedef struct {
     whole stop;      /* asks: any change is a STOP; anybody may add one */
     whole written;   /* commands given */
     whole taken;     /* records read */
+    whole supervisor; /* its process: a lockstep engine ends with it */
 } asks;
 
 /* Written by the engine. */
