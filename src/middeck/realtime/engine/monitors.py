@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import scipy.signal
@@ -19,7 +20,7 @@ class Monitor:
     """Band-passed signal of a sensor or an output, and what of it trips.
 
     Attributes:
-        channel: Name of the sensor or output.
+        channel, side: Name of a port, and whether it is a "sensor" or an "output".
         band_hz: Lower and upper edge: a Butterworth band pass of order two; from 0 a low pass, to inf a high
             pass.
         limit: Rms that trips, inf for none: the root of a mean square that forgets with ``seconds``.
@@ -29,6 +30,7 @@ class Monitor:
     """
 
     channel: str
+    side: Literal["sensor", "output"] = "sensor"
     band_hz: tuple[float, float]
     limit: float = math.inf
     seconds: float = 1.0
