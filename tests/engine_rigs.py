@@ -221,19 +221,20 @@ def pack(law: Compensator, **changes) -> ControllerPackage:
     return package_law(law, "law", **({"ramp_s": 0.3, "unstable": True} | changes))
 
 
-def scaled(law: Compensator, gain: float) -> Compensator:
-    """Another gain at every output, of which the estimator knows nothing."""
+def scaled_rows(law: Compensator, gains: np.ndarray) -> Compensator:
+    """Another gain at each output, of which the estimator knows nothing."""
     s = law.sampled
-    return dataclasses.replace(
-        law, dynamics=SampledStateSpace(s.A, s.B, gain * s.C, gain * s.D, period_s=s.period_s)
-    )
+    rows = gains[:, None]
+    system = SampledStateSpace(s.A, s.B, rows * s.C, rows * s.D, period_s=s.period_s)
+    return Compensator(system, law.inputs, law.outputs, applied=law.applied)
 
 
 ENVELOPE = {("simple", "lab"): 2.0, ("simple", "orbit"): 4.0, ("dm", "lab"): 15.0, ("dm", "orbit"): 15.0}
 """Largest angle of normal operation with a margin [deg]."""
 SHARE = 0.75
 """Of the torque that the safe state can catch (`find_reach`), as the limit of each output."""
-AUTHORITY = 100.0
+AUTHORITY = 2.0
+"""Decades of authority of the compensator of normal operation."""
 SETTLE_S, NOMINAL_S = 10.0, 40.0
 
 
@@ -266,8 +267,13 @@ def bare_settings(article: str = "simple", environment: str = "lab") -> EngineSe
 
 
 @functools.cache
+def design(article: str, environment: str, log10_authority: float) -> Compensator:
+    return lqg(rig_case(article, environment), nominal_article(article, environment), 10.0**log10_authority)
+
+
+@functools.cache
 def nominal_package(article: str = "simple", environment: str = "lab") -> ControllerPackage:
-    return pack(lqg(rig_case(article, environment), nominal_article(article, environment), AUTHORITY))
+    return pack(design(article, environment, AUTHORITY))
 
 
 @functools.cache

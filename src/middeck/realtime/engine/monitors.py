@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Literal
 
@@ -58,7 +59,7 @@ class Monitor:
                 hint=f"below {0.5 / period_s:g} Hz, half the sampling rate",
             )
         if low > 0.0 and high < 1.0:
-            rows = _butterworth([low, high], "bandpass")
+            rows = _butterworth((low, high), "bandpass")
         elif low > 0.0:
             rows = np.vstack([_butterworth(low, "highpass"), PASSES])
         elif high < 1.0:
@@ -76,5 +77,8 @@ class Monitor:
         words["window"], words["times"] = max(1, round(self.window_s / period_s)), self.times
 
 
-def _butterworth(edges: float | list[float], kind: str) -> np.ndarray:
-    return np.asarray(scipy.signal.butter(2, edges, kind, output="sos"))
+@functools.cache  # many monitors share a band
+def _butterworth(edges: float | tuple[float, float], kind: str) -> np.ndarray:
+    made = np.asarray(scipy.signal.butter(2, edges, kind, output="sos"))
+    made.flags.writeable = False
+    return made

@@ -143,7 +143,7 @@ class EngineSettings:
     monitors: tuple[Monitor, ...] = ()
     spreads: tuple[Spread, ...] = ()
     adaptive: AdaptiveGain | None = None
-    effort_s: float = 1.0
+    effort_s: float = 0.5
     effort_share: float = 0.6
     verify_s: float = 2.0
     ramp_s: float = 0.5
