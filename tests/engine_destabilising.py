@@ -7,7 +7,15 @@ import dataclasses
 import numpy as np
 
 from engine_rigs import (
-    ENVELOPE, article_of, closed_states, design, growth, nominal_article, pack, rig_case, scaled_rows,
+    ENVELOPE,
+    article_of,
+    closed_states,
+    design,
+    growth,
+    nominal_article,
+    pack,
+    rig_case,
+    scaled_rows,
     settings_of,
 )  # fmt: skip
 from middeck.control.law.compensator import Compensator
@@ -65,8 +73,13 @@ class Outcome:
     held: bool
 
     @property
+    def bounded(self) -> bool:
+        """Whether no angle went beyond twice its envelope, and no torque beyond its limit."""
+        return self.peak <= 2.0 and self.torque <= 1.0
+
+    @property
     def sound(self) -> bool:
-        return bool(self.after_s <= self.allowed_s and self.peak <= 2.0 and self.torque <= 1.0)
+        return self.after_s <= self.allowed_s and self.bounded
 
 
 def wrong(rng: np.random.Generator, article: str, environment: str) -> tuple[str, Compensator]:
@@ -119,7 +132,13 @@ def _late(law: Compensator, samples: int) -> Compensator:
 
 
 def shifted_truth(
-    rng: np.random.Generator, article: str, environment: str, least: float, most: float, *, either: bool = True
+    rng: np.random.Generator,
+    article: str,
+    environment: str,
+    least: float,
+    most: float,
+    *,
+    either: bool = True,
 ) -> LinearArticle:
     """The article with every frequency off by ``least`` to ``most``, to ``either`` side."""
     case = rig_case(article, environment)
@@ -132,9 +151,15 @@ def shifted_truth(
     return article_of(case, shift_modes(case.plant, moved), seed=int(rng.integers(1 << 30)))
 
 
-def draw(seed: int, article: str = "dm", environment: str = "lab", *, on_board_stable: bool = False) -> Destabiliser:
+def draw(
+    seed: int, article: str = "dm", environment: str = "lab", *, on_board_stable: bool = False
+) -> Destabiliser:
     """The first draw from ``seed`` that is unstable on its truth, and stable on the model where asked for."""
-    rng, case, model = np.random.default_rng(seed), rig_case(article, environment), nominal_article(article, environment)
+    rng, case, model = (
+        np.random.default_rng(seed),
+        rig_case(article, environment),
+        nominal_article(article, environment),
+    )
     while True:
         if on_board_stable:
             law, kind = design(article, environment, rng.choice(np.arange(1.0, 8.0, 0.5))), "shifted"
@@ -169,7 +194,9 @@ def judge(found: Destabiliser, article: str = "dm", environment: str = "lab") ->
         events = engine.events()
         records.append(engine.run(AFTER if tripped else 1))
         banned = bool(engine.blacklist())
-        held = bool(engine.file.status["hold_verified"]) and not any(e.kind == "hold lost" for e in engine.events())
+        held = bool(engine.file.status["hold_verified"]) and not any(
+            e.kind == "hold lost" for e in engine.events()
+        )
     whole = np.concatenate(records)
     full = settings.samples(settings.ramp_s)
     trips = [e for e in events if e.trips]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import struct
 from collections.abc import Callable
 
 import numpy as np
 
 from engine_destabilising import scaled_rows, shifted_truth
-from engine_rigs import design, nominal_article, pack, rig_case, settings_of
+from engine_rigs import design, nominal_article, pack, settings_of
 from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
 from middeck.realtime.engine.settings import EngineSettings
 from middeck.realtime.engine.supervisor import Supervisor
@@ -64,7 +65,11 @@ def _faults(kind: str, value: Callable, channels: str = "sensor", length: int = 
         settings = fault_settings()
         ports = len(settings.sensors if channels == "sensor" else settings.drives)
         k = int(rng.integers(ports))
-        return (Fault(kind=kind, channel=k, start=start, end=start + length, value=float(value(rng, settings, k))),)
+        return (
+            Fault(
+                kind=kind, channel=k, start=start, end=start + length, value=float(value(rng, settings, k))
+            ),
+        )
 
     return make
 
@@ -78,11 +83,19 @@ def _envelope(settings, k) -> float:
     return sensor.envelope if np.isfinite(sensor.envelope) else sensor.range / 2.0
 
 
+def _any_size(rng, settings, k) -> float:
+    return 10.0 ** rng.uniform(-3.0, 0.0) * _envelope(settings, k)
+
+
+def _beyond(rng, settings, k) -> float:
+    return rng.choice([-3.0, 3.0]) * settings.sensors[k].range
+
+
 RIG: dict[str, Callable] = {
     "sensor nan": _faults("sensor nan", lambda rng, s, k: 0.0, length=SINGLE),
     "sensor nan for long": _faults("sensor nan", lambda rng, s, k: 0.0),
     "sensor inf": _faults("sensor add", lambda rng, s, k: rng.choice([-np.inf, np.inf]), length=SINGLE),
-    "sensor out of range": _faults("sensor add", lambda rng, s, k: rng.choice([-3.0, 3.0]) * s.sensors[k].range),
+    "sensor out of range": _faults("sensor add", _beyond),
     "sensor spike": _faults("sensor add", lambda rng, s, k: 1.5 * _envelope(s, k), length=SINGLE),
     "sensor bias": _faults("sensor add", lambda rng, s, k: rng.uniform(-0.3, 0.3) * _envelope(s, k)),
     "sensor stuck": _faults("sensor stuck", lambda rng, s, k: 0.0),
@@ -93,8 +106,8 @@ RIG: dict[str, Callable] = {
     "sensor late": _faults("sensor late", lambda rng, s, k: rng.integers(5, 63)),
     "samples dropped": _faults("sensor drop", lambda rng, s, k: rng.uniform(0.1, 0.9)),
     "sensors swapped": _faults("sensor swap", _other),
-    "sensor noisy": _faults("sensor noise", lambda rng, s, k: 10.0 ** rng.uniform(-3.0, 0.0) * _envelope(s, k)),
-    "encoder wraps": _faults("encoder wrap", lambda rng, s, k: 10.0 ** rng.uniform(-3.0, 0.0) * _envelope(s, k)),
+    "sensor noisy": _faults("sensor noise", _any_size),
+    "encoder wraps": _faults("encoder wrap", _any_size),
     "actuator dead": _faults("output dead", lambda rng, s, k: 0.0, "output"),
     "actuator reversed": _faults("output gain", lambda rng, s, k: -1.0, "output"),
     "actuator too strong": _faults("output gain", lambda rng, s, k: rng.uniform(2.0, 10.0), "output"),
@@ -142,8 +155,6 @@ def _corrupted(rng) -> bytes:
 
 
 def _hashed(data: bytes) -> bytes:
-    import hashlib
-
     return data[:-32] + hashlib.sha256(data[:-32]).digest()
 
 
@@ -196,8 +207,8 @@ PACKAGES: dict[str, Callable] = {
     "package empty": lambda rng: b"",
     "package of noise": lambda rng: rng.bytes(int(rng.integers(96, 4096)) * 8),
 }
-REFUSED = {name for name in PACKAGES if name not in (
-    "package destabilises", "package with too much gain", "compensator unstable", "package replayed")}  # fmt: skip
+SOUND = {"package destabilises", "package with too much gain", "compensator unstable", "package replayed"}
+REFUSED = PACKAGES.keys() - SOUND
 ASKED = ("crew STOP", "supervisor silent", "commands out of place", "records not read")
 KINDS = (*RIG, *ARTICLES, *PACKAGES, *ASKED)
 
@@ -212,7 +223,7 @@ def play(kind: str, state: str, seed: int) -> Ending:
     wave = 0.02 * rng.standard_normal((200, len(settings.drives)))
     ring = 64 if kind == "records not read" else 8192
     with Supervisor(settings, rig, waveform=wave, ring=ring) as engine:
-        _reach(engine, state, start)
+        reach(engine, state, start)
         before = engine.state
         records, answers = [], []
         if kind in PACKAGES:
@@ -230,7 +241,7 @@ def play(kind: str, state: str, seed: int) -> Ending:
         )  # fmt: skip
 
 
-def _reach(engine: Supervisor, state: str, start: int) -> None:
+def reach(engine: Supervisor, state: str, start: int) -> None:
     """At sample ``start`` the engine is in ``state``, its hold verified."""
     assert engine.load(good()).done
     assert engine.reset().done
@@ -280,10 +291,16 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
     limits = np.array([drive.upper for drive in settings.drives])
     if not np.isfinite(records["u"]).all() or np.any(np.abs(records["u"]) > limits):
         return "an output beyond its limit"
-    spoilt = {place for f in faults if f.kind.startswith(("sensor", "encoder")) for place in (f.channel, int(f.value) if f.kind == "sensor swap" else f.channel)}
+    spoilt = {
+        place
+        for f in faults
+        if f.kind.startswith(("sensor", "encoder"))
+        for place in (f.channel, int(f.value) if f.kind == "sensor swap" else f.channel)
+    }
     for k, sensor in enumerate(settings.sensors):
         if k not in spoilt and np.any(np.abs(records["y"][:, k]) > 2.0 * sensor.envelope):
-            return f"{sensor.port.name} at {np.abs(records['y'][:, k]).max() / sensor.envelope:.2f} of its envelope"
+            share = np.abs(records["y"][:, k]).max() / sensor.envelope
+            return f"{sensor.port.name} at {share:.2f} of its envelope"
     if kind in REFUSED and answers[0] == "done":
         return "a package accepted that must be refused"
     if kind == "commands out of place" and "done" in answers:
@@ -301,9 +318,15 @@ def _safe_complaint(engine, before, trips, records) -> str:
     if engine.command("reset", values=[engine.trip + 1.0]).word != "wrong trip":
         return "a reset that names another trip"
     last = records[-1]
-    lost = any(event.kind == "hold lost" for event in engine.events()) or not engine.file.status["hold_verified"]
+    lost = (
+        any(event.kind == "hold lost" for event in engine.events()) or not engine.file.status["hold_verified"]
+    )
     expected = np.zeros(len(last["u"])) if lost else None
     if expected is not None and np.any(last["u"] != expected):
         return "neither the hold nor zero"
     kept = engine.pretrip()
-    return "" if kept["trip"][-1] != 0 and np.all(np.diff(kept["sequence"]) == 1) else "the ring before the trip is not frozen"
+    return (
+        ""
+        if kept["trip"][-1] != 0 and np.all(np.diff(kept["sequence"]) == 1)
+        else "the ring before the trip is not frozen"
+    )

@@ -29,7 +29,6 @@ from middeck.study.chapters.zero_g_control.computation import control_plant
 from middeck.study.shared import find_modes
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, delay_plant, select_ports
-from middeck.systems.sampled_plant import sample_plant
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -56,7 +55,7 @@ class RigCase:
         plant: Continuous, delayed, without the modes that no port moves.
         sensors, drives: Names of ports in the engine's order; the first ``controlled`` drives and the first
             ``measured`` sensors are a compensator's.
-        hold: The sheet's gains; without a roll-off of the wheels' damping the delay lets modes near 48 Hz grow.
+        hold: The sheet's gains; without a roll-off of the wheels' damping the delay makes 48 Hz grow.
         disturbed, disturbance_rms: Where white noise pushes, and its rms in a sample [N m].
     """
 
@@ -157,7 +156,7 @@ def shifted(case: RigCase, factors: dict[str, float]) -> Plant:
 
 @record(kw_only=True)
 class Held:
-    """An article with the hold closed, its filters' states behind the article's: x+ = A x + B u + G w, y = C x."""
+    """x+ = A x + B u + G w, y = C x with the hold closed, its filters' states behind the article's."""
 
     A: np.ndarray
     B: np.ndarray
