@@ -244,6 +244,25 @@ def test_a_trip_of_the_hold_alone_unlearns_it():
     assert not np.any(records["u"][-1])
 
 
+def test_a_hold_that_drives_the_article_out_is_let_go():
+    """An eighth beyond where it took over; a hold that only keeps it there goes on."""
+    plain = plain_settings()
+    sensors = tuple(dataclasses.replace(sensor, envelope=1.0) for sensor in plain.sensors)
+    for gain, lost in ((0.05, True), (-0.05, False)):
+        rig = still_article([0.3, 0.0, 0.0], A=np.diag([1.0, 0.5, 0.5]), B=np.array([[0.1, 0.0]] * 3))
+        hold = (LoopPath(0, 0, static_gain(gain)),)
+        with Supervisor(held_settings(hold=hold, sensors=sensors), rig) as engine:
+            verified(engine)
+            engine.stop()
+            engine.run(1, keep=False)
+            records = engine.run(1500)
+            found = [event for event in engine.events() if event.kind == "hold lost"]
+        assert bool(found) == lost
+        if lost:
+            assert found[0].value == pytest.approx(1.125, rel=0.006)  # a step of half a per cent
+            assert not np.any(records["u"][-1])
+
+
 def test_a_sensor_that_stands_off_at_power_up_is_no_step():
     """Filters begin as if its value had always been there."""
     band = Monitor(channel="y0", band_hz=(2.0, 12.0), limit=1e-9)

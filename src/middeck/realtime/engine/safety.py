@@ -17,7 +17,7 @@ from middeck.values import record
 
 RATE = "_rate"
 """Ending of the name of a rate sensor."""
-GROWS, TIMES = 1.5, 3
+GROWS, TIMES = 1.2, 3
 """Growth of the rms from window to window that counts, and how many windows must grow."""
 FLOOR, LIMIT = 3.0, 8.0
 """Multiples of the largest rms of normal operation: above the first growth counts, the second trips."""
@@ -103,32 +103,18 @@ def standard_monitors(
         raise ConfigError(
             f"a record of {min(len(y), len(u))} samples", where="standard monitors", hint=f">= {10 * longest}"
         )
-    channels = [*((s.port.name, "sensor", np.inf, row) for s, row in zip(settings.sensors, y.T, strict=True)),
-                *((d.port.name, "output", HALF * max(-d.lower, d.upper), row)
-                  for d, row in zip(settings.drives, u.T, strict=True))]  # fmt: skip
+    below = [band for band in bands if 2.0 * band.low_hz * settings.period_s < 1.0]
     made: list[Monitor] = []
-    for name, side, most, row in channels:
-        for k, band in enumerate(bands):
-            if 2.0 * band.low_hz * settings.period_s >= 1.0:
-                continue
-            largest = _largest_rms(settings, band, name, row)
-            if largest == 0.0 and not np.isfinite(most):
-                continue  # a sensor that never moved in it says nothing of what is normal
-            high = np.inf if k == 0 else most
-            made.append(
-                Monitor(
-                    channel=name,
-                    side=side,
-                    band_hz=(band.low_hz, band.high_hz),
-                    limit=min(limit * largest or np.inf, high),
-                    seconds=band.window_s,
-                    window_s=band.window_s,
-                    factor=GROWS,
-                    times=TIMES,
-                    floor=min(floor * largest, high / 2.0),
-                )
-            )
-    return tuple(made)
+    for k, sensor in enumerate(settings.sensors):
+        blank = Monitor(channel=sensor.port.name, band_hz=(0.0, np.inf))
+        made += [_normal(settings, blank, band, y[:, k], (floor, limit), np.inf) for band in below]
+    for k, drive in enumerate(settings.drives):
+        blank = Monitor(channel=drive.port.name, side="output", band_hz=(0.0, np.inf))
+        half = HALF * max(-drive.lower, drive.upper)
+        most = [np.inf if band is bands[0] else half for band in below]
+        pairs = zip(below, most, strict=True)
+        made += [_normal(settings, blank, band, u[:, k], (floor, limit), high) for band, high in pairs]
+    return tuple(one for one in made if one.limit < np.inf)  # no limit: it never moved, what is normal?
 
 
 def guard(
@@ -179,11 +165,33 @@ def _pulses(
     return found.transpose(2, 0, 1)
 
 
-def _largest_rms(settings: EngineSettings, band: Band, name: str, row: np.ndarray) -> float:
+def _normal(
+    settings: EngineSettings,
+    blank: Monitor,
+    band: Band,
+    row: np.ndarray,
+    times: tuple[float, float],
+    most: float,
+) -> Monitor:
+    """The monitor of a band, from its largest rms in a record; its limit is at most ``most``."""
+    monitor = dataclasses.replace(blank, band_hz=(band.low_hz, band.high_hz))
+    largest = _largest_rms(settings, monitor, band.window_s, row)
+    return dataclasses.replace(
+        monitor,
+        limit=min(times[1] * largest or np.inf, most),
+        seconds=band.window_s,
+        window_s=band.window_s,
+        factor=GROWS,
+        times=TIMES,
+        floor=min(times[0] * largest, most / 2.0),
+    )
+
+
+def _largest_rms(settings: EngineSettings, monitor: Monitor, window_s: float, row: np.ndarray) -> float:
     """Largest rms of a window, the first few left out, in which the filter settles."""
-    b = Monitor(channel=name, band_hz=(band.low_hz, band.high_hz)).sections(settings.period_s)
+    b = monitor.sections(settings.period_s)
     sos = np.ascontiguousarray(np.hstack([b[:, :3], np.ones((2, 1)), b[:, 3:]]))
-    window = settings.samples(band.window_s)
-    passed = scipy.signal.sosfilt(sos, np.ascontiguousarray(row))
+    window = settings.samples(window_s)
+    passed = np.asarray(scipy.signal.sosfilt(sos, np.ascontiguousarray(row)))
     squares = passed[: len(row) // window * window].reshape(-1, window) ** 2
     return float(np.sqrt(squares.mean(axis=1)[3:].max()))
