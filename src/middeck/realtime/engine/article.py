@@ -110,20 +110,21 @@ def linear_article(
             hint="a plant with a delay or a sensor's lag",
         )
     G = system.B[:, noisy] * np.broadcast_to(np.asarray(disturbance_rms, dtype=float), (len(noisy),))
+    driven = np.hstack([system.B[:, columns], G])
     core = Core(
         A=system.A,
-        B=system.B[:, columns],
+        B=driven,
         C=system.C[rows],
-        D=np.zeros((len(rows), len(columns))),
-        E=G,
+        D=np.zeros((len(rows), driven.shape[1])),
+        E=np.zeros((len(driven), len(rows))),
         pairs=None,
     )
     core = to_modal(core) or core
     return LinearArticle(
         A=core.A,
-        B=core.B,
+        B=core.B[:, : len(columns)],
         C=core.C,
-        G=core.E,
+        G=core.B[:, len(columns) :],
         x=np.zeros(len(core.A)),
         sensor_noise=np.broadcast_to(np.asarray(sensor_noise, dtype=float), (len(rows),)).copy(),
         pairs=core.pairs,

@@ -143,7 +143,7 @@ class EngineSettings:
     monitors: tuple[Monitor, ...] = ()
     spreads: tuple[Spread, ...] = ()
     adaptive: AdaptiveGain | None = None
-    effort_s: float = 1.0
+    effort_s: float = 0.5
     effort_share: float = 0.6
     verify_s: float = 2.0
     ramp_s: float = 0.5
@@ -201,11 +201,13 @@ class EngineSettings:
         """``seconds`` in whole samples, rounded up."""
         return math.ceil(seconds / self.period_s - 1e-6)
 
-    def channel(self, name: str) -> int:
-        """Place of a sensor, or of an output after all sensors; raises `ConfigError` for another name."""
-        names = [port.name for port in (*self.inputs, *self.outputs)]
-        _require(name in names, f"no channel {name!r}", f"one of {', '.join(names)}")
-        return names.index(name)
+    def sensor(self, name: str) -> int:
+        """Place of a sensor; raises `ConfigError` for another name."""
+        return _place(name, "sensor", self.inputs)
+
+    def drive(self, name: str) -> int:
+        """Place of an output, which may have the name of a sensor; raises `ConfigError` for another name."""
+        return _place(name, "output", self.outputs)
 
 
 def encode_settings(settings: EngineSettings) -> np.ndarray:
@@ -218,9 +220,15 @@ def encode_settings(settings: EngineSettings) -> np.ndarray:
         words[f"{field}_unit"][: len(ports)] = [port.unit.encode() for port in ports]
     _encode_limits(words, settings)
     for k, monitor in enumerate(settings.monitors):
-        monitor.encode(words["monitor"][k : k + 1], settings.channel(monitor.channel), settings.period_s)
+        output = monitor.side == "output"
+        place = (
+            len(settings.sensors) + settings.drive(monitor.channel)
+            if output
+            else settings.sensor(monitor.channel)
+        )
+        monitor.encode(words["monitor"][k : k + 1], place, settings.period_s)
     for k, spread in enumerate(settings.spreads):
-        first, second = settings.channel(spread.first), settings.channel(spread.second)
+        first, second = settings.sensor(spread.first), settings.sensor(spread.second)
         words["spread"][k] = (first, second, spread.limit, settings.samples(spread.seconds))
     for k, path in enumerate(settings.hold):
         words["path"][k] = (path.input, path.output, (np.concatenate([path.section.b, path.section.a]),))
@@ -234,7 +242,7 @@ def _encode_limits(words: np.ndarray, settings: EngineSettings) -> None:
     for k, sensor in enumerate(settings.sensors):
         words["range"][k], words["envelope"][k] = sensor.range, sensor.envelope
         words["stuck"][k] = settings.samples(sensor.stuck_s)
-        words["rate"][k] = settings.channel(sensor.rate) if sensor.rate else -1
+        words["rate"][k] = settings.sensor(sensor.rate) if sensor.rate else -1
         words["coast"][k] = sensor.coast_s
     for k, drive in enumerate(settings.drives):
         words["lower"][k], words["upper"][k] = drive.lower, drive.upper
@@ -259,6 +267,12 @@ def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
     words["answer_ms"] = round(1e3 * settings.answer_s)
     words["processor"] = -1 if settings.processor is None else settings.processor
     words["priority"] = settings.priority or 0
+
+
+def _place(name: str, side: str, ports: tuple[Port, ...]) -> int:
+    names = [port.name for port in ports]
+    _require(name in names, f"no {side} {name!r}", f"one of {', '.join(names)}")
+    return names.index(name)
 
 
 def _require(holds: bool, what: str, hint: str) -> None:

@@ -240,8 +240,7 @@ class Supervisor:
         """Gain, offset, limit (a share) or hold (1 or 0) of an output's strip."""
         if word not in STRIP_WORDS:
             raise ConfigError(f"no word {word!r} of a strip", hint=f"one of {', '.join(STRIP_WORDS)}")
-        place = self.settings.channel(output) - len(self.settings.sensors)
-        return self.command("strip", slot=place, values=[STRIP_WORDS[word], value])
+        return self.command("strip", slot=self.settings.drive(output), values=[STRIP_WORDS[word], value])
 
     def reset(self) -> Answer:
         """Leave SAFE, naming the trip that led there."""
@@ -341,6 +340,7 @@ class Supervisor:
             sample=int(row["sample"]),
             kind=KINDS[int(row["kind"])],
             channel=ports[channel] if 0 <= channel < len(ports) else "",
+            side="" if channel < 0 else "sensor" if channel < len(self.settings.sensors) else "output",
             value=float(row["value"]),
             limit=float(row["limit"]),
             sha256=digest.hex() if any(digest) else "",

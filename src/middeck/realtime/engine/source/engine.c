@@ -5,6 +5,13 @@
 
 #include "kernel.h"
 
+enum { TAKE_OVER = 5 }; /* ramps to the safe state until its effect is seen: the article answers with a delay */
+
+static real larger(real a, real b)
+{
+    return a > b ? a : b;
+}
+
 static void make_neutral(strip *s)
 {
     s->gain = s->gain_to = s->limit = s->limit_to = 1;
@@ -132,6 +139,7 @@ static void go_safe(engine *e, const trip_cause *cause)
     e->trip = ++e->trips;
     e->since_trip = 0;
     e->hold_off = 0;
+    e->taken_over = 1;
     e->playing = 0;
     take_from_last(e);
     for (i = 0; i < e->set.outputs; ++i)
@@ -153,14 +161,31 @@ static int hold_is_good(const engine *e)
     return e->set.paths > 0 && e->hold_verified && !e->hold_off;
 }
 
+/* Whether the article goes an eighth beyond where it was when the safe state took over, or beyond its envelope if that is more:
+   what holds then pushes it. */
+static int runs_away(engine *e)
+{
+    if (e->since_trip <= TAKE_OVER * e->set.safe_ramp) {
+        e->taken_over = larger(e->taken_over, e->sensors.worst);
+        return 0;
+    }
+    return e->sensors.worst > 1.125 * 1.125 * e->taken_over;
+}
+
 /* In SAFE the hold lives through a short silence of its sensors on their last values, not through a long one. */
 static void watch_hold(engine *e)
 {
-    const trip_cause none = {NO_TRIP, -1, 0, 0};
+    trip_cause why = {NO_TRIP, -1, 0, 0};
 
     e->blind = e->sensors.unhealthy & e->hold_needs ? e->blind + 1 : 0;
-    if (e->state == SAFE && hold_is_good(e) && e->blind > e->set.safe_ramp)
-        lose_hold(e, &none);
+    if (e->state != SAFE || !hold_is_good(e))
+        return;
+    if (runs_away(e)) {
+        blame(&why, ENVELOPE, e->sensors.worst_at, sqrt(e->sensors.worst), sqrt(e->taken_over));
+        e->hold_verified = 0;
+    }
+    if (why.kind != NO_TRIP || e->blind > e->set.safe_ramp)
+        lose_hold(e, &why);
 }
 
 static real hold_share(const engine *e)
@@ -217,11 +242,6 @@ static void play(engine *e)
         e->playing = 0;
         engine_tell(e, QUIET, -1, 0, 0, NULL);
     }
-}
-
-static real larger(real a, real b)
-{
-    return a > b ? a : b;
 }
 
 /* Share of the limit on u's side, or of the slew: what saturates is at one. */

@@ -49,11 +49,17 @@ void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_caus
             blame(cause, SPREAD, p->first, apart, p->limit);
         }
     }
+    s->worst = 0;
     for (i = 0; i < set->inputs; ++i) {
         const real ahead = set->rate[i] < 0 ? 0 : set->coast[i] * s->value[set->rate[i]];
         const real square = s->value[i] * s->value[i] + ahead * ahead;
+        const real share = square / (set->envelope[i] * set->envelope[i]);
 
-        if (square > set->envelope[i] * set->envelope[i])
+        if (share > 1)
             blame(cause, ENVELOPE, i, sqrt(square), set->envelope[i]);
+        if (share > s->worst) {
+            s->worst = share;
+            s->worst_at = i;
+        }
     }
 }

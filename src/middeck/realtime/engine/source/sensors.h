@@ -10,6 +10,8 @@ typedef struct {
     whole same[CHANNELS]; /* samples of one value */
     whole apart[SPREADS]; /* samples of disagreement */
     uint64_t unhealthy;   /* a bit for each sensor */
+    real worst;           /* largest amplitude over its envelope, squared */
+    whole worst_at;
 } sensor_tests;
 
 void sensors_start(sensor_tests *s);
