@@ -267,16 +267,16 @@ def test_a_session_counts_samples_and_watches_the_alive_number():
     for junk in (b"", b"x" * 24, REQUEST.pack(1, 3, 3) + bytes(8), bytes(33)):
         assert session.answer(junk, "another engine") is None
     assert ask(session, -1, 0.0, 3, "stranger") == []
-    assert not session.ended
+    assert ask(session, 2, 4.0, 2, "another engine") == [13.0, 0.0]  # none of its business
     assert ask(session, -1, 0.0, 3, "another engine") == []
-    assert session.ended
+    assert ask(session, 0, 4.0, 0, "another engine") == [13.0, 0.0]  # the next one from the same address
     session.end()
     assert rig.told[-1] == 0.0
     assert HOLD == 2
 
 
 def test_a_rig_with_its_own_time_goes_on_without_an_engine():
-    """Two periods after the last request its outputs are zero; the end is taken from its engine alone."""
+    """Two periods after the last request its outputs are zero."""
     rig = Counter()
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here,
@@ -285,7 +285,9 @@ def test_a_rig_with_its_own_time_goes_on_without_an_engine():
         here.bind((LOOPBACK, 0))
         engine.connect(here.getsockname())
         engine.settimeout(5.0)
-        thread = threading.Thread(target=serve_rig, args=(rig, here), kwargs={"period_s": 0.01})
+        done = threading.Event()
+        given = {"period_s": 0.01, "lives": lambda: not done.is_set()}
+        thread = threading.Thread(target=serve_rig, args=(rig, here), kwargs=given)
         thread.start()
         for k in (0, 1):
             engine.send(REQUEST.pack(constants()["MAGIC"], k, k) + np.array([3.0]).tobytes())
@@ -293,6 +295,7 @@ def test_a_rig_with_its_own_time_goes_on_without_an_engine():
         while len(rig.told) < 6:
             thread.join(0.01)
         engine.send(REQUEST.pack(constants()["MAGIC"], -1, 2) + np.zeros(1).tobytes())
+        done.set()
         thread.join(5.0)
         assert not thread.is_alive()
     assert rig.told[0] == 3.0

@@ -109,7 +109,8 @@ class ReferenceLoop:
 
     def _blame(self, what: str, channel: str, value: float, limit: float, law: bool) -> None:
         at_s = self.count * self.settings.period_s
-        self.trip, self.blamed = f"{what} {channel} at {at_s:.4g} s: {value:.4g}, limit {limit:.4g}", law
+        self.trip = f"{what} {channel} at {at_s:.4g} s: {value:.4g}, limit {limit:.4g}"
+        self.blamed = law and (self.engaged or self.law.level > 0)
 
 
 def _places(ports: tuple[Port, ...], there: tuple[Port, ...]) -> list[int]:

@@ -24,14 +24,11 @@ class RigSession:
 
     Time of the rig is the engine's sample number. A request that was answered before gets the same reply; one
     whose number has grown by n moves the rig by n samples. An engine with another address begins anew at
-    sample 0, and the rig goes on from where it is.
-
-    Attributes:
-        ended: Whether an engine has sent its last request.
+    sample 0, as does any after a last request, and the rig goes on from where it is.
     """
 
     def __init__(self, rig: EngineRig) -> None:
-        self.rig, self.ended = rig, False
+        self.rig = rig
         self.sensors: np.ndarray | None = None
         self.engine: object = None
         self.sample = self.alive = -1
@@ -47,7 +44,7 @@ class RigSession:
         if magic != constants()["MAGIC"] or sample < END:
             return None
         if sample == END:
-            self.ended = sender == self.engine
+            self.engine = None if sender == self.engine else self.engine
             return None
         if sender != self.engine:
             self.engine, self.sample, self.alive, self.stale = sender, 0, -1, 0
@@ -81,8 +78,6 @@ class RigSession:
         self.ahead = 0
 
     def _move(self, u: np.ndarray) -> None:
-        if self.sensors is None:
-            self.rig.read()
         self.rig.write(u)
         self.sensors = self.rig.read()
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Callable
 from types import TracebackType
+from typing import NoReturn
 
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.rig import EngineRig
@@ -25,8 +28,8 @@ class ServedRig:
 
     Its time is the engine's sample number: in lockstep a run is reproducible to the bit for a seed, whatever
     is lost or doubled on the way. With ``period_s`` its time goes on by itself where no request comes for two
-    periods, with outputs of zero. The process ends with the engine's last request, with this context, and
-    with the process that started it.
+    periods, with outputs of zero. The process ends with this context, and with the process that started it;
+    engines may follow each other.
 
     Raises `ConfigError` for a rig that does not go through pickle.
     """
@@ -83,32 +86,48 @@ class ServedRig:
 def run_child(handle: int) -> None:
     """What the process of a `ServedRig` does with the socket that it inherits."""
     parent = os.getppid()
+    signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the process that started it decides
     given, period_s = pickle.load(sys.stdin.buffer)
     rig = pickle.loads(given)
     with socket.socket(fileno=handle) as opened:
         sys.stdout.write("r")
         sys.stdout.flush()
-        serve_rig(rig, opened, period_s=period_s, parent=parent)
+        serve_rig(rig, opened, period_s=period_s, lives=lambda: os.getppid() == parent)
 
 
 def serve_rig(
-    rig: EngineRig, opened: socket.socket, *, period_s: float | None = None, parent: int | None = None
+    rig: EngineRig,
+    opened: socket.socket,
+    *,
+    period_s: float | None = None,
+    lives: Callable[[], bool] = lambda: True,
 ) -> None:
-    """Answer an engine on the socket ``opened`` until its last request, or until ``parent`` is gone."""
-    session, patient = RigSession(rig), True
-    while not session.ended and (parent is None or os.getppid() == parent):
-        opened.settimeout(LOOK_S if period_s is None else HOLD * period_s if patient else period_s)
-        try:
-            data, sender = opened.recvfrom(LARGEST)
-        except TimeoutError:
-            if period_s is not None:
+    """Answer engines on the socket ``opened`` while ``lives()``; at the end outputs go to zero."""
+    session, waits = RigSession(rig), True
+    try:
+        while lives():
+            opened.settimeout(LOOK_S if period_s is None else HOLD * period_s if waits else period_s)
+            waits = _serve_one(session, opened)
+            if not waits and period_s is not None:
                 session.alone()
-                patient = False
-            continue
-        except ConnectionError:  # the engine has gone: its port tells
-            continue
-        patient = True
-        reply = session.answer(data, sender)
-        if reply is not None:
-            opened.sendto(reply, sender)
-    session.end()
+    finally:
+        session.end()
+
+
+def _serve_one(session: RigSession, opened: socket.socket) -> bool:
+    """Whether a request came before the time was out."""
+    try:
+        data, sender = opened.recvfrom(LARGEST)
+    except TimeoutError:
+        return False
+    except ConnectionError:  # an engine has gone: its port tells
+        return True
+    reply = session.answer(data, sender)
+    if reply is not None:
+        opened.sendto(reply, sender)
+    return True
+
+
+def _leave(*_: object) -> NoReturn:
+    raise SystemExit(0)
