@@ -18,6 +18,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.values import record
 
+ENVELOPE = 0.9
 NOT_DECIDED = (ConfigError, DataError, NumericalError)
 
 
@@ -82,12 +83,14 @@ class GateRig:
 def package_settings(package: ControllerPackage) -> EngineSettings:
     """Settings of an engine with the ports, ranges and limits of ``package``, and no hold.
 
+    A motion trips at `ENVELOPE` of a range: what grows is the package's fault, what jumps a sensor's.
+
     Raises `ConfigError` for a package with an input without a range, or an output without a limit.
     """
     return EngineSettings(
         period_s=package.period_s,
         sensors=tuple(
-            SensorTest(port=port, range=float(reach))
+            SensorTest(port=port, range=float(reach), envelope=ENVELOPE * float(reach))
             for port, reach in zip(package.inputs, package.input_range, strict=True)
         ),
         drives=tuple(
