@@ -7,16 +7,21 @@ import shutil
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
 from engine_cases import SENSORS, plain_settings, random_article, random_package
 from middeck.errors import ConfigError
-from middeck.realtime.engine.article import Fault
+from middeck.realtime.engine.article import Fault, linear_article
 from middeck.realtime.engine.served_rig import ServedRig
 from middeck.realtime.engine.stepped_article import SteppedArticle
 from middeck.realtime.engine.supervisor import DriverRig
 from middeck.realtime.engine.trial import ENGINE, REFERENCE, Stage, run_trial
 from middeck.realtime.package.section import LoopPath, static_gain
 from middeck.realtime.package.single import to_single
+from middeck.signals.ports import Port
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import SampledStateSpace
+from packaged_laws import PERIOD_S
 
 STAGES = (Stage("standby", 0.2), Stage("engage", 0.4, 0.25), Stage("engage", 0.8))
 HOLD = (LoopPath(0, 1, static_gain(-0.02)),)
@@ -121,3 +126,23 @@ def test_what_the_engine_does_not_take_is_refused_in_its_words():
     )
     assert "single precision" in trial.refused
     assert len(trial.u) == 0
+
+
+def test_a_plant_becomes_an_article_whatever_its_noises_and_sensors_count():
+    """In modal form, from its own matrices: more sensors than noises, and fewer."""
+    rng = np.random.default_rng(4)
+    turns = ([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in (0.1, 0.7))
+    modes = 0.95 * sla.block_diag(*turns)
+    B, C = rng.standard_normal((4, 3)), rng.standard_normal((3, 4))
+    system = SampledStateSpace(modes, B, C, np.zeros((3, 3)), period_s=PERIOD_S)
+    u, y = (tuple(Port(f"{side}{i}", "m") for i in range(3)) for side in "uy")
+    plant = Plant(dynamics=system, inputs=u, outputs=y)
+    for noises, sensors in ((1, 3), (3, 1), (0, 2)):
+        disturbed, reads = [f"u{i}" for i in range(noises)], [f"y{i}" for i in range(sensors)]
+        article = linear_article(plant, PERIOD_S, ["u2"], reads, disturbed=disturbed, disturbance_rms=0.5)
+        assert article.pairs == 2
+        for gain, given in ((article.B, B[:, 2:]), (article.G, 0.5 * B[:, :noises])):
+            power, own = np.eye(4), np.eye(4)
+            for _ in range(5):
+                np.testing.assert_allclose(article.C @ own @ gain, C[:sensors] @ power @ given, atol=1e-12)
+                power, own = modes @ power, article.A @ own

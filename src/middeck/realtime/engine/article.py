@@ -101,20 +101,21 @@ def linear_article(
             hint="a plant with a delay or a sensor's lag",
         )
     G = system.B[:, noisy] * np.broadcast_to(np.asarray(disturbance_rms, dtype=float), (len(noisy),))
+    width = max(len(rows), len(noisy))  # a core's E has a column for each of its outputs
     core = Core(
         A=system.A,
         B=system.B[:, columns],
-        C=system.C[rows],
-        D=np.zeros((len(rows), len(columns))),
-        E=G,
+        C=np.vstack([system.C[rows], np.zeros((width - len(rows), len(system.A)))]),
+        D=np.zeros((width, len(columns))),
+        E=np.hstack([G, np.zeros((len(system.A), width - len(noisy)))]),
         pairs=None,
     )
     core = to_modal(core) or core
     return LinearArticle(
         A=core.A,
         B=core.B,
-        C=core.C,
-        G=core.E,
+        C=core.C[: len(rows)],
+        G=core.E[:, : len(noisy)],
         x=np.zeros(len(core.A)),
         sensor_noise=np.broadcast_to(np.asarray(sensor_noise, dtype=float), (len(rows),)).copy(),
         pairs=core.pairs,
