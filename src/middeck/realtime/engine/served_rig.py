@@ -17,7 +17,7 @@ from middeck.realtime.engine.rig import EngineRig
 from middeck.realtime.engine.rig_session import HOLD, RigSession
 from middeck.realtime.engine.supervisor import UdpRig
 
-LOOPBACK = "127.0.0.1"
+LOOPBACK = socket.inet_ntoa(socket.INADDR_LOOPBACK.to_bytes(4, "big"))
 LARGEST = 1 << 16
 LOOK_S = 0.5
 """How often a rig without a clock looks whether the process that started it still lives."""
