@@ -45,7 +45,8 @@ def campaign():
 # They take the paper's study, and stay on one worker so that it runs once.
 PAPER = {
     *("tests/edges/test_numbers.py", "tests/edges/test_report.py"),
-    *("tests/paper/test_promise_kept.py", "tests/paper/test_study_claims.py"),
+    *("tests/paper/test_experiments_on_engine.py", "tests/paper/test_promise_kept.py"),
+    "tests/paper/test_study_claims.py",
 }
 # They fit the mirror's records alike, once (`cli_runner.identify_once`).
 MIRROR = {"tests/docs/test_examples.py", "tests/edges/test_cli_hygiene.py"}

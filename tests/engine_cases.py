@@ -23,8 +23,9 @@ def plain_settings(**changes) -> EngineSettings:
         "drives": tuple(Drive(port=port, lower=-0.5, upper=0.5) for port in u),
         "effort_s": 0.0,
         "heartbeat_s": 0.0,
+        "period_s": PERIOD_S,
     }
-    return EngineSettings(period_s=PERIOD_S, **{**given, **changes})
+    return EngineSettings(**{**given, **changes})
 
 
 def random_article(seed: int = 2, states: int = 6, **changes) -> LinearArticle:

@@ -62,6 +62,10 @@ from .control.shaping.sections import (
     shape_compensator as shape_compensator,
 )
 from .errors import MiddeckError as MiddeckError
+from .files.blacklists import (
+    load_blacklist as load_blacklist,
+    write_blacklist as write_blacklist,
+)
 from .files.components import (
     load_component as load_component,
     write_component as write_component,
@@ -164,13 +168,36 @@ from .laboratory.rig.sensors import (
     Gyro as Gyro,
     Sampler as Sampler,
 )
+from .laboratory.rig.stepped import SteppedRig as SteppedRig
 from .plot.amplitude import draw_amplitude as draw_amplitude
 from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
 from .plot.nichols import draw_nichols as draw_nichols
 from .plot.nyquist import draw_nyquist as draw_nyquist
 from .plot.shapes import draw_shapes as draw_shapes
+from .realtime.engine.article import linear_article as linear_article
+from .realtime.engine.build import build_engine as build_engine
+from .realtime.engine.rig import EngineRig as EngineRig
+from .realtime.engine.served_rig import ServedRig as ServedRig
+from .realtime.engine.settings import (
+    Drive as Drive,
+    EngineSettings as EngineSettings,
+    SensorTest as SensorTest,
+)
+from .realtime.engine.supervisor import (
+    DriverRig as DriverRig,
+    Supervisor as Supervisor,
+    UdpRig as UdpRig,
+)
+from .realtime.engine.trial import (
+    Stage as Stage,
+    run_trial as run_trial,
+)
 from .realtime.gate.gate import examine_package as examine_package
 from .realtime.gate.steps import GateMargins as GateMargins
+from .realtime.gate.trials import (
+    GateRig as GateRig,
+    GateTrials as GateTrials,
+)
 from .realtime.generate.c_source import generate_c as generate_c
 from .realtime.package.build import package_law as package_law
 from .realtime.package.package import ControllerPackage as ControllerPackage

@@ -1,8 +1,8 @@
 """Every Python block and every command on a page that teaches runs, in the order of the page.
 
 A page is one session: its blocks share their names and a folder with the repository's articles, environments,
-studies and data. TOML blocks that begin with a file name are written there first. A command that is shown to
-fail says so: ``# exit code 2``. What a page promises in words is held here, not on the page.
+studies and data. TOML blocks, and C blocks that begin with a file name, are written there. A command that is
+shown to fail says so: ``# exit code 2``. What a page promises in words is held here, not on the page.
 """
 
 from __future__ import annotations
@@ -75,6 +75,14 @@ def put_a_law_on_a_computer(names: Names) -> None:
     assert package.core.drives
     assert single.error_bound[0] < 1e-3
     assert abs(float(names["u"][0])) <= 0.25
+    assert all(answer.done for answer in names["answers"])
+    assert 0.0 < np.abs(names["records"]["y"]).max() < 0.05
+    assert names["tried"].passed
+    assert names["tried"].left_out == ()
+    assert (names["trial"].computer, names["trial"].trip) == ("reference law in Python", "")
+    assert names["on_paper"].passed
+    first, last = names["shaft_records"]["y"][[0, -1], 0]
+    assert abs(last) < 0.01 * first == 0.0001
 
 
 def your_own_article(names: Names) -> None:
@@ -426,6 +434,11 @@ def _run(page: str, block: Block, names: Names) -> int:
             name = re.match(r"# (\S+\.toml)\n", block.text)
             assert name is not None, f"{page}:{block.line}: the first line of a TOML block names its file"
             Path(name[1]).write_text(block.text, encoding="utf-8")
+        case "c":
+            named = re.match(r"/\* (\S+\.c) \*/\n", block.text)
+            if named is None:
+                return 0
+            Path(named[1]).write_text(block.text, encoding="utf-8")
         case "sh":
             return sum(_command(page, block.line + k, text) for k, text in _lines(block.text))
         case _:

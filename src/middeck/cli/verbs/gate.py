@@ -1,4 +1,4 @@
-"""``middeck gate``: the steps on paper before a controller package may run."""
+"""``middeck gate``: the steps before a controller package may run."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ import click
 
 from middeck.cli import options
 from middeck.cli.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.realtime.gate.gate import GateVerdict
+    from middeck.realtime.gate.trials import GateRig
+    from middeck.realtime.package.package import ControllerPackage
 
 EPILOG = """\
 \b
 Examples:
   middeck gate law.mdk model.json -o verdict.json
-  middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3
+  middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3 --paper
 """
 
 
@@ -51,6 +54,46 @@ Examples:
     show_default=True,
     help="Least phase margin.",
 )
+@click.option("--paper", is_flag=True, help="Steps on paper only: no dry run.")
+@click.option(
+    "--disturbance",
+    type=click.FloatRange(min=0.0),
+    default=0.01,
+    show_default=True,
+    help="Noise at each output in a dry run: rms as a share of its limit.",
+)
+@click.option(
+    "--noise",
+    type=click.FloatRange(min=0.0),
+    default=1e-4,
+    show_default=True,
+    help="Noise at each input in a dry run: rms as a share of its range.",
+)
+@click.option(
+    "--rig-port",
+    type=click.IntRange(1, 65535),
+    help="Shadow run and engagement on the rig that answers at this UDP port of this machine.",
+)
+@click.option(
+    "--driver",
+    type=click.Path(exists=True, dir_okay=False),
+    metavar="DRIVER.c",
+    help="The same on converters, by the clock.",
+)
+@click.option(
+    "--share",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    default=0.25,
+    show_default=True,
+    help="Share of full authority at which it engages first.",
+)
+@options.written(
+    "--blacklist",
+    "blacklist_file",
+    endings=(".json",),
+    metavar="BLACKLIST.json",
+    help="Packages that have tripped: consulted first; one that trips when engaged is added.",
+)
 @options.written(
     "-o", "--output", "verdict_file", endings=(".json",), metavar="VERDICT.json", help="Write the verdict."
 )
@@ -62,26 +105,31 @@ def verb(
     load_case: str | None,
     count: int,
     verdict_file: str | None,
+    blacklist_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Steps on paper before a controller package may run.
+    """Steps before a controller package may run.
 
-    Interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each environment,
-    or a fitted model.json, with and without shifted modes) stable with margin at eleven points of the fade.
-    Exit code 1 where a step is not passed. Dry run, shadow run and engagement belong to the computer that
-    runs the package. --set takes the keys of articles and environments.
+    Blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each
+    environment, or a fitted model.json, with and without shifted modes) stable with margin at eleven points
+    of the fade. Then a dry run with noise on each PLANT, and on a rig, if one is given, a shadow run and
+    engagement at a share and at full authority: by the engine, or by the reference law where no C compiler is
+    at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and environments.
     """
     from middeck.cli.qualifying import Shift, gather_plants, shifted_plants
+    from middeck.files.blacklists import load_blacklist, write_blacklist
     from middeck.files.json_output import write_json
     from middeck.files.packages import load_package
     from middeck.files.sealed import seal
     from middeck.realtime.gate.gate import examine_package
     from middeck.realtime.gate.linear_law import linear_law
     from middeck.realtime.gate.steps import GateMargins
+    from middeck.realtime.gate.trials import GateTrials
 
     package = load_package(package_file)
+    blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     gathered = gather_plants(
         plants,
         environments or ("lab",),
@@ -93,32 +141,65 @@ def verb(
     )
     models = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
-    verdict = examine_package(package, models, margins)
-    document = describe(verdict, margins)
+    trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])
+    verdict = examine_package(
+        package,
+        models,
+        margins,
+        trials=None if given["paper"] else trials,
+        rig=_rig(package, given["rig_port"], given["driver"], given["paper"]),
+        blacklist=blacklist,
+    )
+    document = describe(verdict, margins, None if given["paper"] else trials)
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
+    if blacklist_file is not None and verdict.tripped:
+        write_blacklist(blacklist_file, {**blacklist, verdict.sha256: verdict.tripped})
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)
 
 
-def describe(verdict: GateVerdict, margins: Any) -> dict[str, Any]:
+def _rig(package: ControllerPackage, port: int | None, driver: str | None, paper: bool) -> GateRig | None:
+    """The rig that was named, with the ports, ranges and limits of the package."""
+    from middeck.realtime.engine.build import build_engine
+    from middeck.realtime.engine.supervisor import DriverRig, UdpRig
+    from middeck.realtime.gate.trials import GateRig, package_settings
+
+    if port is not None and driver is not None:
+        raise ConfigError("--rig-port and --driver", hint="one rig")
+    if paper and (port is not None or driver is not None):
+        raise ConfigError("--paper with a rig", hint="leave one of them out")
+    if port is not None:
+        return GateRig(UdpRig(port), package_settings(package))
+    if driver is not None:
+        program = build_engine(driver=driver)
+        return GateRig(DriverRig(), package_settings(package), real_time=True, program=program)
+    return None
+
+
+def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     """The JSON document."""
     return {
-        "schema": "middeck.gate/1",
+        "schema": "middeck.gate/2",
         "package": verdict.sha256,
         "name": verdict.name,
         "models": verdict.models,
         "least": margins,
+        "trials": trials,
         "steps": verdict.steps,
+        "left_out": verdict.left_out,
+        "tripped": verdict.tripped,
         "passed": verdict.passed,
     }
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     rows = [[step.name, "yes" if step.passed else "NO", step.said] for step in document["steps"]]
+    left_out = [f"left out     {', '.join(document['left_out'])}"] if document["left_out"] else []
     return [
         f"package      {document['name']}, SHA-256 {document['package']}",
         f"verdict      {'passed' if document['passed'] else 'REFUSED'}, {len(document['models'])} models",
+        *left_out,
         Table("steps", ["step", "passed", "what was found"], rows),
     ]

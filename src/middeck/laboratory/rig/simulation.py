@@ -140,7 +140,7 @@ def _run_linear(
     rig: Rig, loop: SampledStateSpace, e: Array, rng: np.random.Generator, start: RigState
 ) -> RigBlock:
     p = len(rig.outputs)
-    noise = rng.standard_normal((len(e), p)) * rig.readout.noise_rms
+    _, noise, _ = draw_errors(rig, rig.plant, len(e), rng, start.bias)
     x = np.concatenate([start.x, start.issued[::-1].ravel(), start.computer])
     rows, end = simulate(loop, np.hstack([e, noise]), x)
     measured, control = rows[:, :p], rows[:, p:]
@@ -156,7 +156,7 @@ def _run_ticks(
     rig: Rig, plant: HybridPlant, computer: Computer, e: Array, rng: np.random.Generator, start: RigState
 ) -> RigBlock:
     count = rig.readout.step
-    noise, offset, bias = _draw(rig, plant, len(e), rng, start.bias)
+    noise, offset, bias = draw_errors(rig, plant, len(e), rng, start.bias)
     states, answer = computer.states, computer.states + computer.outputs
     # The computer takes counts, and so nothing is scaled in a tick.
     step = computer.step.copy()
@@ -170,7 +170,7 @@ def _run_ticks(
     digital[0, :states] = start.computer
     counts, commands = digital[:-1, states:], rows[:, answer:]
     tick = Tick(rig, plant, start)
-    windows = _pairs(issued)[: len(e)]
+    windows = pair_rows(issued)[: len(e)]
     parts = zip(
         digital[:-1], counts, digital[1:, :states], rows, commands, (offset / count).tolist(), e.tolist(),
         new, windows, noise, strict=True,
@@ -191,14 +191,18 @@ def _run_ticks(
     return RigBlock(rows[:, states:answer], counts * count, commands, new, momentum, end)
 
 
-def _draw(
+def draw_errors(
     rig: Rig, plant: HybridPlant, count: int, rng: np.random.Generator, bias: Array
 ) -> tuple[Array, Array, Array]:
     """Noise on the states and offsets of the readings at each tick, and the bias after them.
 
-    One stream of numbers, tick by tick: blocks cut elsewhere draw the same.
+    One stream of numbers, tick by tick: blocks cut elsewhere draw the same. A rig on which nothing is
+    switched on has noise of its samples alone.
     """
     readout, outputs = rig.readout, len(rig.outputs)
+    if rig.linear:
+        noise = rng.standard_normal((count, outputs)) * readout.noise_rms
+        return np.zeros((count, len(plant.noise))), noise, bias
     white = plant.noise.shape[1]
     drawn = rng.standard_normal((count, white + 2 * outputs))
     noise = drawn[:, :white] @ plant.noise.T
@@ -207,7 +211,7 @@ def _draw(
     return noise, biased[:-1] + drawn[:, white + outputs :] * readout.noise_rms, biased[-1]
 
 
-def _pairs(issued: Array) -> Array:
+def pair_rows(issued: Array) -> Array:
     """Two rows in a row, each pair as one, without copying."""
     count, m = issued.shape
     row, item = issued.strides

@@ -1,4 +1,4 @@
-"""The gate on paper: no package goes on to a rig before every step has passed."""
+"""The gate: no package runs before every step has passed, on paper, on models and on a rig."""
 
 from __future__ import annotations
 
@@ -8,11 +8,19 @@ from middeck.errors import ConfigError
 from middeck.realtime.gate.steps import (
     GateMargins,
     GateStep,
+    check_blacklist,
     check_error_bound,
     check_interface,
     check_model,
     check_poles,
     check_vectors,
+)
+from middeck.realtime.gate.trials import (
+    GateRig,
+    GateTrials,
+    check_dry_run,
+    check_engagement,
+    check_shadow_run,
 )
 from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.package import ControllerPackage
@@ -29,12 +37,17 @@ class GateVerdict:
         name: Of the package.
         models: Names of the models that it was tried on.
         steps: In order; after one that is not passed the later ones are not taken.
+        left_out: Steps that were not asked for: an engine takes no package on such a verdict alone.
+        tripped: The trip that the package is to blame for, with which it goes on the blacklist; empty for
+            none.
     """
 
     sha256: str
     name: str
     models: tuple[str, ...]
     steps: tuple[GateStep, ...]
+    left_out: tuple[str, ...] = ()
+    tripped: str = ""
 
     @property
     def passed(self) -> bool:
@@ -43,25 +56,55 @@ class GateVerdict:
 
 
 def examine_package(
-    package: ControllerPackage, models: Mapping[str, Plant], margins: GateMargins | None = None
+    package: ControllerPackage,
+    models: Mapping[str, Plant],
+    margins: GateMargins | None = None,
+    *,
+    trials: GateTrials | None = None,
+    rig: GateRig | None = None,
+    blacklist: Mapping[str, str] | None = None,
 ) -> GateVerdict:
-    """Interface, poles, test vectors, bound of the error; then the loop with each model at every fade.
+    """Blacklist, interface, poles, test vectors, bound of the error; the loop with each model; then runs.
 
-    What is not known of a loop is not passed. These are the steps that need no rig; dry run, shadow run and
-    engagement at reduced gain belong to the computer that runs the package. Raises `ConfigError` without a
-    model: a package that was tried on nothing has passed nothing.
+    What is not known of a loop is not passed.
+
+    Args:
+        models: Plants by name, as on board.
+        margins: What the loop with each must keep at every fade.
+        trials: Dry runs on every model too; and on a ``rig`` a shadow run, then engagement at a share of full
+            authority and at all of it. Without them the gate is on paper.
+        blacklist: Reasons by SHA-256 of packages that have tripped.
+
+    Raises `ConfigError` without a model: a package that was tried on nothing has passed nothing.
     """
     if not models:
         raise ConfigError("no model to try the package on", hint="plants by name, as on board")
-    steps = [
-        check_interface(package, models),
-        check_poles(package),
-        check_vectors(package),
-        check_error_bound(package),
-    ]
-    if all(step.passed for step in steps):
+    digest = hash_package(package)
+    steps, tripped = [check_blacklist(digest, blacklist or {})], ""
+    if steps[0].passed:
+        steps += [
+            check_interface(package, models),
+            check_poles(package),
+            check_vectors(package),
+            check_error_bound(package),
+        ]
+    if _good(steps):
         least = margins or GateMargins()
         steps += [check_model(package, name, plant, least) for name, plant in models.items()]
+    if trials is not None and _good(steps):
+        steps += [check_dry_run(package, name, plant, trials) for name, plant in models.items()]
+    if trials is not None and rig is not None and _good(steps):
+        steps.append(check_shadow_run(package, rig, trials))
+    if trials is not None and rig is not None and _good(steps):
+        engaged, tripped = check_engagement(package, rig, trials)
+        steps.append(engaged)
+    left_out = ("dry run",) if trials is None else ()
+    left_out += ("shadow run", "engagement") if trials is None or rig is None else ()
     return GateVerdict(
-        sha256=hash_package(package), name=package.name, models=tuple(models), steps=tuple(steps)
-    )
+        sha256=digest, name=package.name, models=tuple(models), steps=tuple(steps), left_out=left_out,
+        tripped=tripped,
+    )  # fmt: skip
+
+
+def _good(steps: list[GateStep]) -> bool:
+    return all(step.passed for step in steps)

@@ -50,6 +50,12 @@ class GateMargins:
             )
 
 
+def check_blacklist(sha256: str, blacklist: Mapping[str, str]) -> GateStep:
+    """No trip has put these bytes on the blacklist."""
+    reason = blacklist.get(sha256)
+    return _step("blacklist", [] if reason is None else [f"it has tripped: {reason}"], "not on it")
+
+
 def check_interface(package: ControllerPackage, models: Mapping[str, Plant]) -> GateStep:
     """Ranges and limits are finite; every model has the ports, in their units, and the rate."""
     faults = [f"input {p.name} has no range" for p, r in zip(package.inputs, package.input_range, strict=True)

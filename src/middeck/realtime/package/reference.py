@@ -37,8 +37,8 @@ class ReferenceLaw:
         self.next, self.wanted = self.x, np.zeros(len(package.outputs), real)
         self.last = np.zeros(len(package.outputs), real)
         self.held = np.zeros(len(package.inputs), real)
-        self.filters = [_Filter(place.section, real) for place in package.filters]
-        self.paths = [_Filter(path.section, real) for path in package.paths]
+        self.filters = [SectionState(place.section, real) for place in package.filters]
+        self.paths = [SectionState(path.section, real) for path in package.paths]
         most = largest(package.single)
         self.range, self.lower, self.upper, self.slew = (
             np.clip(limit, -most, most).astype(real)
@@ -110,12 +110,15 @@ class ReferenceLaw:
         return np.where(t < self.lower, self.lower, np.where(t > self.upper, self.upper, t))
 
 
-class _Filter:
-    def __init__(self, section: Section, real: type[np.floating]) -> None:
+class SectionState:
+    """A section and what it remembers."""
+
+    def __init__(self, section: Section, real: type[np.floating] = np.float64) -> None:
         self.b, self.a = section.b.astype(real), section.a.astype(real)
         self.s1 = self.s2 = real(0.0)
 
     def step(self, value: np.floating) -> np.floating:
+        """Its output for the next value."""
         out = self.b[0] * value + self.s1
         self.s1 = (self.b[1] * value - self.a[0] * out) + self.s2
         self.s2 = self.b[2] * value - self.a[1] * out

@@ -1,0 +1,183 @@
+"""Steps of the gate that need a computer: dry run on a model, shadow run and engagement on a rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from middeck.errors import ConfigError, DataError, NumericalError
+from middeck.realtime.engine.article import LinearArticle, linear_article
+from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.trial import AnyRig, Stage, Trial, run_trial
+from middeck.realtime.gate.steps import GateStep
+from middeck.realtime.package.package import ControllerPackage
+from middeck.signals.ports import Port
+from middeck.systems.plant import Plant
+from middeck.values import record
+
+ENVELOPE = 0.9
+NOT_DECIDED = (ConfigError, DataError, NumericalError)
+
+
+@record(kw_only=True)
+class GateTrials:
+    """How long a package is tried on a computer, under what, and what it must keep.
+
+    Attributes:
+        dry_s, shadow_s, engage_s: Seconds on each model, in shadow, and engaged at each of two shares.
+        disturbance: Rms of white noise added at each output in a dry run, as a share of its limit.
+        noise: Rms of white noise at each input in a dry run, as a share of its range.
+        rms: Largest rms of each input in the second half of a dry run, as a share of its range.
+        peak: Largest magnitude of each command, as a share of its limit.
+        share: Of full authority, at which it engages first.
+        seed: Of the noise.
+
+    Raises `ConfigError` for times and shares out of their range.
+    """
+
+    dry_s: float = 10.0
+    shadow_s: float = 10.0
+    engage_s: float = 5.0
+    disturbance: float = 0.01
+    noise: float = 1e-4
+    rms: float = 1.0 / 3.0
+    peak: float = 0.9
+    share: float = 0.25
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        times = (self.dry_s, self.shadow_s, self.engage_s)
+        shares = (self.rms, self.peak, self.share)
+        if not (
+            all(0.0 < t < math.inf for t in times)
+            and all(0.0 < s <= 1.0 for s in shares)
+            and 0.0 <= min(self.disturbance, self.noise) <= max(self.disturbance, self.noise) < math.inf
+        ):
+            raise ConfigError(
+                f"trials of {times} s, shares {shares}, disturbance {self.disturbance}, noise {self.noise}",
+                where="GateTrials",
+                hint="positive times, shares above 0 up to 1, noise from 0",
+            )
+
+
+@record
+class GateRig:
+    """The rig that a package is tried on, and the settings of the engine that drives it.
+
+    Attributes:
+        rig: A linear article, one behind UDP, converters, or a rig in Python.
+        settings: Ports, hold, trips.
+        real_time: By the clock, else in lockstep.
+        program: An engine built with a driver (`build_engine`); the plain one if it is left out.
+    """
+
+    rig: AnyRig
+    settings: EngineSettings
+    real_time: bool = False
+    program: Path | None = None
+
+
+def package_settings(package: ControllerPackage) -> EngineSettings:
+    """Settings of an engine with the ports, ranges and limits of ``package``, and no hold.
+
+    A motion trips at `ENVELOPE` of a range: what grows is the package's fault, what jumps a sensor's.
+
+    Raises `ConfigError` for a package with an input without a range, or an output without a limit.
+    """
+    return EngineSettings(
+        period_s=package.period_s,
+        sensors=tuple(
+            SensorTest(port=port, range=float(reach), envelope=ENVELOPE * float(reach))
+            for port, reach in zip(package.inputs, package.input_range, strict=True)
+        ),
+        drives=tuple(
+            Drive(port=port, lower=float(low), upper=float(high))
+            for port, low, high in zip(package.outputs, package.lower, package.upper, strict=True)
+        ),
+    )
+
+
+def check_dry_run(package: ControllerPackage, name: str, plant: Plant, trials: GateTrials) -> GateStep:
+    """Engaged on ``plant`` with noise, in lockstep: no trip, rms and peaks below their limits."""
+    step = f"dry run {name}"
+    try:
+        article = _noisy_article(package, plant, trials)
+        trial = run_trial(package, package_settings(package), article, (Stage("engage", trials.dry_s),))
+    except NOT_DECIDED as error:
+        return GateStep(name=step, passed=False, said=f"not decided: {error.what}")
+    rms = np.sqrt(np.mean(trial.y[len(trial.y) // 2 :] ** 2, axis=0)) if len(trial.y) else 0.0
+    peak, top = np.abs(trial.u).max(axis=0, initial=0.0), np.maximum(package.upper, -package.lower)
+    faults = [
+        *_beyond(package.inputs, "has an rms of", rms, package.input_range, trials.rms),
+        *_beyond(package.outputs, "peaks at", peak, top, trials.peak),
+    ]
+    return _step(step, trial, faults, f"{trials.dry_s:g} s, peak {np.max(peak / top):.1%} of the limit")
+
+
+def _noisy_article(package: ControllerPackage, plant: Plant, trials: GateTrials) -> LinearArticle:
+    drives, reads = [port.name for port in package.outputs], [port.name for port in package.inputs]
+    top = np.maximum(package.upper, -package.lower)
+    return linear_article(
+        plant,
+        package.period_s,
+        drives,
+        reads,
+        disturbed=drives,
+        disturbance_rms=(trials.disturbance * top).tolist(),
+        sensor_noise=(trials.noise * package.input_range).tolist(),
+        seed=trials.seed,
+    )
+
+
+def _beyond(
+    ports: Sequence[Port], what: str, found: np.ndarray | float, most: np.ndarray, share: float
+) -> list[str]:
+    """Sentences for what exceeds ``share`` of ``most``, or is no number."""
+    found = np.broadcast_to(found, len(ports))
+    return [
+        f"{port.name} {what} {value:.3g} {port.unit}, allowed are {share:.3g} of {limit:.3g} {port.unit}"
+        for port, value, limit in zip(ports, found, most, strict=True)
+        if not value <= share * limit
+    ]
+
+
+def check_shadow_run(package: ControllerPackage, bench: GateRig, trials: GateTrials) -> GateStep:
+    """In standby on the sensors of a rig, its outputs discarded: what it wants stays within its limits."""
+    try:
+        trial = _on(bench, package, (Stage("standby", trials.shadow_s),))
+    except NOT_DECIDED as error:
+        return GateStep(name="shadow run", passed=False, said=f"not decided: {error.what}")
+    names = [port.name for port in bench.settings.outputs]
+    places = [names.index(port.name) for port in package.outputs if port.name in names]
+    wanted = np.abs(trial.wanted[:, places]).max(axis=0, initial=0.0)
+    top = np.minimum(package.upper, -package.lower)
+    if trial.refused or len(wanted) != len(top):
+        return _step("shadow run", trial, [], "")
+    faults = _beyond(package.outputs, "would get", wanted, top, trials.peak)
+    return _step("shadow run", trial, faults, f"{trials.shadow_s:g} s, up to {np.max(wanted):.3g}")
+
+
+def check_engagement(package: ControllerPackage, bench: GateRig, trials: GateTrials) -> tuple[GateStep, str]:
+    """Engaged on a rig at a share, then fully, without a trip; and the trip that is the package's fault."""
+    stages = Stage("engage", trials.engage_s, trials.share), Stage("engage", trials.engage_s)
+    try:
+        trial = _on(bench, package, stages)
+    except NOT_DECIDED as error:
+        return GateStep(name="engagement", passed=False, said=f"not decided: {error.what}"), ""
+    said = f"{trials.engage_s:g} s at {trials.share:g} of its authority, then as long at all of it"
+    return _step("engagement", trial, [], said), trial.trip if trial.blamed else ""
+
+
+def _on(bench: GateRig, package: ControllerPackage, stages: tuple[Stage, ...]) -> Trial:
+    return run_trial(
+        package, bench.settings, bench.rig, stages, real_time=bench.real_time, program=bench.program
+    )
+
+
+def _step(name: str, trial: Trial, faults: list[str], said: str) -> GateStep:
+    found = [f"trip: {trial.trip}"] if trial.trip else faults
+    found = [f"refused: {trial.refused}"] if trial.refused else found
+    return GateStep(name=name, passed=not found, said=f"{'; '.join(found) or said} ({trial.computer})")

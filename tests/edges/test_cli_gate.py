@@ -1,0 +1,105 @@
+"""``middeck gate`` with a computer: dry runs, a rig, and the blacklist that outlasts the verdict."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli_runner import middeck
+from middeck.control.law.compensator import Compensator
+from middeck.errors import DataError
+from middeck.files.blacklists import load_blacklist, write_blacklist
+from middeck.files.models import write_model
+from middeck.files.packages import write_package
+from middeck.identification.model.plant_model import model_of_plant
+from middeck.realtime.engine.article import linear_article
+from middeck.realtime.engine.served_rig import ServedRig
+from middeck.realtime.engine.stepped_article import SteppedArticle
+from middeck.realtime.package.build import package_law
+from middeck.signals.ports import Port
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import SampledStateSpace, StateSpace
+
+PERIOD_S = 0.002
+WAY, PUSH = Port("way", "m"), Port("push", "N")
+
+
+def swing(sign: float = 1.0) -> Plant:
+    w = 2.0 * np.pi
+    system = StateSpace([[0.0, w], [-w, -0.02 * w]], [[0.0], [sign]], [[1.0, 0.0]], [[0.0]])
+    return Plant(dynamics=system, inputs=(PUSH,), outputs=(WAY,))
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A package and a model of the swing."""
+    monkeypatch.chdir(tmp_path)
+    lag = SampledStateSpace([[0.9]], [[1.0]], [[5.0]], [[-50.0]], period_s=PERIOD_S)
+    law = Compensator(lag, (WAY,), (PUSH,))
+    write_package("law.mdk", package_law(law, "law", input_range=0.1, limit=1.0, ramp_s=0.3))
+    write_model("model.json", model_of_plant(swing()))
+    return "law.mdk", "model.json", "--gain-db", "3", "--phase-deg", "10"
+
+
+def served(sign: float) -> ServedRig:
+    noise = {"disturbed": ["push"], "disturbance_rms": 0.1, "sensor_noise": 1e-6}
+    return ServedRig(SteppedArticle(linear_article(swing(sign), PERIOD_S, ["push"], ["way"], **noise)))
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_package_that_trips_on_the_rig_is_refused_for_good(files, capfd):
+    """Stable on the model; the rig's motor pushes the other way. The next gate reads why, from the file."""
+    with served(-1.0) as rig:
+        asked = (*files, "--rig-port", rig.port, "--blacklist", "black.json", "-o", "verdict.json")
+        first = middeck(capfd, "gate", *asked)
+        assert first.code == 1
+        document = json.loads(Path("verdict.json").read_text())
+        assert [s["name"] for s in document["steps"] if not s["passed"]] == ["engagement"]
+        assert document["tripped"].startswith("envelope way")
+        assert load_blacklist("black.json") == {document["package"]: document["tripped"]}
+    again = middeck(capfd, "gate", *files, "--blacklist", "black.json", "--json")
+    assert again.code == 1
+    (step,) = json.loads(again.out)["steps"]
+    assert "it has tripped" in step["said"]
+
+
+def test_without_a_compiler_the_gate_runs_by_the_reference_law(files, capfd, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda *_: None)
+    ended = middeck(capfd, "gate", *files, "--json")
+    document = json.loads(ended.out)
+    assert ended.code == 0, document
+    assert document["steps"][-1]["said"].endswith("(reference law in Python)")
+    assert document["left_out"] == ["shadow run", "engagement"]
+    Path("driver.c").write_text("int nothing;\n")
+    refused = middeck(capfd, "gate", *files, "--driver", "driver.c")
+    assert refused.code == 3
+    assert "no C compiler" in refused.err
+
+
+def test_what_does_not_go_together_is_refused(files, capfd):
+    for options in (("--paper", "--rig-port", "9"), ("--rig-port", "9", "--driver", "law.mdk")):
+        ended = middeck(capfd, "gate", *files, *options)
+        assert ended.code == 2
+    on_paper = middeck(capfd, "gate", *files, "--paper", "--json")
+    assert json.loads(on_paper.out)["left_out"] == ["dry run", "shadow run", "engagement"]
+
+
+def test_a_blacklist_that_was_changed_is_refused(tmp_path):
+    path = tmp_path / "black.json"
+    assert load_blacklist(path) == {}
+    reasons = {"ab" * 32: "envelope way at 1 s", "01" * 32: "effort push"}
+    write_blacklist(path, reasons)
+    assert load_blacklist(path) == reasons
+    path.write_text(path.read_text().replace("effort", "no"))
+    with pytest.raises(DataError, match="not what was sealed"):
+        load_blacklist(path)
+    write_blacklist(path, {"xyz": "no hash"})
+    with pytest.raises(DataError, match="no table of reasons"):
+        load_blacklist(path)
+    path.write_text("{}")
+    with pytest.raises(DataError):
+        load_blacklist(path)

@@ -1,0 +1,167 @@
+"""The paper's three ground experiments, SISO and two sensors under one and two penalties, on the engine.
+
+Each compensator of Figures 9, 11 and 12 becomes a package, meets the gate on the fits that it was designed
+on, and runs in the engine on the simulated rig. The decibels are the study's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from middeck.control.sampled import emulate
+from middeck.identification.plants.measured_plant import measured_plant
+from middeck.identification.spectra import estimate_response
+from middeck.laboratory.article_rig import build_rig_article
+from middeck.laboratory.bench import build_bench
+from middeck.laboratory.rig.linear_view import linearise_rig
+from middeck.laboratory.rig.runs import remove_ramps
+from middeck.laboratory.rig.stepped import SteppedRig
+from middeck.realtime.engine.article import linear_article
+from middeck.realtime.engine.served_rig import ServedRig
+from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.gate.gate import examine_package
+from middeck.realtime.gate.steps import GateMargins
+from middeck.realtime.gate.trials import GateTrials
+from middeck.realtime.package.build import package_law
+from middeck.signals.record import Record
+from middeck.study.chapters.measured_control.numbers import GAIN_DB, PHASE_DEG
+from middeck.study.measured_loop.computation import decibel, measured_rms_of
+from middeck.systems.plant import delay_plant
+from middeck.systems.response import evaluate_plant
+from repeats import LONG, repeats
+
+PERIOD_S = 0.002
+TORQUE_NM = 5.0  # of the gimbal's motor
+LOOPS = ("robust", "payload", "both", "low", "high")  # CL3, Figures 11 and 12, CL1, CL2
+
+
+@pytest.fixture(scope="module")
+def loops(paper_outcomes):
+    """Each loop by name, with the open loop that was measured beside it and the fits of its records."""
+    nine, two = paper_outcomes["figure 9"], paper_outcomes["figures 10 to 12"]
+    siso = {loop.name: (loop, nine.open_loop, (nine.fit, nine.drifted_fit)) for loop in nine.loops}
+    sito = {loop.name: (loop, two.sensors.measured, (two.sensors.fit,)) for loop in (two.payload, two.both)}
+    return siso | sito
+
+
+@pytest.fixture(scope="module")
+def bench(paper_study):
+    """The rig of the study and its excitation, by a seed of its own."""
+    siso, sito = paper_study.siso, paper_study.sito
+    article = build_rig_article(*paper_study.case(siso.article, siso.environment), paper_study.rig)
+    rng = np.random.default_rng(15)
+    return build_bench(article, paper_study.rig, paper_study.loop_test, (siso.sensor, *sito.sensors), rng)
+
+
+def package_of(loop):
+    law = emulate(loop.compensator, PERIOD_S)
+    return package_law(law, loop.name, input_range=2.0, limit=TORQUE_NM, ramp_s=0.5)
+
+
+def settings(plant, **changes) -> EngineSettings:
+    sensor = {"range": 2.0, "envelope": 1.0, **changes}
+    return EngineSettings(
+        period_s=PERIOD_S,
+        sensors=tuple(SensorTest(port=port, **sensor) for port in plant.outputs),
+        drives=tuple(Drive(port=port, lower=-TORQUE_NM, upper=TORQUE_NM) for port in plant.inputs),
+    )
+
+
+def run_under_excitation(engine, package, samples: int, settle: int, periods: int = 1) -> np.ndarray:
+    """Engaged, then excited for ``settle`` unread periods and ``periods`` that are read."""
+    assert engine.load(package).done
+    assert engine.reset().done
+    assert engine.command("engage", values=[1.0]).done
+    engine.run(500, keep=False)
+    assert engine.command("excite", values=[0.0]).done
+    engine.run(settle * samples, keep=False)
+    read = [engine.run(samples)["y"] for _ in range(periods)]
+    assert engine.state == "control", engine.events()
+    return np.stack(read)
+
+
+# Gain and phase margins [dB, deg] that are asked for. CL1 and CL3 keep what the study asks of CL3, on both
+# records. CL2 is unstable on the second, taken when the pair near 9 Hz had moved: what the paper met weeks
+# later. The two-sensor loops of Figures 11 and 12 keep 4.2 and 3.8 dB.
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize(
+    ("name", "margins", "passes"),
+    repeats(
+        [
+            ("high", (0.0, 0.0), False),
+            ("robust", (GAIN_DB, PHASE_DEG), True),
+            ("payload", (3.0, 15.0), True),
+            ("both", (3.0, 15.0), True),
+            ("low", (GAIN_DB, PHASE_DEG), True),
+            ("payload", (6.0, 30.0), False),
+            ("both", (6.0, 30.0), False),
+        ],
+        4,
+    ),
+)
+def test_the_gate_judges_each_compensator(paper_study, loops, name, margins, passes):
+    loop, _, fits = loops[name]
+    siso = paper_study.siso
+    u, y = (siso.actuator,), tuple(port.name for port in loop.compensator.inputs)
+    models = {}
+    for which, fit in zip(("first record", "second record"), fits, strict=False):
+        # The fitted delay has half a period of hold in it, which sampling adds once more.
+        plant = measured_plant(fit.model, w=u, u=u, z=y, y=y)
+        models[which] = delay_plant(plant, -0.5 * PERIOD_S)
+    trials = GateTrials(disturbance=0.1, noise=1e-5)
+    verdict = examine_package(
+        package_of(loop), models, GateMargins(gain_db=margins[0], phase_deg=margins[1]), trials=trials
+    )
+    refused = [(step.name, step.said) for step in verdict.steps if not step.passed]
+    assert verdict.passed == passes, refused
+    if passes:
+        assert [s.name for s in verdict.steps[-len(models) :]] == [f"dry run {which}" for which in models]
+    elif name == "high":
+        assert [which for which, _ in refused] == ["model second record"]
+        assert "grows" in refused[0][1]
+    else:
+        assert "margins of" in refused[0][1]
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("name", repeats(LOOPS, 2))
+def test_the_engine_on_the_linear_rig_has_the_decibels_of_its_return_ratio(paper_study, loops, bench, name):
+    """The article stepped in C, 320 s of it in about a second, against return ratio line by line."""
+    loop, _, _ = loops[name]
+    plant = linearise_rig(bench.rig)
+    drives, reads = ([port.name for port in side] for side in (plant.inputs, plant.outputs))
+    article = linear_article(plant, PERIOD_S, drives, reads)
+    wave = bench.closed_loop
+    with Supervisor(settings(plant, range=100.0, envelope=50.0), article, waveform=wave) as engine:
+        y = run_under_excitation(engine, package_of(loop), len(wave), 3)
+    f = np.fft.rfftfreq(len(wave), PERIOD_S)
+    lines = (f > bench.band_hz[0] - 1e-9) & (f < bench.band_hz[1] + 1e-9)
+    closed = np.fft.rfft(y[0, :, 0])[lines] / np.fft.rfft(wave[:, 0])[lines]
+    opened = evaluate_plant(plant, f[lines]).H[:, 0, 0]
+    found = 20.0 * np.log10(np.linalg.norm(closed) / np.linalg.norm(opened))
+    # What is left of the start after three periods is below 1e-6.
+    assert abs(found - loop.on_rig[0].improvement_db) < 1e-5
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("name", repeats(LOOPS))
+def test_the_engine_on_the_rig_in_the_loop_has_the_decibels_of_the_study(paper_study, loops, bench, name):
+    """The rig in a process of its own, with friction, steps, noise and drift of its gyros."""
+    loop, open_loop, _ = loops[name]
+    wave, rig, (settle, periods) = bench.closed_loop, bench.rig, (2, 3) if LONG else (1, 1)
+    stepped = SteppedRig(rig, np.random.default_rng(9), rest_s=bench.rest_s)
+    with ServedRig(stepped) as served, Supervisor(settings(rig), served, waveform=wave) as engine:
+        y = run_under_excitation(engine, package_of(loop), len(wave), settle, periods)
+    record = Record(
+        sample_hz=rig.sample_hz, u=np.broadcast_to(wave, (1, periods, *wave.shape)),
+        y=remove_ramps(y, rig.readout.gyro)[None],
+        inputs=rig.inputs, outputs=rig.outputs, periodic=True, held=True,
+    )  # fmt: skip
+    closed = estimate_response(record, band_hz=bench.band_hz)
+    torque = paper_study.siso.excitation_nm
+    found = decibel(measured_rms_of(closed, torque), measured_rms_of(open_loop, torque))
+    # As long as the study's run: other noise and phases. Shorter, the noise is averaged less: simulated so,
+    # the loop of Figure 12 has 0.10 dB more as well.
+    assert abs(found - loop.measured_db) < (0.05 if LONG else 0.15)

@@ -1,0 +1,309 @@
+"""The simulated rig in a process of its own is the rig of `simulate_rig`, whatever the wire does."""
+
+from __future__ import annotations
+
+import dataclasses
+import socket
+import threading
+
+import numpy as np
+import pytest
+
+from middeck.control.law.compensator import Compensator
+from middeck.errors import ConfigError
+from middeck.joints.attachment import JointElements
+from middeck.joints.friction import Friction
+from middeck.laboratory.rig.drift import Drift
+from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.sensors import Encoder, Gyro
+from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig, switch_on
+from middeck.laboratory.rig.stepped import SteppedRig
+from middeck.realtime.engine.header import constants
+from middeck.realtime.engine.rig import EngineRig
+from middeck.realtime.engine.rig_session import HOLD, LONGEST, REPLY, REQUEST, RigSession
+from middeck.realtime.engine.served_rig import LOOPBACK, ServedRig, serve_rig
+from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.supervisor import Supervisor, UdpRig
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.reference import ReferenceLaw
+from middeck.signals.ports import Port
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import SampledStateSpace
+
+PERIOD_S, SEED, RAMP = 0.002, 7, 150
+ANGLE, TORQUE = Port("angle", "rad"), Port("torque", "N m")
+TURN = Port("turn", "rad")
+FRICTION = Friction(slip_torque=0.002, stiffness=2.0, viscous=0.001)
+
+
+def gimbal() -> Plant:
+    """Two modes between a torque, the angle beside it and another."""
+    omega = 2.0 * np.pi * np.array([1.5, 9.0])
+    beside, other = np.array([1.0, 0.6]), np.array([0.7, -0.4])
+    modes = ModalSystem(
+        omega=omega, zeta=np.array([0.02, 0.01]), psi=beside[:, None], phi=np.stack([other, beside]),
+        phi_rate=np.zeros((2, 2)), names=("slow", "fast"),
+    )  # fmt: skip
+    return Plant(dynamics=modes, inputs=(TORQUE,), outputs=(ANGLE, TURN))
+
+
+def whole_rig(**changes):
+    """With a motor's limits and steps, a gyro's errors, an encoder and friction."""
+    given = {
+        "motors": {"torque": Motor(torque_limit=2.0, resolution=1e-4, rotor=Rotor(0.01, 100.0))},
+        "sensors": {"angle": Gyro(bandwidth_hz=100.0, noise=1e-4, bias=1e-3, resolution=1e-5, range=5.0),
+                    "turn": Encoder(1e-5)},
+        "joints": [JointElements("torque", "turn", (FRICTION,))],
+    }  # fmt: skip
+    return build_rig(gimbal(), sample_hz=1.0 / PERIOD_S, delay_s=0.006, **{**given, **changes})
+
+
+def commands(count: int, seed: int = 3) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 1)).repeat(3, axis=0)[:count]
+
+
+RIGS = {
+    "whole": whole_rig,
+    "linear": lambda: build_rig(gimbal(), sample_hz=1.0 / PERIOD_S, delay_s=0.0063),
+    # Without steps in which a rounding error may be a whole count.
+    "fine": lambda: whole_rig(
+        motors={"torque": Motor(torque_limit=2.0, rotor=Rotor(0.01, 100.0))},
+        sensors={"angle": Gyro(bandwidth_hz=100.0, noise=1e-4, bias=1e-3), "turn": Encoder(1e-12)},
+    ),
+    "drifting": lambda: whole_rig(drifts=(Drift(("fast",), 2.0, 10.0),)),
+}
+
+
+@pytest.mark.parametrize("kind", ["whole", "linear", "drifting"])
+def test_a_rig_stepped_is_the_rig_simulated(kind):
+    """Sample by sample and in blocks: limits, steps, noise, friction, drift; beyond a block's end."""
+    rig, u = RIGS[kind](), commands(4500)
+    rng = np.random.default_rng(SEED)
+    start = switch_on(rig, None, 0.5, rng)
+    measured = np.concatenate([b.measured for b in simulate_rig(rig, None, cut_blocks(u, 777), rng, start)])
+    stepped = SteppedRig(rig, np.random.default_rng(SEED), rest_s=0.5)
+    found = np.empty_like(measured)
+    for k, row in enumerate(u):
+        found[k] = stepped.read()
+        stepped.write(row)
+    # The sums run in another order: a count of a converter may fall the other way.
+    worst = np.abs(found - measured).max() / np.abs(measured).max()
+    assert worst < (1e-12 if kind == "linear" else 1e-6)
+
+
+def settings(**changes) -> EngineSettings:
+    given = {
+        "sensors": (SensorTest(port=ANGLE, range=10.0), SensorTest(port=TURN, range=10.0)),
+        "drives": (Drive(port=TORQUE, lower=-2.0, upper=2.0),),
+        "effort_s": 0.0,
+        "ramp_s": RAMP * PERIOD_S,
+    }
+    return EngineSettings(period_s=PERIOD_S, **{**given, **changes})
+
+
+def damping_package():
+    """A lagged rate of the angle beside the motor."""
+    lag = SampledStateSpace(
+        [[0.8]], [[0.2, 0.1]], [[12.0]], [[-2.5, -1.0]], period_s=PERIOD_S
+    )  # fmt: skip
+    law = Compensator(lag, (TURN, ANGLE), (TORQUE,))
+    return law, package_law(law, "damper", input_range=10.0, limit=2.0, form="dense")
+
+
+def run_engine(rig: UdpRig, samples: int, waveform=None, **changes) -> np.ndarray:
+    with Supervisor(settings(**changes), rig, waveform=waveform) as engine:
+        assert engine.load(damping_package()[1]).done
+        assert engine.reset().done
+        assert engine.command("engage", values=[1.0]).done
+        if waveform is not None:
+            assert engine.command("excite", values=[0.0]).done
+        records = engine.run(samples)
+        assert engine.state == "control"
+    return records
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("kind", ["fine", "linear"])
+def test_a_package_through_the_engine_is_the_law_in_the_simulation(kind):
+    """From the end of its fade on, of rig and law where they then are; nothing is limited."""
+    rig, wave, samples = RIGS[kind](), commands(700), 700
+    with ServedRig(SteppedRig(rig, np.random.default_rng(SEED), rest_s=0.1)) as served:
+        records = run_engine(served, samples, wave)
+    law, package = damping_package()
+    reference = ReferenceLaw(dataclasses.replace(package, ramp=RAMP, vectors=None))
+    rng = np.random.default_rng(SEED)
+    start = switch_on(rig, None, 0.1, rng)
+    for k in range(RAMP + 50):
+        reference.compute(records["y"][k][[1, 0]])
+        reference.commit(records["u"][k] - wave[k])
+    (before,) = simulate_rig(rig, None, [records["u"][: RAMP + 50]], rng, start)
+    there = dataclasses.replace(before.state, computer=np.concatenate([before.state.computer, reference.x]))
+    (after,) = simulate_rig(rig, law, [wave[RAMP + 50 :]], rng, there)
+    assert np.abs(records["u"]).max() < 2.0
+    scale = np.abs(after.measured).max()
+    assert np.abs(before.measured - records["y"][: RAMP + 50]).max() < 1e-10 * scale
+    assert np.abs(after.measured - records["y"][RAMP + 50 :]).max() < 1e-8 * scale
+    assert np.abs(after.torque - records["u"][RAMP + 50 :]).max() < 1e-8
+
+
+class Wire:
+    """Between engine and rig: loses, doubles and delays datagrams of both by a seed."""
+
+    def __init__(self, there: int, seed: int) -> None:
+        self.rng, self.there, self.lost, self.doubled = np.random.default_rng(seed), there, 0, 0
+        self.near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.near.bind((LOOPBACK, 0))
+        self.far.connect((LOOPBACK, there))
+        self.threads = [threading.Thread(target=run, daemon=True) for run in (self._out, self._back)]
+        self.sender = None
+
+    def __enter__(self) -> UdpRig:
+        for thread in self.threads:
+            thread.start()
+        return UdpRig(self.near.getsockname()[1])
+
+    def __exit__(self, *_):
+        for half in (self.near, self.far):
+            half.shutdown(socket.SHUT_RDWR) if half is self.far else half.sendto(b"", half.getsockname())
+        for thread in self.threads:
+            thread.join()
+        self.near.close()
+        self.far.close()
+
+    def _times(self) -> int:
+        draw = self.rng.uniform()
+        self.lost, self.doubled = self.lost + (draw < 0.04), self.doubled + (draw > 0.9)
+        return 0 if draw < 0.04 else 2 if draw > 0.9 else 1
+
+    def _out(self) -> None:
+        while True:
+            data, self.sender = self.near.recvfrom(4096)
+            if not data:
+                return
+            for _ in range(self._times()):
+                self.far.send(data)
+
+    def _back(self) -> None:
+        while data := self.far.recv(4096):
+            for _ in range(self._times()):
+                self.near.sendto(data, self.sender)
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_bad_wire_changes_nothing_in_lockstep():
+    """The same bytes for the same seed, however many datagrams are lost or come twice."""
+    taken = []
+    for bad in (False, True):
+        with ServedRig(SteppedRig(whole_rig(), np.random.default_rng(SEED))) as served:
+            if bad:
+                with Wire(served.port, 11) as wire:
+                    taken.append(run_engine(wire, 400, answer_s=0.6))
+            else:
+                taken.append(run_engine(served, 400))
+    names = [name for name in taken[0].dtype.names if name not in ("late_ns", "step_ns")]
+    assert all(taken[0][name].tobytes() == taken[1][name].tobytes() for name in names)
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_rig_that_dies_leads_to_safe():
+    """The outputs go to zero, and the trip says why."""
+    served = ServedRig(SteppedRig(whole_rig(), np.random.default_rng(SEED)))
+    with served as rig, Supervisor(settings(answer_s=0.2), rig) as engine:
+        assert engine.load(damping_package()[1]).done
+        assert engine.reset().done
+        assert engine.command("engage", values=[1.0]).done
+        engine.run(100)
+        served.kill()
+        records = engine.run(60)
+        assert engine.state == "safe"
+        assert records["u"][-1] == 0.0
+        assert [event.kind for event in engine.events() if event.trips] == ["rig dead"]
+
+
+class Counter(EngineRig):
+    """Says what it was told last, and how often."""
+
+    def __init__(self) -> None:
+        self.told: list[float] = []
+
+    def read(self) -> np.ndarray:
+        return np.array([len(self.told), self.told[-1] if self.told else 0.0])
+
+    def write(self, u: np.ndarray) -> None:
+        self.told.append(float(u[0]))
+
+
+def ask(session: RigSession, sample: int, u: float, alive: int, sender: object = "engine") -> list[float]:
+    data = REQUEST.pack(constants()["MAGIC"], sample, alive) + np.array([u]).tobytes()
+    reply = session.answer(data, sender)
+    if reply is None:
+        return []
+    assert REPLY.unpack_from(reply) == (constants()["MAGIC"], sample)
+    return np.frombuffer(reply, "<f8", offset=REPLY.size).tolist()
+
+
+def test_a_session_counts_samples_and_watches_the_alive_number():
+    rig = Counter()
+    session = RigSession(rig)
+    assert ask(session, 0, 9.0, 0) == [0.0, 0.0]
+    assert ask(session, 1, 1.0, 1) == [1.0, 1.0]
+    assert ask(session, 1, 5.0, 1) == [1.0, 1.0]  # sent again: answered as before
+    assert ask(session, 0, 5.0, 1) == []  # delayed
+    assert ask(session, 5, 2.0, 2) == [5.0, 0.0]  # a jump: held for two samples, then zero
+    assert rig.told == [1.0, 2.0, 2.0, 0.0, 0.0]
+    for k, expected in ((6, 3.0), (7, 4.0), (8, 0.0), (9, 0.0)):  # the number stands still
+        ask(session, k, k - 3.0, 7)
+        assert rig.told[-1] == expected
+    assert ask(session, 10, 1.0, 8) == [10.0, 1.0]
+    assert ask(session, 11, np.nan, 9) == [11.0, 0.0]
+    assert ask(session, 11 + LONGEST + 1, 1.0, 10) == []
+    assert ask(session, 0, 1.0, 0, "another engine") == [11.0, 0.0]  # the rig goes on from where it is
+    assert ask(session, 1, 2.0, 1, "another engine") == [12.0, 2.0]
+    session.alone()
+    assert ask(session, 2, 4.0, 2, "another engine") == [13.0, 0.0]  # moved on by itself, at zero
+    for junk in (b"", b"x" * 24, REQUEST.pack(1, 3, 3) + bytes(8), bytes(33)):
+        assert session.answer(junk, "another engine") is None
+    assert ask(session, -1, 0.0, 3, "stranger") == []
+    assert ask(session, 2, 4.0, 2, "another engine") == [13.0, 0.0]  # none of its business
+    assert ask(session, -1, 0.0, 3, "another engine") == []
+    assert ask(session, 0, 4.0, 0, "another engine") == [13.0, 0.0]  # the next one from the same address
+    session.end()
+    assert rig.told[-1] == 0.0
+    assert HOLD == 2
+
+
+def test_a_rig_with_its_own_time_goes_on_without_an_engine():
+    """Two periods after the last request its outputs are zero."""
+    rig = Counter()
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as engine,
+    ):
+        here.bind((LOOPBACK, 0))
+        engine.connect(here.getsockname())
+        engine.settimeout(5.0)
+        done = threading.Event()
+        given = {"period_s": 0.01, "lives": lambda: not done.is_set()}
+        thread = threading.Thread(target=serve_rig, args=(rig, here), kwargs=given)
+        thread.start()
+        for k in (0, 1):
+            engine.send(REQUEST.pack(constants()["MAGIC"], k, k) + np.array([3.0]).tobytes())
+            engine.recv(1024)
+        while len(rig.told) < 6:
+            thread.join(0.01)
+        engine.send(REQUEST.pack(constants()["MAGIC"], -1, 2) + np.zeros(1).tobytes())
+        done.set()
+        thread.join(5.0)
+        assert not thread.is_alive()
+    assert rig.told[0] == 3.0
+    assert not any(rig.told[1:])
+
+
+def test_what_cannot_go_to_another_process_is_refused():
+    rig = Counter()
+    rig.handle = lambda: None
+    with pytest.raises(ConfigError, match="cannot go to another process"):
+        ServedRig(rig)
