@@ -169,6 +169,8 @@ from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
 from .plot.nichols import draw_nichols as draw_nichols
 from .plot.nyquist import draw_nyquist as draw_nyquist
 from .plot.shapes import draw_shapes as draw_shapes
+from .realtime.gate.adaptive import AdaptiveGain as AdaptiveGain
+from .realtime.gate.adaptive import prove_gain as prove_gain
 from .realtime.gate.gate import examine_package as examine_package
 from .realtime.gate.steps import GateMargins as GateMargins
 from .realtime.generate.c_source import generate_c as generate_c

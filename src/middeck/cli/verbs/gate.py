@@ -10,6 +10,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
+    from middeck.realtime.gate.adaptive import AdaptiveGain
     from middeck.realtime.gate.gate import GateVerdict
 
 EPILOG = """\
@@ -17,7 +18,10 @@ EPILOG = """\
 Examples:
   middeck gate law.mdk model.json -o verdict.json
   middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3
+  middeck gate law.mdk model.json --adaptive angle 2 0.01 \\
+    --adaptive-band 1,9 --adaptive-rms 1e-4,1e-3
 """
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 @click.command("gate", cls=options.Verb, epilog=EPILOG)
@@ -51,6 +55,27 @@ Examples:
     show_default=True,
     help="Least phase margin.",
 )
+@click.option(
+    "--adaptive",
+    type=(str, POSITIVE, POSITIVE),
+    metavar="SENSOR MAXIMUM RATE",
+    help="Prove an adaptive gain up to MAXIMUM that moves by RATE 1/s with the band rms of SENSOR.",
+)
+@click.option("--adaptive-band", "band_hz", type=options.Frequencies(2), metavar="HZ,HZ", help="That band.")
+@click.option(
+    "--adaptive-rms",
+    "rms",
+    type=options.Numbers(2),
+    metavar="QUIET,LOUD",
+    help="Its rms below which the gain rises, and above which it falls.",
+)
+@click.option(
+    "--adaptive-least",
+    "least",
+    type=click.FloatRange(min=0.0),
+    metavar="GAIN",
+    help="Least gain.  [default: 0]",
+)
 @options.written(
     "-o", "--output", "verdict_file", endings=(".json",), metavar="VERDICT.json", help="Write the verdict."
 )
@@ -70,6 +95,7 @@ def verb(
 
     Interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each environment,
     or a fitted model.json, with and without shifted modes) stable with margin at eleven points of the fade.
+    With --adaptive also a proof that each loop decays at every gain and for every move within the rate.
     Exit code 1 where a step is not passed. Dry run, shadow run and engagement belong to the computer that
     runs the package. --set takes the keys of articles and environments.
     """
@@ -81,6 +107,7 @@ def verb(
     from middeck.realtime.gate.linear_law import linear_law
     from middeck.realtime.gate.steps import GateMargins
 
+    gain = _adaptive_gain(given)
     package = load_package(package_file)
     gathered = gather_plants(
         plants,
@@ -93,13 +120,35 @@ def verb(
     )
     models = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
-    verdict = examine_package(package, models, margins)
+    verdict = examine_package(package, models, margins, gain)
     document = describe(verdict, margins)
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)
+
+
+def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
+    from middeck.realtime.gate.adaptive import AdaptiveGain
+
+    rest = {"--adaptive-band": given["band_hz"], "--adaptive-rms": given["rms"]}
+    if given["adaptive"] is None:
+        alone = [
+            name for name, value in (*rest.items(), ("--adaptive-least", given["least"])) if value is not None
+        ]
+        if alone:
+            raise click.UsageError(f"{alone[0]} belongs to --adaptive")
+        return None
+    missing = [name for name, value in rest.items() if value is None]
+    if missing:
+        raise click.UsageError(f"--adaptive needs {' and '.join(missing)}")
+    sensor, maximum, rate = given["adaptive"]
+    quiet, loud = given["rms"]
+    return AdaptiveGain(
+        maximum=maximum, rate=rate, sensor=sensor, band_hz=given["band_hz"], quiet_rms=quiet, loud_rms=loud,
+        minimum=given["least"] or 0.0,
+    )  # fmt: skip
 
 
 def describe(verdict: GateVerdict, margins: Any) -> dict[str, Any]:
@@ -111,6 +160,8 @@ def describe(verdict: GateVerdict, margins: Any) -> dict[str, Any]:
         "models": verdict.models,
         "least": margins,
         "steps": verdict.steps,
+        "adaptive": verdict.gain,
+        "proofs": verdict.proofs,
         "passed": verdict.passed,
     }
 
