@@ -18,8 +18,6 @@ EPILOG = """\
 Examples:
   middeck gate law.mdk model.json -o verdict.json
   middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3
-  middeck gate law.mdk model.json --adaptive angle 2 0.01 \\
-    --adaptive-band 1,9 --adaptive-rms 1e-4,1e-3
 """
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
