@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.realtime.engine.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.header import constants, layout
 from middeck.realtime.engine.monitors import Monitor
 from middeck.realtime.package.section import LoopPath
@@ -97,22 +98,6 @@ class Spread:
 
 
 @record(kw_only=True)
-class AdaptiveGain:
-    """Gain of the compensator from 0 to ``most``, which band power moves.
-
-    It falls while the rms of a monitor is above ``high`` and rises while it is below ``low``.
-
-    ``rate`` is the most that it changes in a second; the gate proves the loop for it.
-    """
-
-    monitor: int
-    low: float
-    high: float
-    most: float
-    rate: float
-
-
-@record(kw_only=True)
 class EngineSettings:
     """What an engine needs to know beside its packages.
 
@@ -121,7 +106,8 @@ class EngineSettings:
         sensors, drives: Ports with their limits, in the order of a sample's numbers.
         hold: The loop that holds the article, by places in ``sensors`` and ``drives``: what packages call an
             inner loop, and what SAFE falls back on once it is verified.
-        monitors, spreads, adaptive: Band power and growth; sensors that must agree; an adaptive gain.
+        monitors, spreads, adaptive: Band power and growth; sensors that must agree; an adaptive gain, which
+            the gate has to have proved.
         effort_s, effort_share: Rms of the share that an output takes of its limit, or a compensator of its
             own, in size or in slew, which trips: a sine that reaches its limit has 0.71. The root of a mean
             that forgets with this time; 0 s for no test.
@@ -197,6 +183,11 @@ class EngineSettings:
         """What it drives."""
         return tuple(drive.port for drive in self.drives)
 
+    @property
+    def all_monitors(self) -> tuple[Monitor, ...]:
+        """``monitors``, then that of the adaptive gain."""
+        return (*self.monitors, *([] if self.adaptive is None else [self.adaptive.monitor]))
+
     def samples(self, seconds: float) -> int:
         """``seconds`` in whole samples, rounded up."""
         return math.ceil(seconds / self.period_s - 1e-6)
@@ -219,7 +210,8 @@ def encode_settings(settings: EngineSettings) -> np.ndarray:
         words[field][: len(ports)] = [port.name.encode() for port in ports]
         words[f"{field}_unit"][: len(ports)] = [port.unit.encode() for port in ports]
     _encode_limits(words, settings)
-    for k, monitor in enumerate(settings.monitors):
+    monitors = settings.all_monitors
+    for k, monitor in enumerate(monitors):
         output = monitor.side == "output"
         place = (
             len(settings.sensors) + settings.drive(monitor.channel)
@@ -232,7 +224,7 @@ def encode_settings(settings: EngineSettings) -> np.ndarray:
         words["spread"][k] = (first, second, spread.limit, settings.samples(spread.seconds))
     for k, path in enumerate(settings.hold):
         words["path"][k] = (path.input, path.output, (np.concatenate([path.section.b, path.section.a]),))
-    words["monitors"], words["spreads"] = len(settings.monitors), len(settings.spreads)
+    words["monitors"], words["spreads"] = len(monitors), len(settings.spreads)
     words["paths"] = len(settings.hold)
     _encode_times(words, settings)
     return words
@@ -252,11 +244,12 @@ def _encode_limits(words: np.ndarray, settings: EngineSettings) -> None:
 
 def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
     gain = settings.adaptive
-    words["adaptive"] = (
-        (-1, 0.0, 0.0, 1.0, 0.0)
-        if gain is None
-        else (gain.monitor, gain.low, gain.high, gain.most, gain.rate * settings.period_s)
-    )
+    words["adaptive"] = (-1, 0.0, 0.0, 0.0, 1.0, 0.0)
+    if gain is not None:
+        step = gain.rate * settings.period_s
+        words["adaptive"] = (
+            len(settings.monitors), gain.quiet_rms, gain.loud_rms, gain.minimum, gain.maximum, step
+        )  # fmt: skip
     words["effort_forget"] = -math.expm1(-settings.period_s / settings.effort_s) if settings.effort_s else 0.0
     words["effort_share"] = settings.effort_share
     words["verify"] = settings.samples(settings.verify_s)

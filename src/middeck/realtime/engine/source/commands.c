@@ -207,7 +207,7 @@ static enum answer adapt(engine *e, int on)
     if (e->state != SAFE && e->state != READY) /* else its gain would jump */
         return NOT_READY;
     e->adaptive_on = on;
-    e->gain = on ? 0 : 1;
+    e->gain = on ? e->set.adaptive.least : 1;
     return DONE;
 }
 

@@ -420,9 +420,9 @@ static void adapt(engine *e)
     if (!e->adaptive_on)
         return;
     power = e->monitors.power[a->monitor];
-    if (power > a->high * a->high)
-        e->gain = towards(e->gain, 0, a->rate);
-    else if (power < a->low * a->low)
+    if (power > a->loud * a->loud)
+        e->gain = towards(e->gain, a->least, a->rate);
+    else if (power < a->quiet * a->quiet)
         e->gain = towards(e->gain, a->most, a->rate);
 }
 

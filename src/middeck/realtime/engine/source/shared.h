@@ -67,10 +67,10 @@ typedef struct {
     whole samples; /* for so long */
 } spread;
 
-/* Gain of the compensator between 0 and most, moved by a monitor's rms: down above high, up below low. */
+/* Gain of the compensator between least and most, moved by a monitor's rms: down above loud, up below quiet. */
 typedef struct {
     whole monitor; /* -1 for none */
-    real low, high, most;
+    real quiet, loud, least, most;
     real rate; /* most change a sample */
 } adaptive;
 
