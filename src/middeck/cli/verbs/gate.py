@@ -40,6 +40,8 @@ Examples:
     metavar="MODES PERCENT",
     help="Modes by name or LO:HI in Hz, moved together down and up.",
 )
+@options.sweep
+@options.first_bending
 @click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant.")
 @click.option(
     "--gain-db", type=click.FloatRange(min=0.0), default=6.0, show_default=True, help="Least gain margin."
@@ -73,7 +75,8 @@ def verb(
     Exit code 1 where a step is not passed. Dry run, shadow run and engagement belong to the computer that
     runs the package. --set takes the keys of articles and environments.
     """
-    from middeck.cli.qualifying import Shift, gather_plants, shifted_plants
+    from middeck.cli.qualifying import gather_plants
+    from middeck.cli.sweeping import all_plants
     from middeck.files.json_output import write_json
     from middeck.files.packages import load_package
     from middeck.files.sealed import seal
@@ -82,16 +85,17 @@ def verb(
     from middeck.realtime.gate.steps import GateMargins
 
     package = load_package(package_file)
+    linear = linear_law(package)
     gathered = gather_plants(
         plants,
         environments or ("lab",),
-        linear_law(package),
+        linear,
         case=load_case,
         count=count,
         overrides=overrides,
         delay_s=1e-3 * given["delay_ms"],
     )
-    models = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
+    models = all_plants(gathered, linear, given)
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
     verdict = examine_package(package, models, margins)
     document = describe(verdict, margins)
