@@ -45,6 +45,8 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
     metavar="MODES PERCENT",
     help="Modes by name or LO:HI in Hz, moved together down and up.",
 )
+@options.sweep
+@options.first_bending
 @click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant.")
 @click.option(
     "--gain-db", type=click.FloatRange(min=0.0), default=6.0, show_default=True, help="Least gain margin."
@@ -142,7 +144,8 @@ def verb(
     engagement at a share and at full authority: by the engine, or by the reference law where no C compiler is
     at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and environments.
     """
-    from middeck.cli.qualifying import Shift, gather_plants, shifted_plants
+    from middeck.cli.qualifying import gather_plants
+    from middeck.cli.sweeping import all_plants
     from middeck.files.blacklists import load_blacklist, write_blacklist
     from middeck.files.json_output import write_json
     from middeck.files.packages import load_package
@@ -155,16 +158,17 @@ def verb(
     gain = _adaptive_gain(given)
     package = load_package(package_file)
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
+    linear = linear_law(package)
     gathered = gather_plants(
         plants,
         environments or ("lab",),
-        linear_law(package),
+        linear,
         case=load_case,
         count=count,
         overrides=overrides,
         delay_s=1e-3 * given["delay_ms"],
     )
-    models = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
+    models = all_plants(gathered, linear, given)
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
     trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])
     verdict = examine_package(
