@@ -74,12 +74,7 @@ Examples:
     type=click.IntRange(1, 65535),
     help="Shadow run and engagement on the rig that answers at this UDP port of this machine.",
 )
-@click.option(
-    "--driver",
-    type=click.Path(exists=True, dir_okay=False),
-    metavar="DRIVER.c",
-    help="The same on converters, by the clock.",
-)
+@click.option("--driver", metavar="DRIVER.c", help="The same on converters, by the clock.")
 @click.option(
     "--share",
     type=click.FloatRange(0.0, 1.0, min_open=True),
