@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck gate law.mdk model.json -o verdict.json
+  middeck gate law.mdk model.json --noise 1e-6 -o verdict.json
   middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3 --paper
 """
 
