@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import os
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +15,8 @@ import pytest
 
 from middeck.cli.fitting import identify
 from middeck.cli.main import execute
+from middeck.updating.promise import promise
+from middeck.updating.refine import refine
 
 ROOT = Path(__file__).parents[1]
 FITTED: dict[str, Any] = {}
@@ -35,6 +40,30 @@ def identify_once(*asked: Any) -> Any:
     if known not in FITTED:
         FITTED[known] = identify(*asked)
     return FITTED[known]
+
+
+def once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """``function``, computed once for arguments of the same values."""
+    done: dict[bytes, Any] = {}
+
+    @functools.wraps(function)
+    def kept(*asked: Any) -> Any:
+        known = pickle.dumps(asked)
+        if known not in done:
+            done[known] = function(*asked)
+        return done[known]
+
+    return kept
+
+
+refine_once, promise_once = once(refine), once(promise)
+
+
+def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let verbs fit, refine and promise once what several examples ask for alike."""
+    monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
+    monkeypatch.setattr("middeck.updating.refine.refine", refine_once)
+    monkeypatch.setattr("middeck.updating.promise.promise", promise_once)
 
 
 def script(*arguments: object) -> list[str]:

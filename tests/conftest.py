@@ -48,8 +48,8 @@ PAPER = {
     *("tests/paper/test_experiments_on_engine.py", "tests/paper/test_promise_kept.py"),
     "tests/paper/test_study_claims.py",
 }
-# They fit the mirror's records alike, once (`cli_runner.identify_once`).
-MIRROR = {"tests/docs/test_examples.py", "tests/edges/test_cli_hygiene.py"}
+# Examples of verbs that fit, refine and promise alike, once (`cli_runner.share_results`).
+EXAMPLES = {"tests/docs/test_examples.py", "tests/edges/test_cli_hygiene.py"}
 # They fit the same simulated gimbals, once (`gimbal_fits`, `two_modes`).
 GIMBAL = {f"tests/truth/test_{n}.py" for n in ("drift", "model_set", "uncertainty", "uncertainty_campaign")}
 
@@ -62,7 +62,7 @@ def pytest_xdist_make_scheduler(config, log):
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition("::")[0]
-            return next((min(group) for group in (PAPER, MIRROR, GIMBAL) if file in group), file)
+            return next((min(group) for group in (PAPER, EXAMPLES, GIMBAL) if file in group), file)
 
     return ByFile(config, log)
 

@@ -174,6 +174,7 @@ from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
 from .plot.nichols import draw_nichols as draw_nichols
 from .plot.nyquist import draw_nyquist as draw_nyquist
 from .plot.shapes import draw_shapes as draw_shapes
+from .realtime.engine.adaptive_gain import AdaptiveGain as AdaptiveGain
 from .realtime.engine.article import linear_article as linear_article
 from .realtime.engine.build import build_engine as build_engine
 from .realtime.engine.rig import EngineRig as EngineRig
@@ -192,6 +193,7 @@ from .realtime.engine.trial import (
     Stage as Stage,
     run_trial as run_trial,
 )
+from .realtime.gate.adaptive import prove_gain as prove_gain
 from .realtime.gate.gate import examine_package as examine_package
 from .realtime.gate.steps import GateMargins as GateMargins
 from .realtime.gate.trials import (

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from doc_pages import ROOT, Block, blocks
 
-from cli_runner import identify_once
+from cli_runner import share_results
 from middeck.cli.main import execute
 
 PAGES = [
@@ -410,7 +410,7 @@ def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder that looks like the repository to what a page reads."""
     for folder in ("articles", "environments", "studies", "data"):
         (tmp_path / folder).symlink_to(ROOT / folder)
-    monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
+    share_results(monkeypatch)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

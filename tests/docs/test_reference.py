@@ -101,6 +101,7 @@ FORMS: list[type[Form]] = [
     promise_plans.LadderForm,
     promise_plans.LawForm,
     promise_plans.JointForm,
+    promise_plans.SweepForm,
     promised_loads.PromisedLoadsForm,
     outcomes.OutcomeForm,
     outcomes.ModeOutcomeForm,

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cli_runner import middeck
+from cli_runner import middeck, refine_once, share_results
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.candidate_files import Candidates, load_candidates
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidate_survey import CandidateSurvey
 from middeck.updating.candidates import rank_tests
-from middeck.updating.refine import Refined, refine
+from middeck.updating.refine import Refined
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"
@@ -34,13 +34,19 @@ def asked() -> Candidates:
 
 @functools.cache
 def before() -> Refined:
-    return refine(asked().structure, *asked().refinement.of_refine)
+    return refine_once(asked().structure, *asked().refinement.of_refine)
 
 
 def candidate(name: str = "new", **given: Any) -> CandidateSurvey:
     (lab,) = {id(s.environment): s.environment for s in asked().refinement.surveys}.values()
     usual: dict[str, Any] = {"name": name, "environment": lab, "frequency_std": 1e-3}
     return CandidateSurvey(**usual | given)
+
+
+@pytest.fixture(autouse=True)
+def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The documents stand on one refinement."""
+    share_results(monkeypatch)
 
 
 @pytest.fixture

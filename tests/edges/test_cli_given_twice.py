@@ -53,6 +53,7 @@ def single_options() -> list[tuple[str, str]]:
 
 
 def value_of(verb: str, name: str) -> str:
+    """What an option takes; several words of an option that takes several."""
     option = next(p for p in command(verb).params if name in p.opts)
     kind = option.type
     if isinstance(kind, click.Choice):
@@ -61,14 +62,16 @@ def value_of(verb: str, name: str) -> str:
         return "x.svg" if name != "--output" else "out" if verb == "study" else "x.json"
     if isinstance(kind, options.Numbers):
         return ",".join(str(k + 1) for k in range(kind.count or 2))
+    if isinstance(kind, click.Tuple):
+        return " ".join(VALUES[part.name] for part in kind.types)
     return VALUES[kind.name]
 
 
 @pytest.mark.parametrize(("verb", "name"), single_options())
 def test_a_single_option_twice_is_refused(capfd: Capture, verb: str, name: str) -> None:
     """Before anything is read: there is no such file."""
-    value = value_of(verb, name)
-    ended = middeck(capfd, verb, "nothing.toml", name, value, name, value)
+    given = name, *value_of(verb, name).split()
+    ended = middeck(capfd, verb, "nothing.toml", *given, *given)
     assert ended.code == 2
     assert f"{name} takes one value and is given twice" in ended.err
     assert ended.out == ""

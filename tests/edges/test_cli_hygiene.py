@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import middeck as package
-from cli_runner import ROOT, as_process, identify_once, middeck, script
+from cli_runner import ROOT, as_process, middeck, script, share_results
 from middeck.cli.app import VERBS
 from repeats import repeats
 
@@ -63,7 +63,7 @@ def examples(text: str) -> list[list[str]]:
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the project's documents and data, where examples may write."""
-    monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
+    share_results(monkeypatch)
     for name in ("articles", "environments", "studies", "data"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)

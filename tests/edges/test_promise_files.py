@@ -53,6 +53,22 @@ def test_the_document_names_what_it_stands_on(promised: Path):
     assert all(low < m["frequency_hz"] < high for m in orbit["modes"] for low, high in [m["interval_95_hz"]])
 
 
+def test_the_sweep_stands_beside_the_draws(promised: Path):
+    orbit = read_promise(promised / "promise.json")["environments"][0]
+    swept = orbit["sweep"]
+    assert (swept["first_bending_percent"], swept["others_percent"]) == (10.0, 20.0)
+    assert swept["first_bending"] == ["first bending x-y", "first bending x-z"]
+    for loop in orbit["compensators"]:
+        assert loop["sweep"]["cases"] == 2 * (2 + len(swept["others"])) + 4
+        assert len(loop["sweep"]["lost"]) == loop["sweep"]["cases"] - loop["sweep"]["stable"]
+    text = (promised / "promise.toml").read_text(encoding="utf-8")
+    (promised / "other.toml").write_text(
+        text + "\n[sweep]\nfirst_bending_percent = 0.0\nothers_percent = 1.0\n"
+    )
+    sweep = load_plan(promised / "other.toml", ARTICLE).plan.sweep
+    assert (sweep.first_bending, sweep.others) == (0.0, 0.01)
+
+
 def test_it_is_the_same_again(promised: Path):
     again = promised / "again.json"
     promise(promised, "again.json")
@@ -149,6 +165,7 @@ def test_another_document_is_no_promise(tmp_path: Path):
         ('refinement = "refine.toml"', 'refinement = "none.toml"', "none.toml"),
         ('environments = ["orbit"]', 'environments = ["moon"]', "moon"),
         ("[noise]", "[noises]", "noise"),
+        ("[noise]", "[sweep]\nothers_percent = 100.0\n[noise]", "others_percent"),
         ("log10_authority = [0.0, 3.0]", "log10_authority = [0.0, 400.0]", "must be >= -12 and <= 12"),
         ("log10_authority = [0.0, 3.0]", "log10_authority = 3.0", r"try: log10_authority = \[3.0\]"),
     ],

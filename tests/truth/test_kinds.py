@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from middeck.structure.modes.kinds import find_kinds, kinds_by_rank
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
+from repeats import repeats
 
 LAB = "environments/lab.toml"
 FLEXIBLE, SUSPENSION = 0.01, 0.03
@@ -119,6 +121,32 @@ def test_damping_is_that_of_the_complex_modes(met: list[Met]):
         assert zeta[clear] == pytest.approx(true[clear], rel=0.05)
         compared += int(clear.sum())
     assert compared > 60
+
+
+SHARED = re.compile(r"modes (\d+) .* and (\d+) .* would be (\S+) and (\S+) in place of")
+
+
+@pytest.mark.parametrize("seed", repeats([388, 294, 259, 433, 350, 412]))
+def test_modes_that_share_their_losses_are_told_with_their_ratios(seed: int, tmp_path: Path):
+    """A pendulum and a bending mode within some per cent of each other: the complex modes damp otherwise."""
+    one = soft_bus(seed, tmp_path)
+    assert one is not None
+    found = estimate_damping(one.lab, count=26)
+    told = [SHARED.match(text) for text in found.warnings]
+    ratio = {int(m[k]): float(m[k + 2]) for m in told if m for k in (1, 2)}
+    true, part = complex_damping(one.lab, 26)
+    mixed = (part < 0.98) & (np.abs(found.zeta - true) > 0.02 * true)
+    assert mixed.any()
+    assert set(np.flatnonzero(mixed)) <= set(ratio)
+    assert [ratio[m] for m in np.flatnonzero(mixed)] == pytest.approx(true[mixed], rel=0.01)
+
+
+def test_modes_whose_losses_are_their_own_are_not_told(met: list[Met]):
+    """Of the articles drawn, only those whose complex modes are real ones to a part in a thousand."""
+    for one in met:
+        true, part = complex_damping(one.lab, 26)
+        if part.min() > 0.999 and true.min() > 0.0:
+            assert not any(SHARED.match(text) for text in estimate_damping(one.lab, count=26).warnings)
 
 
 def test_budget_has_the_same_pairs(met: list[Met]):

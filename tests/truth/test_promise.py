@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import promise_case as case
 import pytest
+from scipy.signal import tf2ss
 from scipy.stats import binomtest
 from updating_case import DAMPING_STD
 
@@ -20,6 +21,7 @@ from middeck.control.sampled import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
 from middeck.systems.delay_approximation import approximate_delays
+from middeck.systems.modal import ModalSystem, select_modes
 from middeck.systems.own_plant import make_plant
 from middeck.systems.plant import Plant, delay_plant, require_modal
 from middeck.systems.statespace import StateSpace
@@ -30,6 +32,7 @@ from middeck.updating.outlook import Outlook, highest_promised, look_ahead, prob
 from middeck.updating.plan import Ladder, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise import design_ladder, promise
 from middeck.updating.refine import Refined
+from middeck.updating.sweep import sweep_plants, try_sweep
 
 WEIGHTS = LQGWeights(output=[1.0], input=[1.0], disturbed=("f",), process=[[1.0]], sensor=[1e-4])
 
@@ -230,6 +233,72 @@ def test_what_is_promised_comes(refined: Refined):
         assert one.level_db(0.01) - 0.1 <= came <= one.level_db(0.99) + 0.1
         bound = found.bound[one.name]
         assert 0.0 <= bound.worst_db - bound.no_linear_law_below_db < 0.3
+
+
+def pade(delay_s: float) -> tuple[np.ndarray, ...]:
+    """exp(-s delay) by the fraction of degree 4 over 4 (Pade)."""
+    powers = delay_s ** np.arange(4.0, -1.0, -1.0)
+    even, odd = np.array([1.0, 0.0, 180.0, 0.0, 1680.0]), np.array([0.0, 20.0, 0.0, 840.0, 0.0])
+    return tf2ss((even - odd) * powers, (even + odd) * powers)
+
+
+def test_a_sweep_is_that_of_loops_closed_by_hand(refined: Refined):
+    """Modes in orbit shifted, held by the inner loops and closed by each compensator, all written out."""
+    asked = case.plan([1e1, 1e3], 1)
+    predicted = predict_modes(refined, Environment.orbit(), count=asked.modes)
+    swept = sweep_plants(predicted, asked)
+    plant = plant_of(asked, predicted.modes)
+    modal = require_modal(plant)
+    omega, zeta = modal.omega.copy(), modal.zeta.copy()
+    for k, i in enumerate(predicted.index.tolist()):
+        if i < len(omega):
+            omega[i], zeta[i] = 2.0 * np.pi * predicted.frequency_hz[k], predicted.damping[k]
+    flexible = [n for n, kind in zip(modal.names, predicted.modes.kind, strict=False) if kind == "flexible"]
+    first = [n for n in flexible if n.startswith("first bending")]
+    by = {n: 0.1 if n in first else 0.2 for n in flexible}
+    assert (first, len(flexible), len(swept.cases)) == (["first bending x-y", "first bending x-z"], 18, 40)
+    factors = [
+        {n: 1.0 + s * by[n]} for n in (*first, *(n for n in flexible if n not in first)) for s in (-1, 1)
+    ]
+    factors += [
+        {n: 1.0 + (a if n in first else b) * by[n] for n in flexible} for a in (-1, 1) for b in (-1, 1)
+    ]
+    found = {}
+    for name, law in design_ladder(case.modes_in_orbit(refined), asked).items():
+        found[name] = try_sweep(swept, law, asked)
+        by_hand = [not _grows(modal, omega, zeta, f, plant, law) for f in factors]
+        assert found[name].stable.tolist() == by_hand
+    assert found["LQG 1"].lost == ()
+    assert "third bending x-y -20 %" in found["LQG 3"].lost
+
+
+def _grows(
+    modal: ModalSystem,
+    omega: np.ndarray,
+    zeta: np.ndarray,
+    factors: dict[str, float],
+    plant: Plant,
+    law: Compensator,
+) -> bool:
+    held = np.array(["translation" not in name for name in modal.names])  # no torque moves a free article
+    modal, omega, zeta = select_modes(modal, held), omega[held], zeta[held]
+    moved = omega * np.array([factors.get(name, 1.0) for name in modal.names])
+    n = len(moved)
+    rows = [plant.output_indices([name])[0] for name in case.PD.names]
+    columns = [plant.input_indices([name])[0] for name in case.PD.names]
+    stiff = np.diag(moved**2) + modal.psi[:, columns] @ (case.PD.kp[:, None] * modal.phi[rows])
+    drag = np.diag(2.0 * zeta * moved) + modal.psi[:, columns] @ (case.PD.kd[:, None] * modal.phi[rows])
+    free = np.block([[np.zeros((n, n)), np.eye(n)], [-stiff, -drag]])
+    push = np.concatenate([np.zeros(n), modal.psi[:, plant.input_indices([case.INPUT])[0]]])[:, None]
+    read = np.concatenate([modal.phi[plant.output_indices([case.OUTPUT])[0]], np.zeros(n)])[None]
+    P, Q, R, S = pade(case.DELAY_S / 3.0)
+    for _ in range(3):  # each filter reads what the one before gives
+        free = np.block([[free, np.zeros((len(free), len(P)))], [Q @ read, P]])
+        push = np.vstack([push, np.zeros((len(P), 1))])
+        read = np.hstack([S @ read, R])
+    system = law.system
+    whole = np.block([[free, push @ system.C], [system.B @ read, system.A]])
+    return bool(np.linalg.eigvals(whole).real.max() > 0.0)
 
 
 def test_a_reading_whose_noise_is_not_stated_is_refused():

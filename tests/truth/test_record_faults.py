@@ -243,6 +243,57 @@ def test_spikes_at_the_edges_are_found_in_motion_of_any_phase() -> None:
             assert ("spike", ((k, k + 1),)) in [(f.kind, f.samples) for f in found], k
 
 
+def fast_noise(rng: Rng, samples: int = 4096) -> np.ndarray:
+    """Two modes well above a tenth of the rate, driven by noise: no two neighbouring samples are alike."""
+    low, high = (scipy.signal.iirpeak(f, 8.0) for f in rng.uniform([0.3, 0.6], [0.5, 0.8]))
+    drive = rng.standard_normal((3, samples))
+    x = scipy.signal.lfilter(*low, drive[0]) + scipy.signal.lfilter(*high, drive[1])
+    return x / x.std() + 10.0 ** rng.uniform(-4.0, -1.0) * drive[2]
+
+
+def heard(rng: Rng, y: np.ndarray) -> Record:
+    u = rng.standard_normal((1, 1, len(y), 1))
+    ports = (Port("force", "N"),), (Port("acceleration", "m/s^2"),)
+    return Record(
+        sample_hz=HZ, u=u, y=y[None, None, :, None], inputs=ports[0], outputs=ports[1], periodic=False
+    )
+
+
+def test_spikes_are_found_at_each_of_the_first_and_last_samples(campaign: Callable[[int], range]) -> None:
+    """The samples that foretell the first ones backwards, up to 31 in, are no measure of chance."""
+    for seed in campaign(60):
+        rng = np.random.default_rng([31, seed])
+        y = fast_noise(rng)
+        assert detect_faults(heard(rng, y)) == ()
+        for k in (*range(0, 36, 3), *range(15, 21), *range(-20, 0, 4), -1):
+            struck = y.copy()
+            struck[k] += rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(1.7, 3.0)
+            assert "spike" in [f.kind for f in detect_faults(heard(rng, struck))]
+
+
+def test_clipping_is_found_where_no_two_neighbours_are_clipped(campaign: Callable[[int], range]) -> None:
+    """Values at a limit are many; those beside it are there once each, or as often as in a converter."""
+    for seed in campaign(60):
+        rng = np.random.default_rng([32, seed])
+        y = fast_noise(rng)
+        if seed % 2:
+            y = np.round(y * 200.0) / 200.0
+        assert detect_faults(heard(rng, y)) == ()
+        limit = float(np.quantile(np.abs(y), rng.uniform(0.94, 0.97)))
+        for clipped in (np.clip(y, -limit, limit), np.minimum(y, limit), np.maximum(y, -limit)):
+            assert "clipping" in [f.kind for f in detect_faults(heard(rng, clipped))]
+
+
+def test_converters_with_few_levels_are_not_called_clipped(campaign: Callable[[int], range]) -> None:
+    """Of Gaussian samples in steps of a third to a thousandth of their deviation, and periods that repeat."""
+    for seed in campaign(600):
+        rng = np.random.default_rng([33, seed])
+        step = 10.0 ** rng.uniform(-3.0, -0.5)
+        y = np.round(rng.standard_normal(2048) / step) * step
+        y = np.tile(y[:512], 4) if seed % 3 == 0 else y
+        assert "clipping" not in [f.kind for f in detect_faults(heard(rng, y))]
+
+
 @pytest.mark.parametrize("decay", [0.3, 0.5, 0.9])
 def test_a_release_at_the_first_sample_is_no_spike(decay: float) -> None:
     rng = np.random.default_rng(1)

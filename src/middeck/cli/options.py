@@ -126,6 +126,16 @@ count = click.option(
 load_case = click.option(
     "--load-case", metavar="NAME", help="Apply a load case of the article.  [default: none]"
 )
+sweep = click.option(
+    "--sweep",
+    is_flag=True,
+    help="Also with first bending shifted by 10 % and other flexible modes by 20 %, alone and together.",
+)
+first_bending = click.option(
+    "--first-bending",
+    metavar="MODES",
+    help="Modes that --sweep shifts by 10 %, by name or LO:HI in Hz; needed for a fitted model.",
+)
 band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", help="Band to fit [Hz].")
 periods = click.option(
     "--periods",

@@ -19,7 +19,10 @@ from middeck.errors import ConfigError
 from middeck.files.models import load_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
+from middeck.structure.modes.bending import dispersed_modes
+from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.systems.mode_dispersion import DispersedModes
 from middeck.systems.mode_shift import shift_modes
 from middeck.systems.plant import Plant, delay_plant, name_states, remove_delays
 from middeck.values import record
@@ -31,10 +34,16 @@ MOST = 0.2
 
 @record
 class Gathered:
-    """Plants by name, and those of models that do not say whether the inputs of their data were held."""
+    """Plants by name.
+
+    Attributes:
+        hold_unknown: Those of models that do not say whether the inputs of their data were held.
+        dispersed: Of articles, the modes that a sweep shifts.
+    """
 
     plants: dict[str, Plant]
     hold_unknown: tuple[str, ...]
+    dispersed: dict[str, DispersedModes]
 
 
 @record
@@ -63,6 +72,7 @@ def gather_plants(
         )
     found: dict[str, Plant] = {}
     unknown: list[str] = []
+    dispersed: dict[str, DispersedModes] = {}
     for source in sources:
         if source.lower().endswith(".json"):
             name, model = _new_name(source, found), load_model(source)
@@ -70,11 +80,10 @@ def gather_plants(
             unknown += [name] if model.hold_s is None else []
             continue
         for environment in environments:
-            name = f" in {Path(environment).stem}"
-            found[_new_name(source, found, name)] = delay_plant(
-                _article(source, environment, law, case, count, overrides), delay_s
-            )
-    return Gathered(found, tuple(unknown))
+            name = _new_name(source, found, f" in {Path(environment).stem}")
+            modes, plant = _article(source, environment, law, case, count, overrides)
+            found[name], dispersed[name] = delay_plant(plant, delay_s), dispersed_modes(modes, count)
+    return Gathered(found, tuple(unknown), dispersed)
 
 
 def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
@@ -85,7 +94,7 @@ def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
 
 def _article(
     source: str, environment: str, law: Law, case: str | None, count: int, overrides: Sequence[str]
-) -> Plant:
+) -> tuple[Modes, Plant]:
     modes = solve_case(source, environment, overrides, case=case, standstill=True)
     tell_warnings(modes)
     structure = modes.equilibrium.model.structure
@@ -96,7 +105,7 @@ def _article(
         _require_ports(
             [name.removesuffix("_rate") for name in y], sensors, "reads", "the article has no such sensor"
         )
-        return build_plant(modes, inputs=u, outputs=y, count=count, w=u, u=u, z=y, y=y)
+        return modes, build_plant(modes, inputs=u, outputs=y, count=count, w=u, u=u, z=y, y=y)
 
 
 def _require_ports(wanted: Sequence[str], there: Sequence[str], verb: str, lacks: str) -> None:

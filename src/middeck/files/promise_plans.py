@@ -16,6 +16,7 @@ from middeck.files.faults import raise_faults
 from middeck.files.form import Form, Log10Authority, NotNegative, Positive, whole
 from middeck.files.refinements import Refinement, load_refinement
 from middeck.structure.model.article import Structure
+from middeck.systems.mode_dispersion import Dispersion
 from middeck.updating.draws import LoopSpread
 from middeck.updating.plan import Ladder, Plan
 from middeck.updating.slip import JointSlip
@@ -97,6 +98,13 @@ class JointForm(Form):
     slip_angle_tolerance: NotNegative = 0.0
 
 
+class SweepForm(Form):
+    """Shifts of the refined article's flexible modes."""
+
+    first_bending_percent: Annotated[float, Field(ge=0.0, lt=100.0)] = 10.0
+    others_percent: Annotated[float, Field(ge=0.0, lt=100.0)] = 20.0
+
+
 class PlanForm(Form):
     """A plan."""
 
@@ -115,6 +123,7 @@ class PlanForm(Form):
     ladder: LadderForm | None = None
     law: Annotated[tuple[LawForm, ...], Field(strict=False)] = ()
     joint: Annotated[tuple[JointForm, ...], Field(strict=False)] = ()
+    sweep: SweepForm = SweepForm()
 
 
 @record(kw_only=True)
@@ -176,6 +185,9 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
             drives=ladder.drives, reads=ladder.reads, authority=10.0 ** np.array(ladder.log10_authority)
         ),
         joints=tuple(_joint(joint) for joint in form.joint),
+        sweep=Dispersion(
+            first_bending=0.01 * form.sweep.first_bending_percent, others=0.01 * form.sweep.others_percent
+        ),
     )
     files = (Path(path), Path(article), *refinement.files, *found.values(), *laws.values())
     return LoadedPlan(

@@ -25,6 +25,7 @@ from middeck.updating.promise import Promise
 from middeck.updating.promised_shapes import promised_shapes
 from middeck.updating.refine import Refined
 from middeck.updating.slip_time import SlipTime
+from middeck.updating.sweep import Swept
 
 # A mode of which the surveys saw less than half was not seen.
 SEEN = 0.5
@@ -178,7 +179,16 @@ def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
         "without_control_rms": [few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
         if np.all(np.isfinite(promise.rest_rms))
         else None,
-        "compensators": [_loop_row(o, promise.bound[o.name], plan) for o in promise.outlooks],
+        "sweep": {
+            "first_bending": promise.swept.modes.first_bending,
+            "first_bending_percent": few(100.0 * plan.sweep.first_bending),
+            "others": promise.swept.modes.others,
+            "others_percent": few(100.0 * plan.sweep.others),
+        },
+        "compensators": [
+            _loop_row(o, promise.bound[o.name], plan) | {"sweep": _swept(promise.sweeps[o.name])}
+            for o in promise.outlooks
+        ],
         "highest": promise.highest,
         **({} if promise.slip_time is None else {"friction": _friction(promise.slip_time, plan)}),
     }
@@ -250,6 +260,15 @@ def _loop_row(outlook: Outlook, bound: Bound, plan: Plan) -> dict[str, Any]:
         "unstable_mode": outlook.unstable_mode or None,
         "risk": {"of": risk or None, "rank_correlation": few(correlation)},
         **({} if outlook.friction is None else _with_friction(outlook.friction, plan)),
+    }
+
+
+def _swept(swept: Swept) -> dict[str, Any]:
+    """In how many cases of the sweep the loop is stable, and in which it is not."""
+    return {
+        "cases": len(swept.cases),
+        "stable": int(np.count_nonzero(swept.stable)),
+        "lost": swept.lost,
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -39,17 +39,18 @@ class Balance:
                 pushed = 0.0
                 for i, coefficient in others:
                     pushed += coefficient * torque[i]
-                left = free[j] - pushed
+                left, last = free[j] - pushed, torque[j]
                 if friction is not None:
-                    new = friction.balance(begin[j], left, inner[j][0], own)
+                    new = friction(begin[j], left, inner[j][0], own)
                 else:
                     new = _balance_one(parts, inner[j], begin[j], left, own)
-                change = abs(new - torque[j])
+                change = abs(new - last)
                 if change > 0.0:
                     torque[j] = new
-                    # Rounding of the end angle, seen as a torque.
-                    noise = 4e-16 * (abs(left - own * new) + abs(begin[j])) / own
-                    settled = settled and change <= 1e-14 * abs(new) + noise
+                    if settled:
+                        # Rounding of the end angle, seen as a torque.
+                        noise = 4e-16 * (abs(left - own * new) + abs(begin[j])) / own
+                        settled = change <= 1e-14 * abs(new) + noise
             if settled or alone:
                 return torque
         raise NumericalError(
@@ -58,8 +59,9 @@ class Balance:
         )
 
 
-def _only_friction(parts: tuple[JointElement, ...]) -> Friction | None:
-    return parts[0] if len(parts) == 1 and isinstance(parts[0], Friction) else None
+def _only_friction(parts: tuple[JointElement, ...]) -> Callable[[float, float, float, float], float] | None:
+    """`Friction.balance` of a joint that has friction alone."""
+    return parts[0].balance if len(parts) == 1 and isinstance(parts[0], Friction) else None
 
 
 def _balance_one(

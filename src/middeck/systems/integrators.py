@@ -1,9 +1,6 @@
 """Separation of the integrators of a system from its other poles, in any coordinates, with fewest states.
 
-A pole at the origin of multiplicity k is spread by rounding over a circle of radius eps^(1/k) |A|, on both
-sides of the axis: nothing may be decided by such eigenvalues. Its invariant subspace is well determined, and
-is found here by orthogonal transformations with rank decisions on singular values (Golub and Wilkinson 1976,
-SIAM Review 18, "Ill-conditioned eigensystems and the computation of the Jordan canonical form").
+See `middeck.systems.chains` for how they are found.
 """
 
 from __future__ import annotations
@@ -15,14 +12,13 @@ import scipy.linalg as sla
 from jaxtyping import Float, Int
 
 from middeck.systems.balancing import balance
+from middeck.systems.chains import integrating_chains, strictly_upper
 from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
 from middeck.systems.resolvent import balance_states
-from middeck.systems.statespace import StateSpace, add, gain_system
+from middeck.systems.statespace import SampledStateSpace, StateSpace, add, gain_system
 from middeck.values import record
 
-REST = 1e-11
-"""Singular values below this fraction of A (balanced) count as zero: rounding of a plant transformed by a
-matrix of condition 1e4. Poles slower than this fraction of the fastest count as integrators."""
+Dynamics = ModalSystem | StateSpace | SampledStateSpace
 NOTHING = 1e-12
 """Residues below this fraction of their output's row and input's column are rounding of a few products."""
 RANK = 1e-10
@@ -68,7 +64,7 @@ def part_integrators(system: StateSpace) -> PartedSystem:
         )
     _, unit = balance(system.A)
     balanced = balance_states(system)
-    turn, sizes = _chains(balanced.A)
+    turn, sizes = integrating_chains(balanced.A)
     n = sum(sizes)
     if not n:
         every = np.arange(len(system.A))
@@ -76,7 +72,7 @@ def part_integrators(system: StateSpace) -> PartedSystem:
             residues=none, still=nothing, states=np.zeros((len(every), 0)), leading=every, moving=system
         )
     A, B, C = turn.T @ balanced.A @ turn, turn.T @ balanced.B, balanced.C @ turn
-    chain = _strictly_upper(A[:n, :n], sizes)
+    chain = strictly_upper(A[:n, :n], sizes)
     # (1, 0; mix, 1) decouples the two parts.
     mix = np.asarray(sla.solve_sylvester(chain, -A[n:, n:], -A[:n, n:])) if n < len(A) else A[:n, n:]
     moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
@@ -100,11 +96,13 @@ def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:
     return np.argmax(np.abs(turn), axis=0) if turn.size else np.zeros(0, dtype=int)
 
 
-def rest_once(dynamics: ModalSystem | StateSpace) -> tuple[ModalSystem | StateSpace, int]:
+def rest_once(dynamics: Dynamics) -> tuple[Dynamics, int]:
     """The dynamics with the fewest integrators for its responses, and the number of poles dropped.
 
+    Those of a sampled system are its poles at z = 1.
+
     One force moves only one combination of several rigid modes. Unchanged where nothing is dropped; otherwise
-    a state space has its integrators first, with eigenvalues exactly zero.
+    a state space has its integrators first, with eigenvalues exactly zero (or one).
     """
     if isinstance(dynamics, ModalSystem):
         rigid = dynamics.omega == 0.0
@@ -118,6 +116,12 @@ def rest_once(dynamics: ModalSystem | StateSpace) -> tuple[ModalSystem | StateSp
         if dynamics.phi_acceleration is not None:
             through = dynamics.phi_acceleration[:, rigid] @ still.psi
         return add(dataclasses.replace(chain, D=through), moving), dropped
+    if isinstance(dynamics, SampledStateSpace):
+        one = np.eye(len(dynamics.A))
+        fewer, dropped = rest_once(StateSpace(dynamics.A - one, dynamics.B, dynamics.C, dynamics.D))
+        if not dropped or isinstance(fewer, ModalSystem):
+            return dynamics, 0
+        return dataclasses.replace(dynamics, A=fewer.A + np.eye(len(fewer.A)), B=fewer.B, C=fewer.C), dropped
     parted = part_integrators(dynamics)
     chain = realise_residues(parted.residues)
     count = parted.states.shape[1]
@@ -156,44 +160,17 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
     root = np.sqrt(value[:rank])
     left, right = left[:, :rank] / root, right[:rank].T / root
     A = left.T @ later @ right
-    turn, sizes = _chains(A, RANK)
+    turn, sizes = integrating_chains(A, RANK)
     if sum(sizes) < rank:
         # What rounding does not let vanish: the nearest that does.
         sizes = [*sizes, rank - sum(sizes)]
     into, seen = turn.T @ ((root**2)[:, None] * right[:inputs].T), (left[:outputs] * root**2) @ turn
     return StateSpace(
-        _strictly_upper(turn.T @ A @ turn, sizes) / pace,
+        strictly_upper(turn.T @ A @ turn, sizes) / pace,
         into * np.where(column > 0.0, column, 1.0),
         seen * np.where(row > 0.0, row, 1.0)[:, None],
         empty.D,
     )
-
-
-def _chains(A: np.ndarray, share: float = REST) -> tuple[np.ndarray, list[int]]:
-    """Orthogonal matrix that puts the integrators first (null space of A, then of A^2, ...), and their
-    numbers.
-
-    In these coordinates the first columns of A are strictly upper triangular.
-    """
-    turn, sizes, left = np.eye(len(A)), [], A
-    floor = share * (np.linalg.norm(A, 2) if len(A) else 0.0)
-    while len(left):
-        _, value, right = np.linalg.svd(left)
-        count = int(np.sum(value <= floor))
-        if not count:
-            break
-        own = np.vstack([right[len(left) - count :], right[: len(left) - count]]).T
-        done = sum(sizes)
-        turn[:, done:] = turn[:, done:] @ own
-        left = (own.T @ left @ own)[count:, count:]
-        sizes.append(count)
-    return turn, sizes
-
-
-def _strictly_upper(A: np.ndarray, sizes: list[int]) -> np.ndarray:
-    """A with exact zeros on and below its diagonal blocks."""
-    label = np.repeat(np.arange(len(sizes)), sizes)
-    return np.where(label[:, None] < label[None], A, 0.0)
 
 
 def _pace(residues: np.ndarray) -> float:

@@ -16,6 +16,7 @@ from jaxtyping import Complex, Float
 from scipy.sparse.csgraph import connected_components
 
 from middeck.systems.balancing import balance
+from middeck.systems.chains import integrating_chains
 from middeck.systems.components import component_poles
 from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
 
@@ -86,6 +87,13 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     rest = 1.0 if sampled else 0.0
     if np.sum(np.abs(values - rest) < CROWDED * size) < 2:
         return values
+    turn, sizes = integrating_chains(balanced - rest * np.eye(len(A)))
+    if len(sizes) > 1:  # a chain of integrators, which rounding spreads; one alone is known to rounding
+        n = sum(sizes)
+        others = (turn.T @ balanced @ turn)[n:, n:]
+        return np.append(
+            np.full(n, rest, dtype=complex), _joined(others, np.linalg.eigvals(others), sampled=sampled)
+        )
     found, left, right = cast("tuple[np.ndarray, ...]", sla.eig(balanced, left=True, right=True))
     found = found.astype(complex)
     aligned = np.abs(np.sum(np.conj(left) * right, axis=0))

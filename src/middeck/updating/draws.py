@@ -149,6 +149,13 @@ def draw_plants(
     )
 
 
+def mean_plant(mean: Prediction, build: Callable[[Modes], Plant]) -> Plant:
+    """The plant of the most probable frequencies and damping; ``build`` as in `draw_plants`."""
+    plant = build(mean.modes)
+    modal = _moved(require_modal(plant), mean, mean.modes, mean.log_shift, mean.damping)
+    return dataclasses.replace(plant, dynamics=modal)
+
+
 def _sensors(plant: Plant) -> tuple[str, ...]:
     """Of each output; an angle and its rate are one sensor's."""
     return tuple(port.name.removesuffix(RATE) for port in plant.outputs)

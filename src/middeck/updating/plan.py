@@ -17,6 +17,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE
+from middeck.systems.mode_dispersion import Dispersion
 from middeck.systems.plant import Plant, group_ports, select_ports
 from middeck.updating.draws import LoopSpread
 from middeck.updating.slip import JointSlip
@@ -61,6 +62,7 @@ class Plan:
         probability: Of stability, asked of the highest authority.
         bounded: Draws on which the bound is computed.
         joints: Those with dry friction; none are linear. Their viscous drag is in every plant.
+        sweep: Shifts of the refined article's flexible modes on which every compensator is tried too.
     """
 
     environments: Mapping[str, Environment]
@@ -80,6 +82,7 @@ class Plan:
     laws: Mapping[str, Compensator] = dataclasses.field(default_factory=dict[str, Compensator])
     ladder: Ladder | None = None
     joints: tuple[JointSlip, ...] = ()
+    sweep: Dispersion = dataclasses.field(default_factory=Dispersion)
 
     def __post_init__(self) -> None:
         if not self.environments or not (self.laws or self.ladder):

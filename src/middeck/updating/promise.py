@@ -28,6 +28,7 @@ from middeck.updating.slip import draw_slips
 from middeck.updating.slip_run import run_slips
 from middeck.updating.slip_time import SlipTime
 from middeck.updating.surveys import set_up
+from middeck.updating.sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.values import record
 
 
@@ -41,6 +42,8 @@ class Promise:
         rest_rms: Of the performance without any compensator, by draw.
         bound: By name, over the first ``plan.bounded`` draws, without friction and over all frequencies.
         highest: The last of the ladder that is promised stable, and every one before it; None for none.
+        swept: Plants of the sweep of the plan, around the most probable one.
+        sweeps: By name, what each compensator makes of them.
         slip_time: How the friction of joints was simulated; None where the plan states none.
     """
 
@@ -49,6 +52,8 @@ class Promise:
     rest_rms: Float[np.ndarray, " draw"]
     bound: Mapping[str, Bound]
     highest: str | None
+    swept: SweptPlants
+    sweeps: Mapping[str, Swept]
     slip_time: SlipTime | None = None
 
 
@@ -118,6 +123,7 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
     if plan.joints:
         outlooks, alone, slip_time = _slipping(outlooks, alone, drawn, laws, plan)
     some = dataclasses.replace(drawn, plants=drawn.plants[: plan.bounded], drawn=drawn.drawn[: plan.bounded])
+    swept = sweep_plants(predicted, plan)
     best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
     return Promise(
         modes=predicted.below(plan.modes),
@@ -125,6 +131,8 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
         rest_rms=alone,
         bound={name: _bound(law, some, plan) for name, law in laws.items()},
         highest=None if best is None else best.name,
+        swept=swept,
+        sweeps={name: try_sweep(swept, law, plan) for name, law in laws.items()},
         slip_time=slip_time,
     )
 

@@ -11,6 +11,7 @@ from middeck.cli.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
+    from middeck.realtime.engine.adaptive_gain import AdaptiveGain
     from middeck.realtime.gate.gate import GateVerdict
     from middeck.realtime.gate.trials import GateRig
     from middeck.realtime.package.package import ControllerPackage
@@ -21,6 +22,7 @@ Examples:
   middeck gate law.mdk model.json --noise 1e-6 -o verdict.json
   middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3 --paper
 """
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 @click.command("gate", cls=options.Verb, epilog=EPILOG)
@@ -43,6 +45,8 @@ Examples:
     metavar="MODES PERCENT",
     help="Modes by name or LO:HI in Hz, moved together down and up.",
 )
+@options.sweep
+@options.first_bending
 @click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant.")
 @click.option(
     "--gain-db", type=click.FloatRange(min=0.0), default=6.0, show_default=True, help="Least gain margin."
@@ -89,6 +93,27 @@ Examples:
     metavar="BLACKLIST.json",
     help="Packages that have tripped: consulted first; one that trips when engaged is added.",
 )
+@click.option(
+    "--adaptive",
+    type=(str, POSITIVE, POSITIVE),
+    metavar="SENSOR MAXIMUM RATE",
+    help="Prove an adaptive gain up to MAXIMUM that moves by RATE 1/s with the band rms of SENSOR.",
+)
+@click.option("--adaptive-band", "band_hz", type=options.Frequencies(2), metavar="HZ,HZ", help="That band.")
+@click.option(
+    "--adaptive-rms",
+    "rms",
+    type=options.Numbers(2),
+    metavar="QUIET,LOUD",
+    help="Its rms below which the gain rises, and above which it falls.",
+)
+@click.option(
+    "--adaptive-least",
+    "least",
+    type=click.FloatRange(min=0.0),
+    metavar="GAIN",
+    help="Least gain.  [default: 0]",
+)
 @options.written(
     "-o", "--output", "verdict_file", endings=(".json",), metavar="VERDICT.json", help="Write the verdict."
 )
@@ -109,11 +134,13 @@ def verb(
 
     Blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each
     environment, or a fitted model.json, with and without shifted modes) stable with margin at eleven points
-    of the fade. Then a dry run with noise on each PLANT, and on a rig, if one is given, a shadow run and
+    of the fade; with --adaptive also a proof that each loop decays at every gain and for every move within
+    the rate. Then a dry run with noise on each PLANT, and on a rig, if one is given, a shadow run and
     engagement at a share and at full authority: by the engine, or by the reference law where no C compiler is
     at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and environments.
     """
-    from middeck.cli.qualifying import Shift, gather_plants, shifted_plants
+    from middeck.cli.qualifying import gather_plants
+    from middeck.cli.sweeping import all_plants
     from middeck.files.blacklists import load_blacklist, write_blacklist
     from middeck.files.json_output import write_json
     from middeck.files.packages import load_package
@@ -123,24 +150,27 @@ def verb(
     from middeck.realtime.gate.steps import GateMargins
     from middeck.realtime.gate.trials import GateTrials
 
+    gain = _adaptive_gain(given)
     package = load_package(package_file)
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
+    linear = linear_law(package)
     gathered = gather_plants(
         plants,
         environments or ("lab",),
-        linear_law(package),
+        linear,
         case=load_case,
         count=count,
         overrides=overrides,
         delay_s=1e-3 * given["delay_ms"],
     )
-    models = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
+    models = all_plants(gathered, linear, given)
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
     trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])
     verdict = examine_package(
         package,
         models,
         margins,
+        gain=gain,
         trials=None if given["paper"] else trials,
         rig=_rig(package, given["rig_port"], given["driver"], given["paper"]),
         blacklist=blacklist,
@@ -173,6 +203,28 @@ def _rig(package: ControllerPackage, port: int | None, driver: str | None, paper
     return None
 
 
+def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
+    from middeck.realtime.engine.adaptive_gain import AdaptiveGain
+
+    rest = {"--adaptive-band": given["band_hz"], "--adaptive-rms": given["rms"]}
+    if given["adaptive"] is None:
+        alone = [
+            name for name, value in (*rest.items(), ("--adaptive-least", given["least"])) if value is not None
+        ]
+        if alone:
+            raise click.UsageError(f"{alone[0]} belongs to --adaptive")
+        return None
+    missing = [name for name, value in rest.items() if value is None]
+    if missing:
+        raise click.UsageError(f"--adaptive needs {' and '.join(missing)}")
+    sensor, maximum, rate = given["adaptive"]
+    quiet, loud = given["rms"]
+    return AdaptiveGain(
+        maximum=maximum, rate=rate, sensor=sensor, band_hz=given["band_hz"], quiet_rms=quiet, loud_rms=loud,
+        minimum=given["least"] or 0.0,
+    )  # fmt: skip
+
+
 def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     """The JSON document."""
     return {
@@ -185,6 +237,8 @@ def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
         "steps": verdict.steps,
         "left_out": verdict.left_out,
         "tripped": verdict.tripped,
+        "adaptive": verdict.gain,
+        "proofs": verdict.proofs,
         "passed": verdict.passed,
     }
 

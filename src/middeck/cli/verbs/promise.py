@@ -14,6 +14,8 @@ from middeck.errors import ConfigError
 if TYPE_CHECKING:
     from pathlib import Path
 
+NAMED = 4
+"""Lost cases of a sweep that the screen names; the document has all."""
 EPILOG = """\
 \b
 Examples:
@@ -108,7 +110,8 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
     for place in document["environments"]:
         blocks += [_modes(place)] if place["modes"] else []
         if "compensators" in place:
-            blocks += [_loops(place, document), *_with_friction(place, document), _highest(place, document)]
+            blocks += [_loops(place, document), *_with_friction(place, document), _sweep(place)]
+            blocks += [_highest(place, document)]
         blocks += [_readings(place)] if place.get("load_cases") else []
     blocks += ["", "not valid for", *(f"  {limit}" for limit in document["not_valid_for"])]
     return [*blocks, f"sha256 {document['sha256']}", *([f"wrote {target}"] if target else [])]
@@ -198,6 +201,26 @@ def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Tabl
     headers = ["compensator", "median [dB]", "without friction [dB]", "cost [dB]", "error of a draw [dB]",
                "stable while sticking [%]", "rms angle over slip angle"]  # fmt: skip
     return [Table(f"promised in {place['name']}: friction of joints", headers, rows)]
+
+
+def _sweep(place: dict[str, Any]) -> Table:
+    """Which compensators hold the refined article with its modes shifted, and where they do not."""
+    swept = place["sweep"]
+    rows = [
+        [c["name"], f"{c['sweep']['stable']} of {c['sweep']['cases']}", _few(c["sweep"]["lost"])]
+        for c in place["compensators"]
+    ]
+    first, others = swept["first_bending_percent"], swept["others_percent"]
+    title = (
+        f"promised in {place['name']}: sweep of {first:g} % on {', '.join(swept['first_bending']) or 'none'} "
+        f"and {others:g} % on {len(swept['others'])} others"
+    )
+    return Table(title, ["compensator", "stable", "lost"], rows)
+
+
+def _few(lost: Sequence[str]) -> str:
+    more = f", and {len(lost) - NAMED} more" if len(lost) > NAMED else ""
+    return (", ".join(lost[:NAMED]) or "-") + more
 
 
 def _highest(place: dict[str, Any], document: dict[str, Any]) -> str:

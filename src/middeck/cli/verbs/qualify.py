@@ -47,6 +47,8 @@ AT_MOST = ("db", "control_rms")
     metavar="MODES PERCENT",
     help="Modes by name or LO:HI in Hz, moved together down and up.",
 )
+@options.sweep
+@options.first_bending
 @click.option(
     "--rate",
     "rates_hz",
@@ -123,7 +125,8 @@ def _qualify(
 ) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None, list[str]]:
     import numpy as np
 
-    from middeck.cli.qualifying import Shift, allowed_shifts, gather_plants, say_hold, shifted_plants
+    from middeck.cli.qualifying import allowed_shifts, gather_plants, say_hold
+    from middeck.cli.sweeping import all_plants
     from middeck.cli.systems import load_law
     from middeck.control.lqg import LQGWeights
     from middeck.control.qualification import qualify_compensator
@@ -134,7 +137,7 @@ def _qualify(
         sources, environments, law, case=load_case, count=count, overrides=overrides, delay_s=delay_s
     )
     allowed = allowed_shifts(gathered.plants, law) if given["limits"] else None
-    plants = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
+    plants = all_plants(gathered, law, given)
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     intensity = given["disturbance"] ** 2 * np.eye(len(u))
     noise = np.full(len(y), given["angle_noise"] ** 2)

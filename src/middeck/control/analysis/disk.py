@@ -15,7 +15,15 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis.crossings import find_peaks
 from middeck.control.analysis.lines import add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop import At, Compensator, Plant, evaluate_halves, form_loop, go_round
+from middeck.control.analysis.loop import (
+    At,
+    Compensator,
+    Plant,
+    evaluate_halves,
+    form_loop,
+    go_round,
+    moved_part,
+)
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.scaling import scaled_norms
 from middeck.control.analysis.stability import decide_loop
@@ -64,6 +72,7 @@ def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> D
     loop = form_loop(plant, law)
     if not decide_loop(loop).stable:
         return disk_from_peak(np.inf, 0.0)
+    loop = moved_part(loop)
     halves = evaluate_halves(loop)
     ratio = broken_ratio(loop, at)
     omega, _ = add_ends(loop, ratio, refine_lines(ratio, place_lines(loop, at, ratio)))

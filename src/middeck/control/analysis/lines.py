@@ -32,7 +32,8 @@ TURN, STRETCH = 0.35, 0.7
 ROUNDS, FINEST = 40, 1e-10
 SLOWEST_DECADES = 16
 AT_REST = 1e-9
-"""Poles slower than this fraction of the fastest count as zero: rounding splits double poles."""
+"""Poles slower than this fraction of the fastest count as zero: rounding splits double poles. Zeros beyond
+the fastest pole by the inverse count as infinite: rounding brings such zeros back."""
 UNDAMPED = 1e-8
 """Damping ratio below which a pole counts as undamped: rounding of a zero that cancels a pole."""
 BESIDE, OFF_MIDDLE = 1e-4, 0.47
@@ -50,9 +51,9 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
     Poles and zeros are those of the loop broken at each channel with the others closed, delays by a Pade
     approximation of high order: they place the lines, no more.
     """
-    features = _features(loop, at)
+    features, fastest = _features(loop, at)
     size = np.abs(features)
-    moving = size[size > AT_REST * size.max(initial=0.0)]
+    moving = size[size > AT_REST * fastest]
     low, high = (0.01 * moving.min(), 3.0 * moving.max()) if len(moving) else (0.01, 100.0)
     low = _where_settled(ratio, low)
     period = loop.period_s
@@ -65,15 +66,16 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
     return omega[(omega >= low) & (omega <= top) & ~_on_pole(features, omega)]
 
 
-def _features(loop: FeedbackLoop, at: At) -> np.ndarray:
+def _features(loop: FeedbackLoop, at: At) -> tuple[np.ndarray, float]:
+    """Poles and finite zeros, and the size of the fastest pole."""
     halves = approximate_halves(loop)
     first = len(loop.inputs) if at == "outputs" else 0
-    found: list[np.ndarray] = [_rates(halves), _rates(close_channels(halves))]
-    for i in range(first, first + len(broken_at(loop, at))):
-        channel = open_channel(halves, i)
-        zeros = transmission_zeros(channel)
-        found += [_rates(channel), zeros if loop.period_s is None else _mapped(loop, zeros)]
-    return np.concatenate(found)
+    channels = [open_channel(halves, i) for i in range(first, first + len(broken_at(loop, at)))]
+    poles = np.concatenate([_rates(one) for one in (halves, close_channels(halves), *channels)])
+    zeros = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels)])
+    zeros = zeros if loop.period_s is None else _mapped(loop, zeros)
+    fastest = float(np.abs(poles).max(initial=0.0))
+    return np.append(poles, zeros[np.abs(zeros) <= fastest / AT_REST] if fastest > 0.0 else zeros), fastest
 
 
 def _rates(system: LinearSystem) -> np.ndarray:

@@ -15,12 +15,13 @@ from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.feedback import beside, close_static
-from middeck.systems.integrators import part_integrators
-from middeck.systems.modal import ModalSystem, output_rows, select_modes
+from middeck.systems.inert_modes import observed_modes, reached_modes
+from middeck.systems.integrators import part_integrators, rest_once
+from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
 from middeck.systems.plant import Plant, select_ports
 from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
 from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.statespace import LinearSystem, StateSpace, same_period, select_paths
+from middeck.systems.statespace import LinearSystem, StateSpace, poles, same_period, select_paths
 from middeck.values import record
 
 At = Literal["inputs", "outputs", "both"]
@@ -56,6 +57,27 @@ class FeedbackLoop:
     def period_s(self) -> float | None:
         """The sampling period [s]; None for a continuous loop."""
         return self.plant.period_s
+
+
+def split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray, " pole"]]:
+    """The loop without modes uncontrollable from u or unobservable in y, and the poles of these modes.
+
+    No return ratio contains them, so that counting its roots must not include them.
+    """
+    dynamics, alone = loop.plant.dynamics, np.zeros(0, dtype=complex)
+    if isinstance(dynamics, ModalSystem):
+        moved = reached_modes(dynamics) & observed_modes(dynamics)
+        alone = poles(modal_to_statespace(select_modes(dynamics, ~moved)))
+        dynamics = select_modes(dynamics, moved)
+    dynamics, resting = rest_once(dynamics)
+    plant = dataclasses.replace(loop.plant, dynamics=dynamics, state_names=())
+    return dataclasses.replace(loop, plant=plant), np.concatenate([alone, np.zeros(resting)])
+
+
+def moved_part(loop: FeedbackLoop) -> FeedbackLoop:
+    """The loop without integrators that it does not move: rounding of mixed states would show them in its
+    return ratio. A plant in modal form has them apart already."""
+    return loop if isinstance(loop.plant.dynamics, ModalSystem) else split_unmoved(loop)[0]
 
 
 Halves = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

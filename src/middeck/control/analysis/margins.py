@@ -13,7 +13,7 @@ from middeck.control.analysis.delay_limit import sampled_delay_limits
 from middeck.control.analysis.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.ends import Ends, find_ends
 from middeck.control.analysis.lines import WIDEST, add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop import At, Compensator, Plant, broken_at, form_loop
+from middeck.control.analysis.loop import At, Compensator, Plant, broken_at, form_loop, moved_part
 from middeck.control.analysis.neutral import bears_no_delay
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import LoopStability, decide_loop
@@ -145,7 +145,7 @@ def measure_margins(
     (15.707963268, 1.470796327)
     """
     loop = form_loop(plant, compensator)
-    stability = decide_loop(loop)
+    stability, loop = decide_loop(loop), moved_part(loop)
     ratio = broken_ratio(loop, at)
     curve = refine_lines(ratio, place_lines(loop, at, ratio))
     # The ends are real: no change of sign shows a crossing there.

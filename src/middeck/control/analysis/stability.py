@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from jaxtyping import Complex
 
@@ -14,17 +12,14 @@ from middeck.control.analysis.loop import (
     close_channels,
     evaluate_halves,
     form_loop,
+    split_unmoved,
 )
 from middeck.control.analysis.root_count import clear_walls, count_more, direct_gain
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
 from middeck.errors import NumericalError
-from middeck.systems.inert_modes import observed_modes, reached_modes
-from middeck.systems.integrators import rest_once
-from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
 from middeck.systems.plant import Plant
 from middeck.systems.stability import all_decay, growth_limits, growth_rates, none_grows
-from middeck.systems.statespace import poles
 from middeck.values import record
 
 MOST_ORDER = 64
@@ -83,7 +78,7 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """As `decide_stability`, for a loop already formed."""
     if not loop.plant.delayed:
-        loop, unmoved = _split_unmoved(loop)
+        loop, unmoved = split_unmoved(loop)
         return _outcome(np.concatenate([loop_poles(loop), unmoved]), loop.period_s)
     if direct_gain(loop) >= 1.0:
         # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
@@ -96,7 +91,7 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
             growing=-1,
             decays=False,
         )
-    loop, unmoved = _split_unmoved(loop)
+    loop, unmoved = split_unmoved(loop)
     halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
     found, counted = 0, None
     for order in (orders := _orders(loop, open_poles)):
@@ -115,23 +110,6 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
         hint="change the gain by a thousandth if a root lies on the axis; give one delay for each input and "
         "output instead of one for each path; or sample the loop: its stability follows from eigenvalues",
     )
-
-
-def _split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray, " pole"]]:
-    """The loop without modes uncontrollable from u or unobservable in y, and the poles of these modes.
-
-    No return ratio contains them, so that counting its roots must not include them.
-    """
-    if loop.plant.period_s is not None:
-        return loop, np.zeros(0, dtype=complex)
-    dynamics, alone = loop.plant.continuous, np.zeros(0, dtype=complex)
-    if isinstance(dynamics, ModalSystem):
-        moved = reached_modes(dynamics) & observed_modes(dynamics)
-        alone = poles(modal_to_statespace(select_modes(dynamics, ~moved)))
-        dynamics = select_modes(dynamics, moved)
-    dynamics, resting = rest_once(dynamics)
-    plant = dataclasses.replace(loop.plant, dynamics=dynamics, state_names=())
-    return dataclasses.replace(loop, plant=plant), np.concatenate([alone, np.zeros(resting)])
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:

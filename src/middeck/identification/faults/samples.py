@@ -23,6 +23,9 @@ FEWEST_PILED = 20
 LINGERS = 2.0
 # Zones by which a signal goes away from a limit after a visit, and how many it makes: a plateau is a step.
 AWAY, FEWEST_VISITS = 10.0, 3
+# Equal samples at a limit where each of so many next values is there once: of Gaussian samples in steps of a
+# hundredth of their deviation one record in ten thousand has four.
+FEWEST_EQUAL, NEXT_VALUES = 4, 20
 # Half of the samples at the limits: a switched signal, not a clipped one.
 SWITCHED = 0.5
 # Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
@@ -67,7 +70,7 @@ def find_clipping(x: Signal, levels: Levels) -> list[Found]:
     """Runs at the largest or smallest value, and samples that crowd below a limit blurred by noise."""
     if levels.count <= 3:  # a switched signal
         return []
-    runs = _exact_limits(x, levels.step) or _blurred_limits(x, levels.step)
+    runs = _exact_limits(x, levels.step) or _blurred_limits(x, levels.step) or _equal_limits(x)
     if not runs:
         return []
     count = sum(b - a for a, b in runs)
@@ -88,6 +91,25 @@ def _exact_limits(x: Signal, step: float) -> Runs:
         return []
     beside = [abs(x[k] - x[a]) for a, b in at for k in (a - 1, b) if 0 <= k < len(x)]
     return at if np.mean(beside) > DROP * step else []
+
+
+def _equal_limits(x: Signal) -> Runs:
+    """Samples of exactly the largest or smallest value, far more than of each of the values next to it.
+
+    A signal too fast to stay at a limit for two samples shows its clipping so. Periods that repeat exactly
+    have each of their values as often.
+    """
+    found = np.zeros(len(x), dtype=bool)
+    value, times = np.unique(x, return_counts=True)
+    for limit, own, others in (
+        (value[0], times[0], times[1 : 1 + NEXT_VALUES]),
+        (value[-1], times[-1], times[-1 - NEXT_VALUES : -1]),
+    ):
+        most = int(others.max(initial=1))
+        if own >= FEWEST_EQUAL and (most == 1 or own > PILED * most):
+            found |= x == limit
+    runs = runs_of(found)
+    return runs if len(runs) >= FEWEST_VISITS and found.mean() <= SWITCHED else []
 
 
 def _blurred_limits(x: Signal, step: float) -> Runs:
@@ -179,7 +201,8 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     """
     rest = np.ones(len(x), dtype=bool)
     for a, b in runs:
-        rest[max(a - PREDICTED_FROM, 0) if a < PREDICTED_FROM else a : b + PREDICTED_FROM] = False
+        # The first samples are foretold from those after them, up to twice as far in.
+        rest[max(a - PREDICTED_FROM, 0) if a < 2 * PREDICTED_FROM else a : b + PREDICTED_FROM] = False
     level = np.where(rest, x, np.interp(np.arange(len(x)), np.flatnonzero(rest), x[rest]))
     before = min(PREDICTED_FROM, len(x) // 4)
     past = np.fft.irfft(np.abs(np.fft.rfft(level - level.mean(), 2 * len(x))) ** 2)[: before + 1]

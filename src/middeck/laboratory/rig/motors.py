@@ -133,7 +133,11 @@ class LimitedMotors:
             counts = wanted * per_step
             if -whole < counts < whole:
                 wanted = round(counts) * step
-            for low, high in ((last - slew, last + slew), (lower, upper), (stored - room, stored + room)):
-                wanted = low if wanted < low else high if wanted > high else wanted  # no number stays none
+            # Slew, torque, rotor; what is no number passes all three.
+            low, high = last - slew, last + slew
+            wanted = low if wanted < low else high if wanted > high else wanted
+            wanted = lower if wanted < lower else upper if wanted > upper else wanted
+            low, high = stored - room, stored + room
+            wanted = low if wanted < low else high if wanted > high else wanted
             self.momentum[i] = stored - wanted
             self.previous[i] = torque[i] = wanted

@@ -31,17 +31,19 @@ class Tick:
     """Buffers and matrices of one block; `read`, `limit` (of the motors) and `move` are a tick."""
 
     def __init__(self, rig: Rig, plant: HybridPlant, start: RigState) -> None:
-        self.x = start.x.copy()
+        size = len(start.x)
+        # The states, and behind them the joints' angles that they have without torque.
+        self.after = np.concatenate([start.x, np.zeros(len(plant.angle))])
+        self.x, self.free = self.after[:size], self.after[size:]
         self.limit = LimitedMotors(rig.bank, start.issued[-1], start.momentum).drive
         self.sensors = _outputs(rig.readout)
-        self.size = len(self.x)
         first = np.vstack([plant.step[0], plant.read / rig.readout.step[:, None]])
         self.ahead = np.empty(len(first))
         self.after_first, self.sampled = np.split(self.ahead, [len(plant.step[0])])
         self.look = first.dot
         self.steps = [np.ascontiguousarray(a).dot for a in plant.step]
         self.drives = [np.ascontiguousarray(b).dot for b in plant.drive]
-        self.noisy = plant.noise.shape[1] > 0
+        self.noisy, self.add, self.take = plant.noise.shape[1] > 0, np.add, np.subtract
         self.elements = [j.elements for j in rig.joints]
         values = iter(start.joints.tolist())
         self.inner = [[next(values) for _ in parts] for parts in self.elements]
@@ -49,9 +51,16 @@ class Tick:
         self.feels = any(np.any(a) for a in plant.answer)
         push = [np.hstack([p, a]) if self.feels else p for p, a in zip(plant.push, plant.answer, strict=True)]
         self.push = [np.ascontiguousarray(p).dot for p in push]
-        self.held, self.pushed = np.zeros(push[0].shape[1]), np.empty(len(self.x))
-        self.compliance: list[list[list[float]]] = [(plant.angle @ p).tolist() for p in plant.push]
-        self.balance = [Balance(self.elements, rows) for rows in self.compliance]
+        self.held, self.pushed = np.zeros(push[0].shape[1]), np.empty(size)
+        compliance: list[list[list[float]]] = [(plant.angle @ p).tolist() for p in plant.push]
+        self.balance = [Balance(self.elements, rows) for rows in compliance]
+        self.joints = [
+            [
+                (joint, tuple(enumerate(row)), tuple(enumerate(parts)))
+                for joint, (row, parts) in enumerate(zip(rows, self.elements, strict=True))
+            ]
+            for rows in compliance
+        ]
         self.angles: list[float] = (plant.angle @ self.x).tolist()
         self.torque = [0.0] * len(self.elements)
         self.stands = [
@@ -70,8 +79,7 @@ class Tick:
         for i, (lower, upper, whole) in enumerate(self.sensors):
             counts = read[i] + offset[i]
             counts = lower if counts < lower else upper if counts > upper else counts
-            read[i] = round(counts) if -whole < counts < whole else counts
-        reading[:] = read
+            reading[i] = round(counts) if -whole < counts < whole else counts
 
     def move(self, window: Array, noise: Array) -> None:
         """The continuous part to the next tick."""
@@ -79,31 +87,33 @@ class Tick:
         for j, drive in enumerate(self.drives):
             if j:
                 ahead = self.steps[j](self.x)
-            after = drive(window)
-            np.add(after, ahead, after)
-            self.x = after[: self.size]
+            drive(window, self.after)
+            self.add(self.after, ahead, self.after)
             if self.elements:
-                self._rub(j, after[self.size :].tolist())
+                self._rub(j, self.free.tolist())
         if self.noisy:
-            np.add(self.x, noise, self.x)
+            self.add(self.x, noise, self.x)
 
     def _rub(self, j: int, free: list[float]) -> None:
         """Torques of the joints, held over this step, where their angles end, and what samples feel."""
-        before, self.stands = self.stands, []
-        self.torque = torques = self.balance[j].solve(self.inner, self.angles, free, self.torque)
-        for joint, (row, parts) in enumerate(zip(self.compliance[j], self.elements, strict=True)):
+        angles, inner, held = self.angles, self.inner, self.held
+        self.torque = torques = self.balance[j].solve(inner, angles, free, self.torque)
+        before, stands = self.stands, []
+        for joint, row, parts in self.joints[j]:
             end = free[joint]
-            for coefficient, torque in zip(row, torques, strict=True):
-                end -= coefficient * torque
-            self.angles[joint] = end
-            states, standing = self.inner[joint], 0.0
-            for i, part in enumerate(parts):
-                stands, states[i] = part.resist(end, states[i])
-                standing += stands
-            self.stands.append(standing)
-        self.held[:] = torques + before + self.stands if self.feels else torques
-        self.push[j](self.held, self.pushed)
-        np.subtract(self.x, self.pushed, self.x)
+            for i, coefficient in row:
+                end -= coefficient * torques[i]
+            angles[joint], states, standing = end, inner[joint], 0.0
+            for i, part in parts:
+                stood, states[i] = part.resist(end, states[i])
+                standing += stood
+            stands.append(standing)
+            held[joint] = torques[joint]
+        self.stands = stands
+        if self.feels:
+            held[len(stands) :] = before + stands
+        self.push[j](held, self.pushed)
+        self.take(self.x, self.pushed, self.x)
 
 
 def _outputs(readout: Readout) -> list[_Output]:

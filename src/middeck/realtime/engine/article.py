@@ -23,6 +23,10 @@ FAULT_KINDS = (
 )  # fmt: skip
 
 
+LATEST = 64
+"""Samples of a sensor's past that the rig keeps."""
+
+
 @record(kw_only=True)
 class Fault:
     """A fault of the simulated article from one sample to another.
@@ -44,6 +48,11 @@ class Fault:
     def __post_init__(self) -> None:
         if self.kind not in FAULT_KINDS:
             raise ConfigError(f"no fault {self.kind!r}", hint=f"one of {', '.join(FAULT_KINDS)}")
+        late = self.kind == "sensor late" and not 0.0 <= self.value < LATEST
+        if late or (self.kind == "encoder wrap" and not self.value > 0.0):
+            raise ConfigError(
+                f"{self.kind} of {self.value}", hint=f"a delay below {LATEST} samples, a wrap above zero"
+            )
 
 
 @record(kw_only=True)
@@ -101,21 +110,21 @@ def linear_article(
             hint="a plant with a delay or a sensor's lag",
         )
     G = system.B[:, noisy] * np.broadcast_to(np.asarray(disturbance_rms, dtype=float), (len(noisy),))
-    width = max(len(rows), len(noisy))  # a core's E has a column for each of its outputs
+    driven = np.hstack([system.B[:, columns], G])
     core = Core(
         A=system.A,
-        B=system.B[:, columns],
-        C=np.vstack([system.C[rows], np.zeros((width - len(rows), len(system.A)))]),
-        D=np.zeros((width, len(columns))),
-        E=np.hstack([G, np.zeros((len(system.A), width - len(noisy)))]),
+        B=driven,
+        C=system.C[rows],
+        D=np.zeros((len(rows), driven.shape[1])),
+        E=np.zeros((len(driven), len(rows))),
         pairs=None,
     )
     core = to_modal(core) or core
     return LinearArticle(
         A=core.A,
-        B=core.B,
-        C=core.C[: len(rows)],
-        G=core.E[:, : len(noisy)],
+        B=core.B[:, : len(columns)],
+        C=core.C,
+        G=core.B[:, len(columns) :],
         x=np.zeros(len(core.A)),
         sensor_noise=np.broadcast_to(np.asarray(sensor_noise, dtype=float), (len(rows),)).copy(),
         pairs=core.pairs,
@@ -135,6 +144,7 @@ def encode_article(article: LinearArticle) -> tuple[np.ndarray, np.ndarray]:
     words["sensor_noise"][: len(article.C)] = article.sensor_noise
     words["faults"] = len(article.faults)
     for k, fault in enumerate(article.faults):
+        _check_channel(article, fault)
         words["fault"][k] = (
             FAULT_KINDS.index(fault.kind),
             fault.channel,
@@ -153,6 +163,17 @@ def encode_article(article: LinearArticle) -> tuple[np.ndarray, np.ndarray]:
         ]
     parts = [*dynamics, article.B, article.C, article.G, article.x]
     return words, np.concatenate([np.ravel(part, order="F") for part in parts])
+
+
+def _check_channel(article: LinearArticle, fault: Fault) -> None:
+    ports = article.B.shape[1] if fault.kind.startswith("output") else len(article.C)
+    places = [fault.channel, *([fault.value] if fault.kind == "sensor swap" else [])]
+    if not all(0 <= place < ports for place in places):
+        raise ConfigError(
+            f"{fault.kind} at channel {', '.join(f'{place:g}' for place in places)}",
+            where="linear article",
+            hint=f"0 to {ports - 1}",
+        )
 
 
 def with_faults(article: LinearArticle, *faults: Fault, seed: int | None = None) -> LinearArticle:

@@ -63,7 +63,7 @@ class Event:
         number: From 1, without gaps.
         sample: In which.
         kind: A trip ("envelope", "stop" ...) or another happening ("engaged", "loaded" ...).
-        channel: The sensor or output, where there is one.
+        channel, side: Name of the sensor or output, where there is one, and which of both it is.
         value, limit: What was seen, and what it is compared with.
         sha256: Of the package in control, where there is one.
     """
@@ -72,6 +72,7 @@ class Event:
     sample: int
     kind: str
     channel: str
+    side: str
     value: float
     limit: float
     sha256: str

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from typing import Literal
 
 import numpy as np
 import scipy.signal
@@ -19,7 +21,7 @@ class Monitor:
     """Band-passed signal of a sensor or an output, and what of it trips.
 
     Attributes:
-        channel: Name of the sensor or output.
+        channel, side: Name of a port, and whether it is a "sensor" or an "output".
         band_hz: Lower and upper edge: a Butterworth band pass of order two; from 0 a low pass, to inf a high
             pass.
         limit: Rms that trips, inf for none: the root of a mean square that forgets with ``seconds``.
@@ -29,6 +31,7 @@ class Monitor:
     """
 
     channel: str
+    side: Literal["sensor", "output"] = "sensor"
     band_hz: tuple[float, float]
     limit: float = math.inf
     seconds: float = 1.0
@@ -56,7 +59,7 @@ class Monitor:
                 hint=f"below {0.5 / period_s:g} Hz, half the sampling rate",
             )
         if low > 0.0 and high < 1.0:
-            rows = _butterworth([low, high], "bandpass")
+            rows = _butterworth((low, high), "bandpass")
         elif low > 0.0:
             rows = np.vstack([_butterworth(low, "highpass"), PASSES])
         elif high < 1.0:
@@ -74,5 +77,8 @@ class Monitor:
         words["window"], words["times"] = max(1, round(self.window_s / period_s)), self.times
 
 
-def _butterworth(edges: float | list[float], kind: str) -> np.ndarray:
-    return np.asarray(scipy.signal.butter(2, edges, kind, output="sos"))
+@functools.cache  # many monitors share a band
+def _butterworth(edges: float | tuple[float, float], kind: str) -> np.ndarray:
+    made = np.asarray(scipy.signal.butter(2, edges, kind, output="sos"))
+    made.flags.writeable = False
+    return made

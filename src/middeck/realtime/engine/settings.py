@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.realtime.engine.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.header import constants, layout
 from middeck.realtime.engine.monitors import Monitor
 from middeck.realtime.package.section import LoopPath
@@ -17,6 +18,10 @@ LEAST_RAMP = 150
 """Samples of the shortest fade: its steepest step moves a command by at most 1 % of its limit."""
 
 
+LARGEST = 1e100
+"""Magnitude whose square is still a number."""
+
+
 @record(kw_only=True)
 class SensorTest:
     """A sensor and what its samples must not do.
@@ -24,20 +29,30 @@ class SensorTest:
     Attributes:
         port: Name and unit.
         range: Magnitude that no healthy sensor gives; one sample beyond it trips.
-        envelope: Magnitude of the motion that trips.
+        envelope: Amplitude of the motion that trips: the root of value^2 + (coast_s rate)^2.
+        rate: Name of the sensor of its rate, in its unit per second; "" for none.
+        coast_s: How far the safe state lets it go on for a unit of its rate: 1 / omega of what swings,
+            inertia / damping of what is only damped.
         stuck_s: Time of one and the same value that no healthy sensor gives; 0 for no test.
     """
 
     port: Port
     range: float
     envelope: float = math.inf
+    rate: str = ""
+    coast_s: float = 0.0
     stuck_s: float = 0.0
 
     def __post_init__(self) -> None:
         _require(
-            0.0 < self.range < math.inf and self.envelope > 0.0 and self.stuck_s >= 0.0,
+            0.0 < self.range <= LARGEST and self.envelope > 0.0 and 0.0 <= self.stuck_s < math.inf,
             f"sensor {self.port.name}: range {self.range}, envelope {self.envelope}, stuck_s {self.stuck_s}",
-            "a finite range and an envelope > 0, stuck_s from zero",
+            f"a range up to {LARGEST:g}, an envelope > 0, a finite stuck_s from zero",
+        )
+        _require(
+            0.0 <= self.coast_s < math.inf and (self.coast_s == 0.0 or self.rate != ""),
+            f"sensor {self.port.name}: coast_s {self.coast_s} with the rate {self.rate!r}",
+            "a finite time from zero, and the name of a rate sensor",
         )
 
 
@@ -49,7 +64,8 @@ class Drive:
         port: Name and unit.
         lower, upper: Limits, which contain zero.
         slew_rate: Most that it changes in a second.
-        momentum: Magnitude of its integral that trips: what a torque wheel may store.
+        momentum: Magnitude of its integral that trips where more is asked for: what a torque wheel may store.
+            It is counted from power-up, a reset does not forget it, and in SAFE nothing adds to it.
     """
 
     port: Port
@@ -60,7 +76,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         _require(
-            -math.inf < self.lower <= 0.0 <= self.upper < math.inf and self.lower < self.upper,
+            -LARGEST <= self.lower <= 0.0 <= self.upper <= LARGEST and self.lower < self.upper,
             f"output {self.port.name}: limits of {self.lower} to {self.upper}",
             "finite, zero between them",
         )
@@ -82,22 +98,6 @@ class Spread:
 
 
 @record(kw_only=True)
-class AdaptiveGain:
-    """Gain of the compensator from 0 to ``most``, which band power moves.
-
-    It falls while the rms of a monitor is above ``high`` and rises while it is below ``low``.
-
-    ``rate`` is the most that it changes in a second; the gate proves the loop for it.
-    """
-
-    monitor: int
-    low: float
-    high: float
-    most: float
-    rate: float
-
-
-@record(kw_only=True)
 class EngineSettings:
     """What an engine needs to know beside its packages.
 
@@ -106,8 +106,11 @@ class EngineSettings:
         sensors, drives: Ports with their limits, in the order of a sample's numbers.
         hold: The loop that holds the article, by places in ``sensors`` and ``drives``: what packages call an
             inner loop, and what SAFE falls back on once it is verified.
-        monitors, spreads, adaptive: Band power and growth; sensors that must agree; an adaptive gain.
-        effort_s, effort_share: Share of this time at a limit that trips; 0 s for no test.
+        monitors, spreads, adaptive: Band power and growth; sensors that must agree; an adaptive gain, which
+            the gate has to have proved.
+        effort_s, effort_share: Rms of the share that an output takes of its limit, or a compensator of its
+            own, in size or in slew, which trips: a sine that reaches its limit has 0.71. The root of a mean
+            that forgets with this time; 0 s for no test.
         verify_s: Time of holding, alone and without a trip, after which the hold is verified.
         ramp_s: Least time of a fade; `LEAST_RAMP` samples at least.
         safe_ramp_s: From the command at a trip to the hold or to zero.
@@ -126,8 +129,8 @@ class EngineSettings:
     monitors: tuple[Monitor, ...] = ()
     spreads: tuple[Spread, ...] = ()
     adaptive: AdaptiveGain | None = None
-    effort_s: float = 2.0
-    effort_share: float = 0.5
+    effort_s: float = 0.5
+    effort_share: float = 0.6
     verify_s: float = 2.0
     ramp_s: float = 0.5
     safe_ramp_s: float = 0.02
@@ -157,6 +160,18 @@ class EngineSettings:
                 "places in sensors and drives",
             )
             _require(path.section.stable, "a hold with an unstable section", "poles inside the unit circle")
+        _require(len(self.hold) <= constants()["SECTIONS"], f"{len(self.hold)} paths", "fewer")
+        for sensor in self.sensors:
+            _require(
+                sensor.rate in ("", *(port.name for port in self.inputs)),
+                f"sensor {sensor.port.name}: no rate sensor {sensor.rate!r}",
+                f"one of {', '.join(port.name for port in self.inputs)}",
+            )
+        _require(
+            0.0 <= self.effort_s < math.inf and self.effort_share > 0.0,
+            f"effort of {self.effort_share} over {self.effort_s} s",
+            "a share > 0 over a finite time, 0 s for no test",
+        )
 
     @property
     def inputs(self) -> tuple[Port, ...]:
@@ -168,15 +183,22 @@ class EngineSettings:
         """What it drives."""
         return tuple(drive.port for drive in self.drives)
 
+    @property
+    def all_monitors(self) -> tuple[Monitor, ...]:
+        """``monitors``, then that of the adaptive gain."""
+        return (*self.monitors, *([] if self.adaptive is None else [self.adaptive.monitor]))
+
     def samples(self, seconds: float) -> int:
         """``seconds`` in whole samples, rounded up."""
         return math.ceil(seconds / self.period_s - 1e-6)
 
-    def channel(self, name: str) -> int:
-        """Place of a sensor, or of an output after all sensors; raises `ConfigError` for another name."""
-        names = [port.name for port in (*self.inputs, *self.outputs)]
-        _require(name in names, f"no channel {name!r}", f"one of {', '.join(names)}")
-        return names.index(name)
+    def sensor(self, name: str) -> int:
+        """Place of a sensor; raises `ConfigError` for another name."""
+        return _place(name, "sensor", self.inputs)
+
+    def drive(self, name: str) -> int:
+        """Place of an output, which may have the name of a sensor; raises `ConfigError` for another name."""
+        return _place(name, "output", self.outputs)
 
 
 def encode_settings(settings: EngineSettings) -> np.ndarray:
@@ -188,14 +210,21 @@ def encode_settings(settings: EngineSettings) -> np.ndarray:
         words[field][: len(ports)] = [port.name.encode() for port in ports]
         words[f"{field}_unit"][: len(ports)] = [port.unit.encode() for port in ports]
     _encode_limits(words, settings)
-    for k, monitor in enumerate(settings.monitors):
-        monitor.encode(words["monitor"][k : k + 1], settings.channel(monitor.channel), settings.period_s)
+    monitors = settings.all_monitors
+    for k, monitor in enumerate(monitors):
+        output = monitor.side == "output"
+        place = (
+            len(settings.sensors) + settings.drive(monitor.channel)
+            if output
+            else settings.sensor(monitor.channel)
+        )
+        monitor.encode(words["monitor"][k : k + 1], place, settings.period_s)
     for k, spread in enumerate(settings.spreads):
-        first, second = settings.channel(spread.first), settings.channel(spread.second)
+        first, second = settings.sensor(spread.first), settings.sensor(spread.second)
         words["spread"][k] = (first, second, spread.limit, settings.samples(spread.seconds))
     for k, path in enumerate(settings.hold):
         words["path"][k] = (path.input, path.output, (np.concatenate([path.section.b, path.section.a]),))
-    words["monitors"], words["spreads"] = len(settings.monitors), len(settings.spreads)
+    words["monitors"], words["spreads"] = len(monitors), len(settings.spreads)
     words["paths"] = len(settings.hold)
     _encode_times(words, settings)
     return words
@@ -205,6 +234,8 @@ def _encode_limits(words: np.ndarray, settings: EngineSettings) -> None:
     for k, sensor in enumerate(settings.sensors):
         words["range"][k], words["envelope"][k] = sensor.range, sensor.envelope
         words["stuck"][k] = settings.samples(sensor.stuck_s)
+        words["rate"][k] = settings.sensor(sensor.rate) if sensor.rate else -1
+        words["coast"][k] = sensor.coast_s
     for k, drive in enumerate(settings.drives):
         words["lower"][k], words["upper"][k] = drive.lower, drive.upper
         words["slew"][k] = drive.slew_rate * settings.period_s
@@ -213,12 +244,13 @@ def _encode_limits(words: np.ndarray, settings: EngineSettings) -> None:
 
 def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
     gain = settings.adaptive
-    words["adaptive"] = (
-        (-1, 0.0, 0.0, 1.0, 0.0)
-        if gain is None
-        else (gain.monitor, gain.low, gain.high, gain.most, gain.rate * settings.period_s)
-    )
-    words["effort_window"] = 2 * (settings.samples(settings.effort_s) // 2)
+    words["adaptive"] = (-1, 0.0, 0.0, 0.0, 1.0, 0.0)
+    if gain is not None:
+        step = gain.rate * settings.period_s
+        words["adaptive"] = (
+            len(settings.monitors), gain.quiet_rms, gain.loud_rms, gain.minimum, gain.maximum, step
+        )  # fmt: skip
+    words["effort_forget"] = -math.expm1(-settings.period_s / settings.effort_s) if settings.effort_s else 0.0
     words["effort_share"] = settings.effort_share
     words["verify"] = settings.samples(settings.verify_s)
     words["ramp"] = max(settings.samples(settings.ramp_s), LEAST_RAMP)
@@ -228,6 +260,12 @@ def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
     words["answer_ms"] = round(1e3 * settings.answer_s)
     words["processor"] = -1 if settings.processor is None else settings.processor
     words["priority"] = settings.priority or 0
+
+
+def _place(name: str, side: str, ports: tuple[Port, ...]) -> int:
+    names = [port.name for port in ports]
+    _require(name in names, f"no {side} {name!r}", f"one of {', '.join(names)}")
+    return names.index(name)
 
 
 def _require(holds: bool, what: str, hint: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import DataError
 from middeck.realtime.engine.header import constants, layout
 from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
@@ -114,6 +115,23 @@ def make_shared_file(
             file.seek(region)
             file.write(np.ascontiguousarray(data).tobytes())
     return SharedFile(path)
+
+
+def open_shared_file(path: Path) -> SharedFile:
+    """The shared file of an engine; raises `DataError` for what is none, or of another version."""
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            start = file.read(layout("places").itemsize)
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="engine.shared") from None
+    if len(start) == layout("places").itemsize:
+        (at,) = np.frombuffer(start, layout("places"))
+        if (at["magic"], at["format"], at["size"]) == (constants()["MAGIC"], constants()["FORMAT"], size):
+            return SharedFile(path)
+    raise DataError(
+        "no shared file of an engine, or of another version", where=str(path), hint="engine.shared"
+    )
 
 
 def _aligned(size: int) -> int:

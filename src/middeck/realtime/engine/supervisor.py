@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import math
+import os
 import subprocess
 import tempfile
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
+from middeck.realtime.engine.adopted import AdoptedEngine, is_alive
 from middeck.realtime.engine.article import LinearArticle, encode_article
 from middeck.realtime.engine.build import build_engine
 from middeck.realtime.engine.commands import (
@@ -24,33 +26,31 @@ from middeck.realtime.engine.commands import (
     QUEUE,
     STATES,
     STRIP_WORDS,
+    TRIPS,
     Answer,
     Event,
 )
-from middeck.realtime.engine.header import constants, layout
-from middeck.realtime.engine.settings import EngineSettings, encode_settings
-from middeck.realtime.engine.shared_file import make_shared_file
+from middeck.realtime.engine.header import layout
+from middeck.realtime.engine.launch import (
+    DriverRig,
+    RigChoice,
+    UdpRig,
+    checked_waveform,
+    is_run_by,
+    no_article,
+    started_settings,
+)
+from middeck.realtime.engine.recorder import Recorder
+from middeck.realtime.engine.run_head import run_head
+from middeck.realtime.engine.settings import EngineSettings
+from middeck.realtime.engine.shared_file import SharedFile, make_shared_file, open_shared_file
 from middeck.realtime.package.package import ControllerPackage
-from middeck.values import record
+
+__all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
 
 POLL_S = 5e-5
 BEAT_S = 0.05
 PATIENCE_S = 60.0
-
-
-@record
-class UdpRig:
-    """A rig that answers on this port of the loopback interface."""
-
-    port: int
-
-
-@record
-class DriverRig:
-    """Converters behind the driver that the engine was built with."""
-
-
-RigChoice = LinearArticle | UdpRig | DriverRig
 
 
 class Supervisor:
@@ -79,24 +79,25 @@ class Supervisor:
         pretrip_s: float = 30.0,
         program: Path | None = None,
     ) -> None:
-        self.settings, self.real_time = settings, real_time
-        self._left = contextlib.ExitStack()
+        self._begin(settings, real_time)
         where = folder or Path(
             self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
         )
-        article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else _no_article()
-        played = np.zeros((0, len(settings.drives))) if waveform is None else _checked(waveform, settings)
+        article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else no_article()
+        played = (
+            np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
+        )
         self.file = make_shared_file(
             where / "engine.shared",
-            _started(settings, rig, real_time),
+            started_settings(settings, rig, real_time),
             article,
             numbers,
             played,
             ring=ring,
             pretrip=max(1, settings.samples(pretrip_s)),
         )
-        self.seen_events = 0
-        self.process = subprocess.Popen(
+        self.file.asks["supervisor"] = os.getpid()
+        self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
             [str(program or build_engine()), str(self.file.path)], stderr=subprocess.PIPE, text=True
         )
         try:
@@ -104,6 +105,37 @@ class Supervisor:
         except BaseException:
             self._left.close()
             raise
+
+    @classmethod
+    def attach(cls, path: Path, settings: EngineSettings) -> Supervisor:
+        """Take over an engine whose supervisor is gone, by its shared file ("engine.shared" in its folder).
+
+        Its heart beats again at once; records go on where they were last read. Of an engine that has ended as
+        well, what the file holds can still be read. Raises `DataError` for what is no shared file,
+        `ConfigError` for one of other settings and while another supervisor lives.
+        """
+        file = open_shared_file(path)
+        if not is_run_by(settings, file.settings):
+            raise ConfigError("is run with other settings", where=str(path), hint="those it was started with")
+        other = int(file.asks["supervisor"])
+        if other != os.getpid() and is_alive(other):
+            raise ConfigError(
+                f"has a supervisor that lives, process {other}", where=str(path), hint="end that one first"
+            )
+        made = cls.__new__(cls)
+        made._begin(settings, bool(file.settings["clock"]))
+        made.file = file
+        made.process = AdoptedEngine(int(file.status["pid"]), path)
+        file.asks["supervisor"] = os.getpid()
+        made.beat()
+        return made
+
+    def _begin(self, settings: EngineSettings, real_time: bool) -> None:
+        self.settings, self.real_time = settings, real_time
+        self.file: SharedFile
+        self.recorder: Recorder | None = None
+        self.seen_events = self._said = 0
+        self._left = contextlib.ExitStack()
 
     def __enter__(self) -> Supervisor:
         return self
@@ -114,16 +146,47 @@ class Supervisor:
         self.close()
 
     def close(self) -> None:
-        """End the engine, its outputs at zero, and remove a temporary shared file."""
+        """End the engine, its outputs at zero, then the recording, and remove a temporary shared file."""
         if self.process.poll() is None and kind_of_end(self):
             try:
                 self.process.wait(5.0)
-            except subprocess.TimeoutExpired:
+            except (subprocess.TimeoutExpired, TimeoutError):
                 self.process.kill()
         self.process.wait()
         if self.process.stderr is not None:
             self.process.stderr.close()
+        self.end_recording()
         self._left.close()
+
+    def record(self, path: Path, *, start: str | None = None, resume: bool = False) -> Recorder:
+        """Write all that is read from now on into a file, with events and what precedes a trip.
+
+        `read` and `run` hand it on, a thread writes it. ``start`` is a text for the time; now if it is left
+        out. ``resume`` goes on with the file of a recorder that was killed. What goes wrong with the disk
+        later is a warning and stands in `Recorder.faults`; the loop goes on.
+
+        Raises `ConfigError` where the file is there already or of another run, `DataError` where it cannot be
+        written.
+        """
+        self.end_recording()
+        now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()) if start is None else start
+        self.recorder = Recorder(
+            path, run_head(self.settings, self.file, now), clock=time.monotonic, resume=resume
+        )
+        if resume:
+            self.file.asks["taken"] = self.recorder.last
+        self._take()
+        if self.file.status["frozen"]:
+            self.recorder.add_pretrip(self.pretrip())
+        return self.recorder
+
+    def end_recording(self) -> None:
+        """Record what has not been read yet, and end the file; without a recorder nothing happens."""
+        if self.recorder is not None:
+            self._take()
+            self.recorder.close()
+            self._say_faults()
+            self.recorder = None
 
     @property
     def state(self) -> str:
@@ -177,8 +240,7 @@ class Supervisor:
         """Gain, offset, limit (a share) or hold (1 or 0) of an output's strip."""
         if word not in STRIP_WORDS:
             raise ConfigError(f"no word {word!r} of a strip", hint=f"one of {', '.join(STRIP_WORDS)}")
-        place = self.settings.channel(output) - len(self.settings.sensors)
-        return self.command("strip", slot=place, values=[STRIP_WORDS[word], value])
+        return self.command("strip", slot=self.settings.drive(output), values=[STRIP_WORDS[word], value])
 
     def reset(self) -> Answer:
         """Leave SAFE, naming the trip that led there."""
@@ -213,27 +275,52 @@ class Supervisor:
 
     def read(self) -> np.ndarray:
         """Records that have not been read yet, in order."""
-        ring, first = self.file.ring, int(self.file.asks["taken"])
-        last = self.sample
-        if last - first > len(ring):
-            self.file.asks["taken"] = last
+        found, lost = self._take()
+        if lost:
             raise DataError(
-                f"{last - first - len(ring)} records were lost", where="engine", hint="read more often"
-            )
-        found = ring[np.arange(first, last) % len(ring)]
-        self.file.asks["taken"] = last
-        if np.any(found["sequence"] != np.arange(first + 1, last + 1)):
-            raise DataError(
-                "records were overwritten while they were read", where="engine", hint="a larger ring"
-            )
+                f"{lost} records were lost: overwritten before they were read", where="engine",
+                hint="read more often, or a larger ring",
+            )  # fmt: skip
         return found
+
+    def _take(self) -> tuple[np.ndarray, int]:
+        """What has not been read yet and is still whole, and how many records no longer are."""
+        ring, first, last = self.file.ring, int(self.file.asks["taken"]), self.sample
+        begin = max(first, last - len(ring))
+        found = ring[np.arange(begin, last) % len(ring)]
+        # The engine may be in the midst of the record after the last that it has told of.
+        safe = self.sample - len(ring) + (2 if self.real_time else 0)
+        found = found[max(0, safe - begin) :]
+        self._record(found)
+        self.file.asks["taken"] = last
+        return found, last - first - len(found)
+
+    def _record(self, records: np.ndarray) -> None:
+        if self.recorder is None:
+            return
+        events = self._event_rows(self.recorder.last_event)
+        self.recorder.add_events(events)
+        self.recorder.add_records(records)
+        if any(KINDS.get(int(kind)) in TRIPS for kind in events["kind"]):
+            self.recorder.add_pretrip(self.pretrip())
+        self._say_faults()
+
+    def _say_faults(self) -> None:
+        assert self.recorder is not None
+        new = self.recorder.faults[self._said :]
+        self._said += len(new)
+        for what in new:
+            warnings.warn(f"{self.recorder.path}: {what}", UserWarning, stacklevel=5)
 
     def events(self) -> list[Event]:
         """Events that have not been read yet, in order."""
+        rows = self._event_rows(self.seen_events)
+        self.seen_events = int(self.file.status["events"])
+        return [self._event(row) for row in rows]
+
+    def _event_rows(self, seen: int) -> np.ndarray:
         count, most = int(self.file.status["events"]), len(self.file.events)
-        first = max(self.seen_events, count - most)
-        self.seen_events = count
-        return [self._event(self.file.events[k % most]) for k in range(first, count)]
+        return self.file.events[np.arange(max(seen, count - most), count) % most]
 
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
@@ -253,13 +340,17 @@ class Supervisor:
             sample=int(row["sample"]),
             kind=KINDS[int(row["kind"])],
             channel=ports[channel] if 0 <= channel < len(ports) else "",
+            side="" if channel < 0 else "sensor" if channel < len(self.settings.sensors) else "output",
             value=float(row["value"]),
             limit=float(row["limit"]),
             sha256=digest.hex() if any(digest) else "",
         )
 
     def _skip(self) -> np.ndarray:
-        self.file.asks["taken"] = self.sample
+        if self.recorder is None:
+            self.file.asks["taken"] = self.sample
+        else:
+            self._take()
         return self.file.ring[:0].copy()
 
     def _follow(self, until: int, beats: bool, keep: bool) -> np.ndarray:
@@ -301,38 +392,3 @@ def kind_of_end(supervisor: Supervisor) -> bool:
     except DataError:
         return False
     return True
-
-
-def _no_article() -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros((), layout("article")), np.zeros(0)
-
-
-def _started(settings: EngineSettings, rig: RigChoice, real_time: bool) -> np.ndarray:
-    words, kinds = encode_settings(settings), constants()
-    words["clock"] = kinds["REAL_TIME" if real_time else "LOCKSTEP"]
-    if isinstance(rig, LinearArticle):
-        shape = rig.C.shape[0], rig.B.shape[1]
-        if shape != (len(settings.sensors), len(settings.drives)):
-            raise ConfigError(
-                f"an article of {shape[0]} sensors and {shape[1]} outputs for an engine of "
-                f"{len(settings.sensors)} and {len(settings.drives)}",
-                hint="the same ports in the same order",
-            )
-        words["rig"] = kinds["LINEAR_RIG"]
-    elif isinstance(rig, UdpRig):
-        words["rig"], words["port"] = kinds["UDP_RIG"], rig.port
-    else:
-        words["rig"] = kinds["DRIVER_RIG"]
-    return words
-
-
-def _checked(waveform: np.ndarray, settings: EngineSettings) -> np.ndarray:
-    w = np.ascontiguousarray(waveform, dtype=float)
-    if w.ndim != 2 or w.shape[1] != len(settings.drives) or not np.isfinite(w).all():
-        raise ConfigError(
-            f"an excitation of shape {w.shape}",
-            hint=f"finite, one column for each of {len(settings.drives)} outputs",
-        )
-    if not math.prod(w.shape):
-        raise ConfigError("an excitation without a sample", hint="at least one")
-    return w

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from middeck.errors import ConfigError
+from middeck.realtime.engine.adaptive_gain import AdaptiveGain
+from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.steps import (
     GateMargins,
     GateStep,
@@ -40,6 +42,8 @@ class GateVerdict:
         left_out: Steps that were not asked for: an engine takes no package on such a verdict alone.
         tripped: The trip that the package is to blame for, with which it goes on the blacklist; empty for
             none.
+        gain: The adaptive gain that was asked for; None for none.
+        proofs: What is proved of it on each model; empty where its steps were not taken.
     """
 
     sha256: str
@@ -48,6 +52,8 @@ class GateVerdict:
     steps: tuple[GateStep, ...]
     left_out: tuple[str, ...] = ()
     tripped: str = ""
+    gain: AdaptiveGain | None = None
+    proofs: tuple[GainProof, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -60,6 +66,7 @@ def examine_package(
     models: Mapping[str, Plant],
     margins: GateMargins | None = None,
     *,
+    gain: AdaptiveGain | None = None,
     trials: GateTrials | None = None,
     rig: GateRig | None = None,
     blacklist: Mapping[str, str] | None = None,
@@ -71,6 +78,8 @@ def examine_package(
     Args:
         models: Plants by name, as on board.
         margins: What the loop with each must keep at every fade.
+        gain: An adaptive gain, whose loop with each must be proved over all its values and moves
+            (`prove_gain`).
         trials: Dry runs on every model too; and on a ``rig`` a shadow run, then engagement at a share of full
             authority and at all of it. Without them the gate is on paper.
         blacklist: Reasons by SHA-256 of packages that have tripped.
@@ -87,10 +96,18 @@ def examine_package(
             check_poles(package),
             check_vectors(package),
             check_error_bound(package),
+            *([] if gain is None else [_check_gain(package, gain)]),
         ]
+    proofs: tuple[GainProof, ...] = ()
     if _good(steps):
         least = margins or GateMargins()
         steps += [check_model(package, name, plant, least) for name, plant in models.items()]
+    if gain is not None and _good(steps):
+        proofs = prove_gain(package, gain, models)
+        steps += [
+            GateStep(name=f"adaptive gain {proof.model}", passed=proof.proved, said=proof.said)
+            for proof in proofs
+        ]
     if trials is not None and _good(steps):
         steps += [check_dry_run(package, name, plant, trials) for name, plant in models.items()]
     if trials is not None and rig is not None and _good(steps):
@@ -102,9 +119,16 @@ def examine_package(
     left_out += ("shadow run", "engagement") if trials is None or rig is None else ()
     return GateVerdict(
         sha256=digest, name=package.name, models=tuple(models), steps=tuple(steps), left_out=left_out,
-        tripped=tripped,
+        tripped=tripped, gain=gain, proofs=proofs,
     )  # fmt: skip
 
 
 def _good(steps: list[GateStep]) -> bool:
     return all(step.passed for step in steps)
+
+
+def _check_gain(package: ControllerPackage, gain: AdaptiveGain) -> GateStep:
+    fault = misfit(package, gain)
+    low, high = gain.band_hz
+    watched = f"from {gain.minimum:g} to {gain.maximum:g} by {gain.sensor} from {low:g} to {high:g} Hz"
+    return GateStep(name="adaptive gain", passed=not fault, said=fault or watched)

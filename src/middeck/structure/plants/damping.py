@@ -28,9 +28,11 @@ from middeck.errors import ConfigError
 from middeck.structure.assembly.components import component_states
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
 from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable, JointState
+from middeck.structure.modes.kind_warnings import CURE
 from middeck.structure.modes.kinds import is_held, kinds_by_rank
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.strain import member_energy
+from middeck.structure.plants.loss_coupling import Losses, coupled_pairs
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
@@ -50,7 +52,8 @@ class ModalDamping:
         base, material, device: Parts by energy, rank or table, by loss factors, by dampers; a mode's own
             ratio is its base.
         coupling: Largest amplitude of one mode in another that dampers cause and that is left out.
-        warnings: Coupling above `COUPLING_LIMIT`, rigid modes that a damper holds, names that no mode has.
+        warnings: Coupling above `COUPLING_LIMIT`, modes that share their losses, rigid modes that a damper
+            holds, names that no mode has.
     """
 
     zeta: Float[np.ndarray, " mode"]
@@ -85,12 +88,32 @@ def estimate_damping(
             base[index], material[index], device[index] = ratio, 0.0, 0.0
     zeta = base + material + device
     _check_ratios(modes, zeta)
+    warnings += _coupled_losses(modes, damping, base + material, count)
     coupling, i, j = _coupling(C, omega)
     if coupling > COUPLING_LIMIT:
         pair = f"{modes.name[i]!r} and {modes.name[j]!r}"
         warnings += (f"dampers couple modes {pair} by {coupling:.2g}; modal damping leaves that out",)
     return ModalDamping(
         zeta=zeta, base=base, material=material, device=device, coupling=coupling, warnings=warnings
+    )
+
+
+def _coupled_losses(modes: Modes, damping: Damping, zeta: np.ndarray, count: int) -> tuple[str, ...]:
+    """Modes of nearly one frequency whose losses are not those of each alone."""
+    by_energy = goes_by_energy(modes, damping) and damping.table is None
+    losses = Losses(
+        2.0 * (damping.flexible - damping.suspension) if by_energy else 0.0,
+        _loss_factors(modes.equilibrium, damping),
+    )
+    given = {_find_mode(modes, key) for key, _ in damping.by_mode}
+    return tuple(
+        f"modes {i} {modes.name[i]!r} and {j} {modes.name[j]!r} at {modes.frequency_hz[i]:.4g} and "
+        f"{modes.frequency_hz[j]:.4g} Hz share their losses: their ratios would be {a:.3g} and {b:.3g} in "
+        f"place of {zeta[i]:.3g} and {zeta[j]:.3g}; {CURE}, or give each its own ratio ([damping.mode])"
+        for (i, j), (a, b) in coupled_pairs(
+            modes.equilibrium, modes.omega[:count], modes.shapes[:, :count], zeta, losses
+        )
+        if not given & {i, j}
     )
 
 
@@ -150,12 +173,16 @@ def material_ratios(
     """Damping ratio of each mode from loss factors; analytic."""
     if not damping.loss_factor:
         return np.zeros(len(omega))
+    lost = member_energy(equilibrium, shapes) @ _loss_factors(equilibrium, damping)
+    return np.divide(lost, omega**2, out=np.zeros_like(lost), where=np.real(omega) > 0.0)
+
+
+def _loss_factors(equilibrium: Equilibrium, damping: Damping) -> Inexact[np.ndarray, " member"]:
     members = _numbers(m.name for m in equilibrium.model.structure.members)
     eta = np.zeros(len(members), np.result_type(float, *(value for _, value in damping.loss_factor)))
     for name, value in damping.loss_factor:
         eta[_number(name, "member", members)] = value
-    lost = member_energy(equilibrium, shapes) @ eta
-    return np.divide(lost, omega**2, out=np.zeros_like(lost), where=np.real(omega) > 0.0)
+    return eta
 
 
 def damper_matrix(

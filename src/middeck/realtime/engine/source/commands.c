@@ -41,7 +41,7 @@ static int on_blacklist(const engine *e, const unsigned char *hash)
     for (k = 0; k < e->blacklisted; ++k)
         if (memcmp(e->blacklist[k], hash, 32) == 0)
             return 1;
-    return 0;
+    return e->blacklisted > HASHES - SLOTS; /* no room for who trips next */
 }
 
 enum answer engine_load(engine *e, int which, size_t count)
@@ -90,6 +90,7 @@ static enum answer stand_by(engine *e, slot *s)
         s->law.engaged = 0;
         s->running = 1;
     }
+    s->leaving = 0;
     return DONE;
 }
 
@@ -111,10 +112,16 @@ static enum answer engage(engine *e, slot *s, real share)
         e->slots[k].in_control = &e->slots[k] == s;
     }
     s->law.top = (long)ceil(share * (real)s->p.law.ramp);
-    if (s->law.level > s->law.top)
-        s->law.level = s->law.top;
     engine_tell(e, ENGAGED, -1, share, 0, s->p.hash);
     return DONE;
+}
+
+/* Fade out, then stop: a slot that stands by stops at once, and may be loaded again. */
+static void leave(slot *s)
+{
+    s->in_control = s->law.engaged = 0;
+    s->leaving = s->law.level > 0;
+    s->running = s->running && s->leaving;
 }
 
 static enum answer disengage(engine *e)
@@ -124,23 +131,29 @@ static enum answer disengage(engine *e)
     if (e->state == SAFE)
         return NOT_READY;
     for (k = 0; k < SLOTS; ++k)
-        e->slots[k].in_control = e->slots[k].law.engaged = 0;
+        leave(&e->slots[k]);
     return DONE;
 }
 
 static enum answer reset(engine *e, real trip)
 {
+    int i;
+
     if (e->state != SAFE)
         return NOT_READY;
     if (trip != (real)e->trip)
         return WRONG_TRIP;
     if (e->sensors.unhealthy)
         return STILL_UNHEALTHY;
+    e->hold_level = 0;
+    if (e->set.paths && e->hold_verified && !e->hold_off && e->since_trip >= e->set.safe_ramp)
+        e->hold_level = e->set.ramp; /* it holds already */
+    for (i = 0; i < e->set.outputs; ++i)
+        e->from[i] = e->strips[i].last;
     e->state = READY;
     e->trip = 0;
     e->hold_off = 0;
     monitors_forget(&e->monitors);
-    memset(e->monitors.momentum, 0, sizeof e->monitors.momentum);
     engine_tell(e, RESET_DONE, -1, trip, 0, NULL);
     return DONE;
 }
@@ -151,13 +164,20 @@ static enum answer excite(engine *e, real periods)
         return NOT_READY;
     if (!e->waveform_samples)
         return NO_WAVEFORM;
-    if (!(periods >= 0 && periods < 1e9))
+    if (!(periods >= 0 && periods < 1e9) || (real)(whole)periods != periods)
         return OUT_OF_RANGE;
     e->playing = 1;
     e->playing_at = 0;
     e->periods_left = (whole)periods;
     engine_tell(e, EXCITED, -1, periods, 0, NULL);
     return DONE;
+}
+
+static void hold_strip(strip *s, int on)
+{
+    if (on && !s->hold)
+        s->held = s->last;
+    s->hold = on;
 }
 
 static enum answer set_strip(engine *e, whole output, const real value[4])
@@ -174,7 +194,7 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
     else if (value[0] == STRIP_LIMIT && value[1] > 0 && value[1] <= 1)
         s->limit_to = value[1];
     else if (value[0] == STRIP_HOLD)
-        s->hold = value[1] != 0;
+        hold_strip(s, value[1] != 0);
     else
         return OUT_OF_RANGE;
     return DONE;
@@ -187,7 +207,7 @@ static enum answer adapt(engine *e, int on)
     if (e->state != SAFE && e->state != READY) /* else its gain would jump */
         return NOT_READY;
     e->adaptive_on = on;
-    e->gain = on ? 0 : 1;
+    e->gain = on ? e->set.adaptive.least : 1;
     return DONE;
 }
 
@@ -204,7 +224,7 @@ static enum answer forgive(engine *e, const slot *s)
     return DONE;
 }
 
-enum answer engine_command(engine *e, const command *c)
+static enum answer carry_out(engine *e, const command *c)
 {
     const int needs_slot = c->kind == STANDBY || c->kind == ENGAGE || c->kind == FORGIVE;
 
@@ -233,4 +253,12 @@ enum answer engine_command(engine *e, const command *c)
     default:
         return UNKNOWN_COMMAND;
     }
+}
+
+enum answer engine_command(engine *e, const command *c)
+{
+    const enum answer found = carry_out(e, c);
+
+    engine_settle(e); /* the next command may come before the next sample */
+    return found;
 }

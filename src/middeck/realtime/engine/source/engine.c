@@ -1,9 +1,28 @@
 #include "engine.h"
 
-#include <float.h>
+#include <math.h>
 #include <string.h>
 
 #include "kernel.h"
+
+enum { TAKE_OVER = 5 }; /* ramps to the safe state until its effect is seen: the article answers with a delay */
+
+static real larger(real a, real b)
+{
+    return a > b ? a : b;
+}
+
+static void make_neutral(strip *s)
+{
+    s->gain = s->gain_to = s->limit = s->limit_to = 1;
+    s->offset = s->offset_to = s->held_share = 0;
+    s->hold = 0;
+}
+
+static int is_neutral(const strip *s)
+{
+    return s->gain == 1 && s->gain_to == 1 && s->limit == 1 && s->limit_to == 1 && s->offset == 0 && s->offset_to == 0 && !s->hold && s->held_share == 0;
+}
 
 void engine_start(engine *e, const settings *set, const real *waveform, whole waveform_samples)
 {
@@ -20,7 +39,7 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     sensors_start(&e->sensors);
     monitors_start(&e->monitors);
     for (i = 0; i < set->outputs; ++i)
-        e->strips[i].gain = e->strips[i].gain_to = e->strips[i].limit = e->strips[i].limit_to = 1;
+        make_neutral(&e->strips[i]);
     for (i = 0; i < set->paths; ++i)
         e->hold_needs |= (uint64_t)1 << set->path[i].sensor;
 }
@@ -42,35 +61,76 @@ void engine_tell(engine *e, whole kind, whole channel, real value, real limit, c
         memcpy(one->hash, hash, sizeof one->hash);
 }
 
-static slot *in_control(engine *e)
+/* Whether the compensator in a slot has moved anything. */
+static int acts(const slot *s)
 {
+    return s->running && s->law.level > 0;
+}
+
+/* Trips that a compensator can cause. A jump beyond a sensor's range is the sensor's; who was half there has been driven. */
+static int of_a_law(const engine *e, const trip_cause *cause)
+{
+    switch (cause->kind) {
+    case ENVELOPE:
+    case GROWTH:
+    case BAND_POWER:
+    case EFFORT:
+    case MOMENTUM:
+    case COMMAND_NOT_FINITE:
+        return 1;
+    case RANGE:
+        return fabs(e->sensors.value[cause->channel]) > e->set.range[cause->channel] / 2;
+    default:
+        return 0;
+    }
+}
+
+/* A full list refuses all that is not forgiven; so nothing ever drops out of it. */
+static void put_on_blacklist(engine *e, const unsigned char *hash)
+{
+    if (e->blacklisted < HASHES)
+        memcpy(e->blacklist[e->blacklisted++], hash, 32);
+    engine_tell(e, BLACKLISTED, -1, 0, 0, hash);
+}
+
+/* Who answers for a trip: the compensator with the most authority. */
+static const slot *foremost(const engine *e)
+{
+    const slot *found = NULL;
     int k;
 
     for (k = 0; k < SLOTS; ++k)
-        if (e->slots[k].running && e->slots[k].in_control)
-            return &e->slots[k];
-    return NULL;
+        if (acts(&e->slots[k]) && (!found || e->slots[k].law.level > found->law.level))
+            found = &e->slots[k];
+    return found;
 }
 
-/* Trips that a compensator can cause. */
-static int of_a_law(whole kind)
+static void stop_slot(slot *s)
 {
-    return kind == ENVELOPE || kind == GROWTH || kind == BAND_POWER || kind == EFFORT || kind == MOMENTUM || kind == COMMAND_NOT_FINITE;
+    s->running = s->in_control = s->leaving = 0;
 }
 
-static void put_on_blacklist(engine *e, const unsigned char *hash)
+static void take_from_last(engine *e)
 {
-    if (e->blacklisted == HASHES) { /* the oldest goes */
-        memmove(e->blacklist, e->blacklist + 1, sizeof e->blacklist - sizeof *e->blacklist);
-        --e->blacklisted;
-    }
-    memcpy(e->blacklist[e->blacklisted++], hash, 32);
-    engine_tell(e, BLACKLISTED, -1, 0, 0, hash);
+    int i;
+
+    for (i = 0; i < e->set.outputs; ++i)
+        e->from[i] = e->strips[i].last;
+}
+
+/* In SAFE, or on the way there: nothing is held any more until a reset. */
+static void lose_hold(engine *e, const trip_cause *cause)
+{
+    e->hold_off = 1;
+    e->since_trip = 0;
+    take_from_last(e);
+    engine_tell(e, HOLD_LOST, cause->channel, cause->value, cause->limit, NULL);
 }
 
 static void go_safe(engine *e, const trip_cause *cause)
 {
-    slot *blamed = in_control(e);
+    const int lawful = of_a_law(e, cause), alone = e->state == READY;
+    const slot *blamed = foremost(e);
     int i, k;
 
     engine_tell(e, cause->kind, cause->channel, cause->value, cause->limit, blamed ? blamed->p.hash : NULL);
@@ -79,24 +139,64 @@ static void go_safe(engine *e, const trip_cause *cause)
     e->trip = ++e->trips;
     e->since_trip = 0;
     e->hold_off = 0;
+    e->taken_over = 1;
     e->playing = 0;
+    take_from_last(e);
     for (i = 0; i < e->set.outputs; ++i)
-        e->at_trip[i] = e->strips[i].last;
+        make_neutral(&e->strips[i]);
     for (k = 0; k < SLOTS; ++k) {
-        if (e->slots[k].running && of_a_law(cause->kind) && (e->slots[k].in_control || e->slots[k].law.level > 0))
+        if (lawful && acts(&e->slots[k]))
             put_on_blacklist(e, e->slots[k].p.hash);
-        e->slots[k].running = e->slots[k].in_control = 0;
+        stop_slot(&e->slots[k]);
+    }
+    if (lawful && alone && e->hold_verified && cause->kind != MOMENTUM) { /* nobody but the hold was at work */
+        e->hold_verified = 0;
+        lose_hold(e, cause);
     }
     monitors_forget(&e->monitors);
 }
 
 static int hold_is_good(const engine *e)
 {
-    return e->set.paths > 0 && e->hold_verified && !e->hold_off && !(e->sensors.unhealthy & e->hold_needs);
+    return e->set.paths > 0 && e->hold_verified && !e->hold_off;
 }
 
+/* Whether the article goes an eighth beyond where it was when the safe state took over, or beyond its envelope if that is more:
+   what holds then pushes it. */
+static int runs_away(engine *e)
+{
+    if (e->since_trip <= TAKE_OVER * e->set.safe_ramp) {
+        e->taken_over = larger(e->taken_over, e->sensors.worst);
+        return 0;
+    }
+    return e->sensors.worst > 1.125 * 1.125 * e->taken_over;
+}
+
+/* In SAFE the hold lives through a short silence of its sensors on their last values, not through a long one. */
+static void watch_hold(engine *e)
+{
+    trip_cause why = {NO_TRIP, -1, 0, 0};
+
+    e->blind = e->sensors.unhealthy & e->hold_needs ? e->blind + 1 : 0;
+    if (e->state != SAFE || !hold_is_good(e))
+        return;
+    if (runs_away(e)) {
+        blame(&why, ENVELOPE, e->sensors.worst_at, sqrt(e->sensors.worst), sqrt(e->taken_over));
+        e->hold_verified = 0;
+    }
+    if (why.kind != NO_TRIP || e->blind > e->set.safe_ramp)
+        lose_hold(e, &why);
+}
+
+static real hold_share(const engine *e)
+{
+    return e->state == SAFE || e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
+}
+
+/* After a reset it rises, and what SAFE had commanded falls. */
 static void compute_hold(engine *e)
 {
+    const real share = hold_share(e);
     int i;
 
     memset(e->hold, 0, sizeof e->hold);
@@ -105,17 +205,25 @@ static void compute_hold(engine *e)
 
         e->hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
     }
+    if (share < 1)
+        for (i = 0; i < e->set.outputs; ++i)
+            e->hold[i] = share * e->hold[i] + (1 - share) * e->from[i];
+    if (e->state != SAFE)
+        e->hold_level += e->hold_level < e->set.ramp;
 }
 
-/* From the last command to the verified hold, else to zero. */
+/* From the last command to the verified hold, else to zero; no further push where the store of momentum is full. */
 static void safe_command(const engine *e, real *u)
 {
     const int good = hold_is_good(e);
     const real left = e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
     int i;
 
-    for (i = 0; i < e->set.outputs; ++i)
-        u[i] = left * e->at_trip[i] + (good ? (1 - left) * e->hold[i] : 0);
+    for (i = 0; i < e->set.outputs; ++i) {
+        u[i] = left * e->from[i] + (good ? (1 - left) * e->hold[i] : 0);
+        if (monitors_full(&e->monitors, &e->set, i, u[i]))
+            u[i] = 0;
+    }
 }
 
 static void play(engine *e)
@@ -136,32 +244,75 @@ static void play(engine *e)
     }
 }
 
-static void run_laws(engine *e, real *command_of_all)
+/* Share of the limit on u's side, or of the slew: what saturates is at one. */
+static real share_taken(real u, real last, real slew, real least, real most)
 {
-    int i, k;
+    const real size = u > 0 ? u / most : u < 0 ? u / least : 0;
 
-    for (k = 0; k < SLOTS; ++k) {
-        slot *s = &e->slots[k];
-        real y[CHANNELS], u[CHANNELS];
+    return larger(size, fabs(u - last) / slew);
+}
 
-        memset(e->added[k], 0, sizeof e->added[k]);
-        memset(e->wanted[k], 0, sizeof e->wanted[k]);
-        if (!s->running)
-            continue;
-        for (i = 0; i < s->p.law.inputs; ++i)
-            y[i] = e->sensors.value[s->sensor[i]];
-        law_compute(&s->law, &s->p.law, y, e->adaptive_on ? e->gain : 1, u);
-        for (i = 0; i < s->p.law.outputs; ++i) {
-            e->added[k][s->output[i]] = u[i];
-            e->wanted[k][s->output[i]] = s->law.wanted[i];
-            command_of_all[s->output[i]] += u[i];
-        }
+static int all_finite(const real *v, whole count)
+{
+    whole i;
+
+    for (i = 0; i < count; ++i)
+        if (!(v[i] - v[i] == 0))
+            return 0;
+    return 1;
+}
+
+/* A compensator whose numbers overflow adds nothing any more: it trips where it has a say, and stops standing by. */
+static void refuse_overflow(engine *e, slot *s, trip_cause *cause)
+{
+    if (acts(s) || s->in_control) {
+        blame(cause, COMMAND_NOT_FINITE, e->set.inputs + s->output[0], s->law.wanted[0], 0);
+        return;
+    }
+    stop_slot(s);
+    put_on_blacklist(e, s->p.hash);
+}
+
+static void run_law(engine *e, int k, real *sum, trip_cause *cause)
+{
+    slot *s = &e->slots[k];
+    const law_tables *t = &s->p.law;
+    real y[CHANNELS], u[CHANNELS];
+    int i;
+
+    for (i = 0; i < t->inputs; ++i)
+        y[i] = e->sensors.value[s->sensor[i]];
+    law_compute(&s->law, t, y, e->adaptive_on ? e->gain : 1, u);
+    if (!all_finite(s->law.wanted, t->outputs))
+        refuse_overflow(e, s, cause);
+    for (i = 0; i < t->outputs; ++i) {
+        const int o = s->output[i];
+
+        e->added[k][o] = u[i];
+        e->wanted[k][o] = s->law.wanted[i];
+        sum[o] += u[i];
+        if (acts(s))
+            e->law_share[o] = larger(e->law_share[o], share_taken(u[i], s->law.last[i], t->slew[i], t->least[i], t->most[i]));
     }
 }
 
-/* Each law learns what of the torque was the compensators'. */
-static void commit_laws(engine *e)
+static void run_laws(engine *e, real *sum, trip_cause *cause)
 {
+    int k;
+
+    memset(e->law_share, 0, sizeof e->law_share);
+    for (k = 0; k < SLOTS; ++k) {
+        memset(e->added[k], 0, sizeof e->added[k]);
+        memset(e->wanted[k], 0, sizeof e->wanted[k]);
+        if (e->slots[k].running)
+            run_law(e, k, sum, cause);
+    }
+}
+
+/* Each law learns what of the output was the compensators'; its own slew goes on from what it has added itself. */
+static void commit_laws(engine *e, const real *asked, const real *sum)
+{
+    const int both = e->slots[0].running && e->slots[1].running;
     int i, k;
 
     for (k = 0; k < SLOTS; ++k) {
@@ -173,9 +324,11 @@ static void commit_laws(engine *e)
         for (i = 0; i < s->p.law.outputs; ++i) {
             const int o = s->output[i];
 
-            applied[i] = e->u[o] - e->hold[o] - e->excitation[o] - e->strips[o].offset;
+            applied[i] = e->u[o] == asked[o] ? sum[o] : e->u[o] - e->hold[o] - e->excitation[o] - e->strips[o].offset;
         }
         law_commit(&s->law, &s->p.law, applied);
+        for (i = 0; both && i < s->p.law.outputs; ++i)
+            s->law.last[i] = e->added[k][s->output[i]];
     }
 }
 
@@ -184,8 +337,16 @@ static real towards(real value, real aim, real step)
     return aim > value + step ? value + step : aim < value - step ? value - step : aim;
 }
 
-/* Gain and offset, hold, slew, limit. */
-static void through_strips(engine *e, const real *command, real *u)
+static void move_strip(strip *s, real step, real range)
+{
+    s->gain = towards(s->gain, s->gain_to, step);
+    s->limit = towards(s->limit, s->limit_to, step);
+    s->offset = towards(s->offset, s->offset_to, step * range / 2);
+    s->held_share = towards(s->held_share, s->hold ? 1 : 0, step);
+}
+
+/* Gain, offset and hold, which SAFE has none of; slew, limit. */
+static void through_strips(engine *e, const real *command, real *share)
 {
     const real step = 1 / (real)(e->set.ramp > 0 ? e->set.ramp : 1);
     int i;
@@ -193,29 +354,20 @@ static void through_strips(engine *e, const real *command, real *u)
     e->saturated = 0;
     for (i = 0; i < e->set.outputs; ++i) {
         strip *s = &e->strips[i];
-        const real least = e->set.lower[i] * s->limit, most = e->set.upper[i] * s->limit;
-        real t = s->gain * command[i] + s->offset;
+        const real last = s->last;
+        real least, most, t;
 
-        s->gain = towards(s->gain, s->gain_to, step);
-        s->limit = towards(s->limit, s->limit_to, step);
-        s->offset = towards(s->offset, s->offset_to, step * e->set.upper[i]);
-        if (s->hold && e->state != SAFE)
-            t = s->last;
-        u[i] = limited(t, 0, s->last, e->set.slew[i], least, most);
-        if (u[i] <= least || u[i] >= most)
+        move_strip(s, step, e->set.upper[i] - e->set.lower[i]);
+        least = e->set.lower[i] * s->limit;
+        most = e->set.upper[i] * s->limit;
+        t = s->gain * command[i] + s->offset;
+        if (s->held_share > 0)
+            t = s->held_share * s->held + (1 - s->held_share) * t;
+        e->u[i] = s->last = limited(t, 0, last, e->set.slew[i], least, most);
+        share[i] = larger(share_taken(s->last, last, e->set.slew[i], least, most), e->law_share[i]);
+        if (share[i] >= 1)
             e->saturated |= (uint64_t)1 << i;
-        s->last = u[i];
     }
-}
-
-static int all_finite(const real *v, whole count)
-{
-    whole i;
-
-    for (i = 0; i < count; ++i)
-        if (!(v[i] - v[i] == 0))
-            return 0;
-    return 1;
 }
 
 static void look_around(engine *e, const circumstances *c, trip_cause *cause)
@@ -232,20 +384,32 @@ static void look_around(engine *e, const circumstances *c, trip_cause *cause)
         blame(cause, LATENESS, -1, (real)c->late_ns, (real)e->set.late_ns);
 }
 
-/* A trip in SAFE is none anew; but what grows there while the hold holds is the hold's. */
+/* A trip in SAFE is none anew, but a STOP is, which no reset of an earlier one may undo. What grows there, or takes all effort,
+   while the hold holds is the hold's. */
 static void judge(engine *e, const trip_cause *cause)
 {
     if (cause->kind == NO_TRIP)
         return;
     if (e->state != SAFE) {
         go_safe(e, cause);
-    } else if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && cause->kind == GROWTH) {
-        e->hold_off = 1;
+    } else if (cause->kind == STOP) {
+        e->trip = ++e->trips;
+        e->cause = *cause;
+        engine_tell(e, STOP, -1, 0, 0, NULL);
+    } else if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && (cause->kind == GROWTH || cause->kind == EFFORT)) {
+        lose_hold(e, cause);
         e->hold_verified = 0;
-        e->since_trip = 0;
-        memcpy(e->at_trip, e->u, sizeof e->at_trip);
-        engine_tell(e, HOLD_LOST, cause->channel, cause->value, cause->limit, NULL);
     }
+}
+
+static slot *in_control(engine *e)
+{
+    int k;
+
+    for (k = 0; k < SLOTS; ++k)
+        if (e->slots[k].running && e->slots[k].in_control)
+            return &e->slots[k];
+    return NULL;
 }
 
 static void adapt(engine *e)
@@ -256,26 +420,28 @@ static void adapt(engine *e)
     if (!e->adaptive_on)
         return;
     power = e->monitors.power[a->monitor];
-    if (power > a->high * a->high)
-        e->gain = towards(e->gain, 0, a->rate);
-    else if (power < a->low * a->low)
+    if (power > a->loud * a->loud)
+        e->gain = towards(e->gain, a->least, a->rate);
+    else if (power < a->quiet * a->quiet)
         e->gain = towards(e->gain, a->most, a->rate);
 }
 
-static void settle_state(engine *e)
+void engine_settle(engine *e)
 {
     slot *s = in_control(e);
     const enum state before = e->state;
+    int k;
 
     if (before == SAFE)
         return;
-    if (s && s->law.level < s->law.top)
+    for (k = 0; k < SLOTS; ++k)
+        if (e->slots[k].leaving && e->slots[k].law.level == 0)
+            stop_slot(&e->slots[k]);
+    if (s && s->law.level != s->law.top)
         e->state = ENGAGING;
     else if (s)
         e->state = CONTROL;
-    else if (e->slots[0].running && e->slots[0].law.level > 0)
-        e->state = DISENGAGING;
-    else if (e->slots[1].running && e->slots[1].law.level > 0)
+    else if (foremost(e))
         e->state = DISENGAGING;
     else
         e->state = e->playing ? IDENTIFY : READY;
@@ -285,10 +451,20 @@ static void settle_state(engine *e)
         engine_tell(e, DISENGAGED, -1, 0, 0, NULL);
 }
 
-/* The hold is verified by holding, alone and without a trip. */
+static int strips_are_neutral(const engine *e)
+{
+    int i;
+
+    for (i = 0; i < e->set.outputs; ++i)
+        if (!is_neutral(&e->strips[i]))
+            return 0;
+    return 1;
+}
+
+/* The hold is verified by holding: alone, whole, as SAFE would have it, and without a trip. */
 static void verify_hold(engine *e)
 {
-    if (e->state != READY || e->hold_verified || !e->set.paths || !e->set.verify)
+    if (e->state != READY || e->hold_verified || !e->set.paths || !e->set.verify || e->hold_level < e->set.ramp || !strips_are_neutral(e))
         e->quiet = 0;
     else if (++e->quiet >= e->set.verify) {
         e->hold_verified = 1;
@@ -296,35 +472,45 @@ static void verify_hold(engine *e)
     }
 }
 
+static void look(engine *e, const real *y, const circumstances *c)
+{
+    trip_cause cause = {NO_TRIP, -1, 0, 0};
+
+    look_around(e, c, &cause);
+    if (c->no_answer || c->rig_dead)
+        sensors_miss(&e->sensors);
+    else
+        sensors_look(&e->sensors, &e->set, y, &cause);
+    monitors_look(&e->monitors, &e->set, 0, e->sensors.value, &cause);
+    judge(e, &cause);
+    watch_hold(e);
+}
+
 void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
 {
     trip_cause cause = {NO_TRIP, -1, 0, 0}, after = {NO_TRIP, -1, 0, 0};
-    real command[CHANNELS];
+    real command[CHANNELS], sum[CHANNELS], share[CHANNELS];
     int i;
 
-    look_around(e, c, &cause);
-    sensors_look(&e->sensors, &e->set, y, &cause);
-    monitors_look(&e->monitors, &e->set, 0, e->sensors.value, &cause);
-    judge(e, &cause);
+    look(e, y, c);
     adapt(e);
     compute_hold(e);
     play(e);
-    memset(command, 0, sizeof command);
-    run_laws(e, command);
+    memset(sum, 0, sizeof sum);
+    run_laws(e, sum, &cause);
     for (i = 0; i < e->set.outputs; ++i)
-        command[i] = e->hold[i] + command[i] + e->excitation[i];
-    if (e->state != SAFE && !all_finite(command, e->set.outputs)) {
+        command[i] = e->hold[i] + sum[i] + e->excitation[i];
+    if (e->state != SAFE && !all_finite(command, e->set.outputs))
         blame(&cause, COMMAND_NOT_FINITE, -1, 0, 0);
-        go_safe(e, &cause);
-    }
+    judge(e, &cause);
     if (e->state == SAFE)
         safe_command(e, command);
-    through_strips(e, command, e->u);
-    commit_laws(e);
+    through_strips(e, command, share);
+    commit_laws(e, command, sum);
     monitors_look(&e->monitors, &e->set, 1, e->u, &after);
-    monitors_effort(&e->monitors, &e->set, e->u, e->saturated, &after);
+    monitors_effort(&e->monitors, &e->set, e->u, share, &after);
     judge(e, &after);
-    settle_state(e);
+    engine_settle(e);
     verify_hold(e);
     e->since_trip += e->since_trip < INT64_MAX;
     memcpy(u, e->u, (size_t)e->set.outputs * sizeof *u);

@@ -13,13 +13,15 @@ typedef struct {
     law_state law;
     int sensor[CHANNELS], output[CHANNELS]; /* of the engine, for each port of the package */
     int loaded, running, in_control;
+    int leaving; /* stops when it has faded out */
 } slot;
 
 /* What each output's value passes on its way out. */
 typedef struct {
     real gain, gain_to, offset, offset_to, limit, limit_to; /* limit: share of the output's range */
     int hold;
-    real last; /* as written */
+    real held, held_share; /* what it is held at, and how far */
+    real last;             /* as written */
 } strip;
 
 /* What the world tells the engine with a sample. */
@@ -39,10 +41,13 @@ typedef struct {
     slot slots[SLOTS];
     real hold_state[SECTIONS][2];
     uint64_t hold_needs;         /* sensors that the hold reads */
-    int hold_verified, hold_off; /* off: the hold itself has failed in SAFE */
+    int hold_verified, hold_off; /* off: lost in SAFE, until a reset */
+    whole hold_level;            /* of the ramp on which the hold rises after a reset */
+    whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
-    whole since_trip;
-    real at_trip[CHANNELS];      /* outputs when it tripped, less the hold's */
+    whole since_trip;            /* or since the hold was lost */
+    real taken_over;             /* largest amplitude over its envelope, squared, when the safe state took over */
+    real from[CHANNELS];         /* outputs at the last trip, loss of the hold, or reset */
     strip strips[CHANNELS];
     const real *waveform;
     whole waveform_samples, periods_left, playing_at; /* playing_at: next sample of it */
@@ -54,6 +59,7 @@ typedef struct {
     /* of the last sample, for the record */
     real hold[CHANNELS], excitation[CHANNELS], added[SLOTS][CHANNELS], wanted[SLOTS][CHANNELS], u[CHANNELS];
     uint64_t saturated;
+    real law_share[CHANNELS]; /* of its own limit or slew that a compensator takes */
     /* what happened in it */
     event happened[16];
     int happenings;
@@ -73,6 +79,9 @@ enum answer engine_load(engine *e, int which, size_t count);
 
 /* The loop learns what `engine_load` has found, and gives its own answer. */
 enum answer engine_loaded(engine *e, int which, enum answer found);
+
+/* The state that slots and excitation make, where it is not SAFE. */
+void engine_settle(engine *e);
 
 void engine_tell(engine *e, whole kind, whole channel, real value, real limit, const unsigned char *hash);
 

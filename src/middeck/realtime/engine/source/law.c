@@ -85,7 +85,7 @@ void law_commit(law_state *s, const law_tables *t, const real *applied)
     for (i = 0; i < t->outputs; ++i)
         s->last[i] = applied[i];
     if (s->engaged)
-        s->level += s->level < s->top;
+        s->level += (s->level < s->top) - (s->level > s->top);
     else
         s->level -= s->level > 0;
 }

@@ -8,17 +8,35 @@
 void monitors_start(monitor_states *m)
 {
     memset(m, 0, sizeof *m);
+    monitors_forget(m);
 }
 
 void monitors_forget(monitor_states *m)
 {
+    int k;
+
     memset(m->sum, 0, sizeof m->sum);
     memset(m->filled, 0, sizeof m->filled);
-    memset(m->before, 0, sizeof m->before);
     memset(m->grown, 0, sizeof m->grown);
     memset(m->effort, 0, sizeof m->effort);
-    memset(m->effort_before, 0, sizeof m->effort_before);
-    m->effort_filled = 0;
+    for (k = 0; k < MONITORS; ++k)
+        m->before[k] = -1;
+}
+
+/* As if the value had always been there: what is constant at power-up is no step. */
+static real settle_section(const real *g, real *s, real value)
+{
+    const real out = value * (g[0] + g[1] + g[2]) / (1 + g[3] + g[4]);
+
+    s[1] = g[2] * value - g[4] * out;
+    s[0] = g[1] * value - g[3] * out + s[1];
+    return out;
+}
+
+static void settle_monitor(monitor_states *m, const monitor *one, int k, real value)
+{
+    settle_section(one->band[1].g, m->section[k][1], settle_section(one->band[0].g, m->section[k][0], value));
+    m->settled[k] = 1;
 }
 
 static void look_for_growth(monitor_states *m, const monitor *set, int k, real square, trip_cause *cause)
@@ -29,7 +47,10 @@ static void look_for_growth(monitor_states *m, const monitor *set, int k, real s
     if (++m->filled[k] < set->window)
         return;
     mean = m->sum[k] / (real)set->window;
-    m->grown[k] = mean > set->floor * set->floor && mean > set->factor * set->factor * m->before[k] ? m->grown[k] + 1 : 0;
+    if (m->before[k] >= 0 && mean > set->floor * set->floor && mean > set->factor * set->factor * m->before[k])
+        ++m->grown[k];
+    else
+        m->grown[k] = 0;
     m->before[k] = mean;
     m->sum[k] = 0;
     m->filled[k] = 0;
@@ -48,6 +69,8 @@ void monitors_look(monitor_states *m, const settings *set, int outputs, const re
 
         if (outputs ? channel < 0 : channel >= set->inputs)
             continue;
+        if (!m->settled[k])
+            settle_monitor(m, one, k, v[channel]);
         band = through_section(one->band[0].g, m->section[k][0], v[channel]);
         band = through_section(one->band[1].g, m->section[k][1], band);
         square = band * band;
@@ -59,28 +82,21 @@ void monitors_look(monitor_states *m, const settings *set, int outputs, const re
     }
 }
 
-void monitors_effort(monitor_states *m, const settings *set, const real *u, uint64_t saturated, trip_cause *cause)
+int monitors_full(const monitor_states *m, const settings *set, int output, real u)
 {
-    const whole half = set->effort_window / 2;
+    return (m->momentum[output] > set->momentum[output] && u > 0) || (m->momentum[output] < -set->momentum[output] && u < 0);
+}
+
+void monitors_effort(monitor_states *m, const settings *set, const real *u, const real *share, trip_cause *cause)
+{
     int i;
 
     for (i = 0; i < set->outputs; ++i) {
         m->momentum[i] += u[i] * set->period_s;
-        if (m->momentum[i] > set->momentum[i] || m->momentum[i] < -set->momentum[i])
+        if (monitors_full(m, set, i, u[i]))
             blame(cause, MOMENTUM, set->inputs + i, m->momentum[i], set->momentum[i]);
+        m->effort[i] += set->effort_forget * (share[i] * share[i] - m->effort[i]);
+        if (m->effort[i] > set->effort_share * set->effort_share)
+            blame(cause, EFFORT, set->inputs + i, sqrt(m->effort[i]), set->effort_share);
     }
-    if (!set->effort_window)
-        return;
-    ++m->effort_filled;
-    for (i = 0; i < set->outputs; ++i) {
-        m->effort[i] += (whole)(saturated >> i & 1);
-        if ((real)(m->effort[i] + m->effort_before[i]) > set->effort_share * (real)(2 * half))
-            blame(cause, EFFORT, set->inputs + i, (real)(m->effort[i] + m->effort_before[i]) / (real)(2 * half), set->effort_share);
-        if (m->effort_filled == half) {
-            m->effort_before[i] = m->effort[i];
-            m->effort[i] = 0;
-        }
-    }
-    if (m->effort_filled == half)
-        m->effort_filled = 0;
 }

@@ -93,7 +93,7 @@ static void spoil_sensor(linear_rig *r, int k, real *y)
         y[i] *= value;
         break;
     case SENSOR_LATE:
-        y[i] = r->old[(r->sample + HISTORY - (whole)value % HISTORY) % HISTORY][i];
+        y[i] = r->old[(r->sample + HISTORY - (value >= 0 && value < HISTORY ? (whole)value : 0)) % HISTORY][i];
         break;
     case SENSOR_DROP:
         if ((real)(random_bits(r->random) >> 11) * 0x1p-53 < value)
@@ -209,6 +209,20 @@ static const real *cut(const real **from, whole count)
     return found;
 }
 
+static int faults_fit(const settings *set, const article *a)
+{
+    int k;
+
+    for (k = 0; k < a->faults; ++k) {
+        const whole ports = a->fault[k].kind >= OUTPUT_DEAD && a->fault[k].kind <= OUTPUT_LIMIT ? set->outputs : set->inputs;
+        const real other = a->fault[k].kind == SENSOR_SWAP ? a->fault[k].value : 0;
+
+        if (a->fault[k].channel < 0 || a->fault[k].channel >= ports || !(other >= 0 && other < (real)ports))
+            return 0;
+    }
+    return 1;
+}
+
 rig *open_linear_rig(const settings *set, const article *a, const real *numbers, whole count)
 {
     static linear_rig r;
@@ -218,6 +232,10 @@ rig *open_linear_rig(const settings *set, const article *a, const real *numbers,
     if (n < 0 || n > STATES || 2 * a->pairs > n || a->noises < 0 || a->noises > CHANNELS || a->faults < 0 || a->faults > FAULTS
         || count != dynamics + n * (set->outputs + set->inputs + a->noises + 1)) {
         fputs("the article's numbers do not fit its sizes\n", stderr);
+        return NULL;
+    }
+    if (!faults_fit(set, a)) {
+        fputs("a fault of a channel that the article has not\n", stderr);
         return NULL;
     }
     memset(&r, 0, sizeof r);

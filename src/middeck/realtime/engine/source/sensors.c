@@ -1,5 +1,6 @@
 #include "sensors.h"
 
+#include <math.h>
 #include <string.h>
 
 void sensors_start(sensor_tests *s)
@@ -26,6 +27,11 @@ static void look_at_one(sensor_tests *s, const settings *set, int i, real y, tri
     s->unhealthy |= (uint64_t)1 << i;
 }
 
+void sensors_miss(sensor_tests *s)
+{
+    s->unhealthy = ~(uint64_t)0;
+}
+
 void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_cause *cause)
 {
     int i, k;
@@ -43,7 +49,17 @@ void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_caus
             blame(cause, SPREAD, p->first, apart, p->limit);
         }
     }
-    for (i = 0; i < set->inputs; ++i)
-        if (s->value[i] > set->envelope[i] || s->value[i] < -set->envelope[i])
-            blame(cause, ENVELOPE, i, s->value[i], set->envelope[i]);
+    s->worst = 0;
+    for (i = 0; i < set->inputs; ++i) {
+        const real ahead = set->rate[i] < 0 ? 0 : set->coast[i] * s->value[set->rate[i]];
+        const real square = s->value[i] * s->value[i] + ahead * ahead;
+        const real share = square / (set->envelope[i] * set->envelope[i]);
+
+        if (share > 1)
+            blame(cause, ENVELOPE, i, sqrt(square), set->envelope[i]);
+        if (share > s->worst) {
+            s->worst = share;
+            s->worst_at = i;
+        }
+    }
 }

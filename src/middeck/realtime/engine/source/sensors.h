@@ -10,9 +10,14 @@ typedef struct {
     whole same[CHANNELS]; /* samples of one value */
     whole apart[SPREADS]; /* samples of disagreement */
     uint64_t unhealthy;   /* a bit for each sensor */
+    real worst;           /* largest amplitude over its envelope, squared */
+    whole worst_at;
 } sensor_tests;
 
 void sensors_start(sensor_tests *s);
+
+/* There is no sample: the last values stay, and no sensor is healthy. */
+void sensors_miss(sensor_tests *s);
 
 /* Look at a sample: values, health, and the first trip. */
 void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_cause *cause);

@@ -13,7 +13,7 @@ typedef double real;
 typedef int64_t whole;
 
 enum { MAGIC = 0x4b44524d, FORMAT = 1 };
-enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 64, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 64, NAME = 64, FAULTS = 16 };
+enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 64, NAME = 64, FAULTS = 16 };
 
 enum clock_kind { LOCKSTEP, REAL_TIME };
 enum rig_kind { LINEAR_RIG, UDP_RIG, DRIVER_RIG };
@@ -67,10 +67,10 @@ typedef struct {
     whole samples; /* for so long */
 } spread;
 
-/* Gain of the compensator between 0 and most, moved by a monitor's rms: down above high, up below low. */
+/* Gain of the compensator between least and most, moved by a monitor's rms: down above loud, up below quiet. */
 typedef struct {
     whole monitor; /* -1 for none */
-    real low, high, most;
+    real quiet, loud, least, most;
     real rate; /* most change a sample */
 } adaptive;
 
@@ -80,16 +80,18 @@ typedef struct {
     char sensor[CHANNELS][NAME], sensor_unit[CHANNELS][NAME], output[CHANNELS][NAME], output_unit[CHANNELS][NAME];
     real range[CHANNELS];    /* magnitude that no healthy sensor reaches */
     whole stuck[CHANNELS];   /* samples of one and the same value that no healthy sensor gives; 0 for no test */
-    real envelope[CHANNELS]; /* magnitude that trips */
+    real envelope[CHANNELS]; /* amplitude that trips: the root of value^2 + (coast * rate)^2 */
+    whole rate[CHANNELS];    /* sensor of its rate; -1 for none */
+    real coast[CHANNELS];    /* how far it goes on in the safe state, for a unit of its rate */
     whole spreads;
     spread spread[SPREADS];
     whole monitors;
     monitor monitor[MONITORS];
     adaptive adaptive;
     real lower[CHANNELS], upper[CHANNELS], slew[CHANNELS]; /* of each output; slew a sample */
-    whole effort_window;  /* samples; 0 for no test */
-    real effort_share;    /* share of a window at the limit that trips */
-    real momentum[CHANNELS]; /* magnitude of an output's integral that trips */
+    real effort_forget;   /* share of the last sample in the running mean square of an output's share of its limit; 0 for no test */
+    real effort_share;    /* rms of that share that trips */
+    real momentum[CHANNELS]; /* magnitude of an output's integral beyond which no further push is allowed */
     whole paths;
     hold_path path[SECTIONS];
     whole verify;      /* samples of quiet holding after which the hold is verified; 0: never */
@@ -153,6 +155,7 @@ typedef struct {
     whole stop;      /* asks: any change is a STOP; anybody may add one */
     whole written;   /* commands given */
     whole taken;     /* records read */
+    whole supervisor; /* its process: a lockstep engine ends with it */
 } asks;
 
 /* Written by the engine. */

@@ -91,14 +91,15 @@ def _loops_table(numbers: Numbers) -> Table:
         [
             c["name"],
             percent(c["probability_stable"], 1),
+            f"{c['sweep']['stable']} of {c['sweep']['cases']}",
             *(_level(c["db"][shares.index(s)]) for s in (0.025, 0.5, 0.975)),
             _level(came[c["name"]]["rig_db"]),
             _level(came[c["name"]]["linear_db"]),
         ]
         for c in numbers["orbit"]["compensators"]
     ]
-    head = ("compensator", "promised stable", "2.5 % [dB]", "median [dB]", "97.5 % [dB]", "rig in orbit [dB]",
-            "without friction and limits [dB]")  # fmt: skip
+    head = ("compensator", "promised stable", "stable in the sweep", "2.5 % [dB]", "median [dB]",
+            "97.5 % [dB]", "rig in orbit [dB]", "without friction and limits [dB]")  # fmt: skip
     return Table(f"Compensators, promised by {numbers['draws']} draws, and what came", head, rows)
 
 

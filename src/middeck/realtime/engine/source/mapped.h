@@ -1,0 +1,26 @@
+/* The shared file as the engine has it. What is checked at the start is copied: nobody changes it afterwards. */
+#ifndef MIDDECK_MAPPED_H
+#define MIDDECK_MAPPED_H
+
+#include "shared.h"
+
+typedef struct {
+    unsigned char *start;
+    places at;
+    settings set;
+    article article;
+    asks *asks;
+    status *status;
+    const command *commands;
+    acknowledgement *acknowledgements;
+    event *events;
+    whole told, acknowledged, alive; /* published so far: the engine never reads its own words back */
+} shared;
+
+/* Map what stands at ``path``; 0, after saying why on the standard error, where no engine can run it. */
+int map_file(const char *path, shared *f);
+
+const real *waveform_of(const shared *f);
+const real *article_numbers_of(const shared *f);
+
+#endif

@@ -1,0 +1,55 @@
+#define _POSIX_C_SOURCE 200809L
+#include <time.h>
+
+#include "clocks.h"
+#include "publish.h"
+#include "words.h"
+
+whole now_ns(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (whole)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+/* Beats are counted in samples; in lockstep a beat holds for all that the supervisor then lets run. */
+static void look_at_asks(const shared *f, watch *w, circumstances *c)
+{
+    const whole stop = word_get(&f->asks->stop), beat = word_get(&f->asks->heartbeat), until = word_get(&f->asks->until);
+
+    c->stop = stop != w->stop;
+    w->stop = stop;
+    if (beat != w->heartbeat)
+        w->silent = 0;
+    else if (f->set.clock == REAL_TIME || until != w->until || w->silent > 0)
+        ++w->silent;
+    w->heartbeat = beat;
+    w->until = until;
+    c->silent = f->set.heartbeat && w->silent > f->set.heartbeat;
+}
+
+void one_sample(shared *f, engine *e, rig *r, watch *w, circumstances *c)
+{
+    static real y[CHANNELS];
+    real u[CHANNELS];
+    const int timed = f->set.clock == REAL_TIME;
+    whole begun, took;
+    enum rig_answer answer;
+
+    look_at_asks(f, w, c);
+    begun = timed ? now_ns() : 0;
+    answer = r->read(r, y);
+    c->no_answer = answer == RIG_MISSED;
+    c->rig_dead = answer == RIG_LOST;
+    engine_sample(e, y, c, u);
+    if (r->write(r, u, f->alive) == RIG_LOST)
+        c->rig_dead = 1;
+    took = timed ? now_ns() - begun : 0;
+    if (took > f->status->worst_step_ns)
+        f->status->worst_step_ns = took;
+    publish_events(f, e);
+    publish_record(f, e, y, c->late_ns, took);
+    word_set(&f->status->alive, ++f->alive);
+    publish_status(f, e);
+}

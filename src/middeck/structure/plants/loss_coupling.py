@@ -1,0 +1,87 @@
+"""Losses that couple modes of neighbouring frequencies, which a damping ratio for each mode leaves out.
+
+A loss factor in what strains, and another in all else that holds the article, make the stiffness complex.
+In the real modes its imaginary part H has entries beside the diagonal where the two losses differ. They
+matter where |H_ij| is not small beside |omega_i^2 - omega_j^2|: a pendulum and a bending mode of nearly one
+frequency share their losses. The ratios of two such modes follow from the two of them alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.modes.strain import member_energy, strain_energy
+from middeck.structure.rest.equilibrium import Equilibrium
+
+SHIFT = 1e-2
+"""Relative change of a ratio by the coupling of two modes above which it is reported."""
+
+
+class Losses(NamedTuple):
+    """Loss factors: of all that strains beyond that of the rest, and of each member beside it."""
+
+    strain: float
+    member: Float[np.ndarray, " member"]
+
+
+class CoupledPair(NamedTuple):
+    """Two modes, and the ratios that they have together."""
+
+    modes: tuple[int, int]
+    zeta: tuple[float, float]
+
+
+def coupled_pairs(
+    equilibrium: Equilibrium,
+    omega: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "coordinate mode"],
+    zeta: Float[np.ndarray, " mode"],
+    losses: Losses,
+) -> list[CoupledPair]:
+    """Pairs of modes of which one has another ratio, by more than `SHIFT`, once their common losses count.
+
+    ``zeta`` are the ratios of each alone. Modes at zero and without losses have no part in it.
+    """
+    if not (losses.strain or losses.member.any()):
+        return []
+    own, size = _lost(equilibrium, shapes, losses)
+    apart = np.abs(omega[:, None] ** 2 - omega**2)
+    # |H_ij| is at most the geometric mean of both diagonals; a ratio moves towards the other by the square
+    # of that over the distance.
+    alike = np.minimum(zeta[:, None], zeta) / np.maximum(
+        np.maximum(zeta[:, None], zeta), np.finfo(float).tiny
+    )
+    near = np.triu(2.0 * np.sqrt(np.outer(size, size)) > np.sqrt(SHIFT * alike) * apart, 1)
+    near &= np.outer(omega > 0.0, omega > 0.0)
+    first, second = np.nonzero(near)
+    if not len(first):
+        return []
+    both, _ = _lost(equilibrium, shapes[:, first] + shapes[:, second], losses)
+    found: list[CoupledPair] = []
+    for i, j, shared in zip(
+        first.tolist(), second.tolist(), (both - own[first] - own[second]).tolist(), strict=True
+    ):
+        together = _together(omega[[i, j]], zeta[[i, j]], shared)
+        if np.any(np.abs(together - zeta[[i, j]]) > SHIFT * zeta[[i, j]]):
+            found.append(CoupledPair((i, j), (float(together[0]), float(together[1]))))
+    return found
+
+
+def _lost(
+    equilibrium: Equilibrium, shapes: np.ndarray, losses: Losses
+) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
+    """Half of the diagonal of H, and the same with all losses taken as positive."""
+    strain = strain_energy(equilibrium, shapes).sum(axis=1)
+    member = member_energy(equilibrium, shapes) @ losses.member
+    return losses.strain * strain + member, abs(losses.strain) * strain + member
+
+
+def _together(omega: np.ndarray, zeta: np.ndarray, shared: float) -> Float[np.ndarray, "2"]:
+    """Ratios of two modes with the loss ``shared`` between them, each where most of its mode is."""
+    lam, V = np.linalg.eig(np.diag(omega**2 * (1.0 + 2j * zeta)) + 1j * shared * (1.0 - np.eye(2)))
+    root = np.sqrt(lam)
+    order = [0, 1] if abs(V[0, 0]) >= abs(V[0, 1]) else [1, 0]
+    return (np.imag(root) / np.abs(root))[order]

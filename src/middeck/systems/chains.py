@@ -1,0 +1,42 @@
+"""Chains of integrators in a matrix, by rank decisions rather than by eigenvalues.
+
+A pole at the origin of multiplicity k is spread by rounding over a circle of radius eps^(1/k) |A|, on both
+sides of the axis: nothing may be decided by such eigenvalues. Its invariant subspace is well determined, and
+is found here by orthogonal transformations with rank decisions on singular values (Golub and Wilkinson 1976,
+SIAM Review 18, "Ill-conditioned eigensystems and the computation of the Jordan canonical form").
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+REST = 1e-11
+"""Singular values below this fraction of A (balanced) count as zero: rounding of a plant transformed by a
+matrix of condition 1e4. Poles slower than this fraction of the fastest count as integrators."""
+
+
+def integrating_chains(A: np.ndarray, share: float = REST) -> tuple[np.ndarray, list[int]]:
+    """Orthogonal matrix that puts the integrators first (null space of A, then of A^2, ...), and their
+    numbers.
+
+    In these coordinates the first columns of A are strictly upper triangular.
+    """
+    turn, sizes, left = np.eye(len(A)), [], A
+    floor = share * (np.linalg.norm(A, 2) if len(A) else 0.0)
+    while len(left):
+        _, value, right = np.linalg.svd(left)
+        count = int(np.sum(value <= floor))
+        if not count:
+            break
+        own = np.vstack([right[len(left) - count :], right[: len(left) - count]]).T
+        done = sum(sizes)
+        turn[:, done:] = turn[:, done:] @ own
+        left = (own.T @ left @ own)[count:, count:]
+        sizes.append(count)
+    return turn, sizes
+
+
+def strictly_upper(A: np.ndarray, sizes: list[int]) -> np.ndarray:
+    """A with exact zeros on and below its diagonal blocks."""
+    label = np.repeat(np.arange(len(sizes)), sizes)
+    return np.where(label[:, None] < label[None], A, 0.0)

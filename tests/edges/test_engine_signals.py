@@ -1,0 +1,64 @@
+"""Signals to the engine's process: it goes to SAFE and out, or leaves a record that can be read."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from engine_cases import plain_settings, random_article
+from middeck.errors import DataError
+from middeck.realtime.engine.supervisor import Supervisor
+
+pytestmark = pytest.mark.usefixtures("compiler")
+PATIENT = {"late_s": 0.2, "heartbeat_s": 0.0}  # other programs may hold this machine up for so long
+
+
+def _settings():
+    return dataclasses.replace(plain_settings(), period_s=0.01, **PATIENT)
+
+
+def test_a_stopped_process_trips_by_its_lateness():
+    """SIGSTOP for half a second: the first sample after it goes to SAFE."""
+    with Supervisor(_settings(), random_article(), real_time=True) as engine:
+        assert engine.reset().done
+        engine.run(5)
+        engine.process.send_signal(signal.SIGSTOP)
+        time.sleep(0.5)
+        engine.process.send_signal(signal.SIGCONT)
+        records = engine.run(20)
+        (trip,) = [event for event in engine.events() if event.trips]
+        assert trip.kind == "lateness"
+        assert trip.value > 1e9 * PATIENT["late_s"]
+    late = np.flatnonzero(records["late_ns"] > 1e9 * PATIENT["late_s"])
+    assert records["state"][late[0]] == 0
+
+
+def test_sigterm_goes_to_safe_first():
+    with Supervisor(_settings(), random_article(), real_time=True) as engine:
+        assert engine.reset().done
+        engine.run(5)
+        engine.process.send_signal(signal.SIGTERM)
+        assert engine.process.wait(10.0) == 0
+        assert [event.kind for event in engine.events()][-2:] == ["stop", "ended"]
+        assert engine.state == "safe"
+        assert engine.file.status["running"] == 0
+
+
+@pytest.mark.parametrize("real_time", [False, True])
+def test_sigkill_leaves_what_was_recorded(real_time):
+    with Supervisor(_settings(), random_article(), real_time=real_time) as engine:
+        assert engine.reset().done
+        engine.run(20, keep=False)
+        engine.process.kill()
+        engine.process.wait(10.0)
+        with pytest.raises(DataError, match="-9"):
+            engine.run(5)
+        ring = engine.file.ring
+        whole = ring[ring["sequence"] > 0]
+        assert len(whole) >= 20
+        assert np.array_equal(whole["sequence"], np.arange(1, len(whole) + 1))
+        assert np.isfinite(whole["u"]).all()

@@ -1,0 +1,332 @@
+"""What goes wrong around an engine: one builder a kind, in any of its states, from a seed."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from engine_destabilising import scaled_rows, shifted_truth
+from engine_rigs import design, nominal_article, pack, settings_of
+from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
+from middeck.realtime.engine.settings import EngineSettings
+from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.package.binary import encode_package
+from middeck.realtime.package.package import ControllerPackage
+from middeck.values import record
+
+STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging")
+ARTICLE = ("dm", "lab")
+HOLDING, WITHIN, AFTER = 460, 300, 900
+"""Samples until the hold is verified, then until the fault may come, then after it."""
+SINGLE, LONG = 1, 1 << 40
+
+
+@record(kw_only=True)
+class Ending:
+    """How it ended.
+
+    Attributes:
+        state: Of the engine at the end.
+        trips: Kinds of trips, in order.
+        answers: Words of the answers to the commands of the fault.
+        why: What is wrong with the end; empty where it is SAFE or correct completion.
+    """
+
+    state: str
+    trips: tuple[str, ...]
+    answers: tuple[str, ...]
+    why: str
+
+
+@functools.cache
+def fault_settings() -> EngineSettings:
+    """Those of the development model with a quick verification and a supervisor that must show its life."""
+    return dataclasses.replace(settings_of(*ARTICLE), verify_s=0.3, heartbeat_s=0.1)
+
+
+def law(authority: float = 2.0):
+    return design(*ARTICLE, authority)
+
+
+@functools.cache
+def good() -> ControllerPackage:
+    return pack(law())
+
+
+def _faults(kind: str, value: Callable, channels: str = "sensor", length: int = LONG):
+    """A fault of the article at a random channel: ``value`` of the random numbers and the settings."""
+
+    def make(rng: np.random.Generator, start: int) -> tuple[Fault, ...]:
+        settings = fault_settings()
+        ports = len(settings.sensors if channels == "sensor" else settings.drives)
+        k = int(rng.integers(ports))
+        return (
+            Fault(
+                kind=kind, channel=k, start=start, end=start + length, value=float(value(rng, settings, k))
+            ),
+        )
+
+    return make
+
+
+def _other(rng, settings, k) -> int:
+    return (k + 1 + int(rng.integers(len(settings.sensors) - 1))) % len(settings.sensors)
+
+
+def _envelope(settings, k) -> float:
+    sensor = settings.sensors[k]
+    return sensor.envelope if np.isfinite(sensor.envelope) else sensor.range / 2.0
+
+
+def _any_size(rng, settings, k) -> float:
+    return 10.0 ** rng.uniform(-3.0, 0.0) * _envelope(settings, k)
+
+
+def _beyond(rng, settings, k) -> float:
+    return rng.choice([-3.0, 3.0]) * settings.sensors[k].range
+
+
+RIG: dict[str, Callable] = {
+    "sensor nan": _faults("sensor nan", lambda rng, s, k: 0.0, length=SINGLE),
+    "sensor nan for long": _faults("sensor nan", lambda rng, s, k: 0.0),
+    "sensor inf": _faults("sensor add", lambda rng, s, k: rng.choice([-np.inf, np.inf]), length=SINGLE),
+    "sensor out of range": _faults("sensor add", _beyond),
+    "sensor spike": _faults("sensor add", lambda rng, s, k: 1.5 * _envelope(s, k), length=SINGLE),
+    "sensor bias": _faults("sensor add", lambda rng, s, k: rng.uniform(-0.3, 0.3) * _envelope(s, k)),
+    "sensor stuck": _faults("sensor stuck", lambda rng, s, k: 0.0),
+    "sensor drift": _faults("sensor drift", lambda rng, s, k: rng.uniform(-1.0, 1.0) * _envelope(s, k)),
+    "sensor with swapped sign": _faults("sensor gain", lambda rng, s, k: -1.0),
+    "sensor with wrong gain": _faults("sensor gain", lambda rng, s, k: rng.uniform(0.2, 5.0)),
+    "sensor dead": _faults("sensor gain", lambda rng, s, k: 0.0),
+    "sensor late": _faults("sensor late", lambda rng, s, k: rng.integers(5, 63)),
+    "samples dropped": _faults("sensor drop", lambda rng, s, k: rng.uniform(0.1, 0.9)),
+    "sensors swapped": _faults("sensor swap", _other),
+    "sensor noisy": _faults("sensor noise", _any_size),
+    "encoder wraps": _faults("encoder wrap", _any_size),
+    "actuator dead": _faults("output dead", lambda rng, s, k: 0.0, "output"),
+    "actuator reversed": _faults("output gain", lambda rng, s, k: -1.0, "output"),
+    "actuator too strong": _faults("output gain", lambda rng, s, k: rng.uniform(2.0, 10.0), "output"),
+    "actuator stuck": _faults("output stuck", lambda rng, s, k: 0.0, "output"),
+    "actuator weak": _faults("output limit", lambda rng, s, k: 10.0 ** rng.uniform(-3.0, -1.0), "output"),
+    "rig silent once": _faults("rig silent", lambda rng, s, k: 0.0, length=SINGLE),
+    "rig silent for long": _faults("rig silent", lambda rng, s, k: 0.0),
+}  # fmt: skip
+
+
+@functools.cache
+def shifted_article(sign: float) -> LinearArticle:
+    return shifted_truth(np.random.default_rng(5), *ARTICLE, 0.05 * sign, 0.05 * sign, either=False)
+
+
+ARTICLES = {"frequencies 5 % higher": 1.0, "frequencies 5 % lower": -1.0}
+
+
+def _destabilising(rng) -> ControllerPackage:
+    return _scaled(float(rng.choice([-3.0, -1.0])))
+
+
+@functools.cache
+def _scaled(gain: float) -> ControllerPackage:
+    return pack(scaled_rows(law(), np.full(len(law().outputs), gain)))
+
+
+@functools.cache
+def _unstable() -> ControllerPackage:
+    """Stabilised by no loop: a pole of its own that its estimate does not follow."""
+    s = law().sampled
+    spoilt = type(s)(1.02 * np.eye(len(s.A)), s.B, s.C, s.D, period_s=s.period_s)
+    return pack(dataclasses.replace(law(), dynamics=spoilt, applied=None))
+
+
+@functools.cache
+def _good_bytes() -> bytes:
+    return encode_package(good())
+
+
+def _corrupted(rng) -> bytes:
+    spoilt = bytearray(_good_bytes())
+    spoilt[int(rng.integers(len(spoilt)))] ^= 1 << int(rng.integers(8))
+    return bytes(spoilt)
+
+
+def _hashed(data: bytes) -> bytes:
+    return data[:-32] + hashlib.sha256(data[:-32]).digest()
+
+
+def _nan(rng) -> bytes:
+    """A coefficient that is no number, under a hash that fits."""
+    data = bytearray(_good_bytes())
+    at = 8 * int(rng.integers(len(data) // 16, len(data) // 8 - 8))
+    data[at : at + 8] = struct.pack("<d", np.nan)
+    return _hashed(bytes(data))
+
+
+def _big_endian(rng) -> bytes:
+    words = np.frombuffer(_good_bytes()[:-32], "<u8").astype(">u8").tobytes()
+    return _hashed(words + bytes(32))
+
+
+@functools.cache
+def _other_ports(what: str) -> ControllerPackage:
+    base = law()
+    if what == "rate":
+        s = base.sampled
+        return pack(dataclasses.replace(base, dynamics=type(s)(s.A, s.B, s.C, s.D, period_s=0.004)))
+    ports = list(base.inputs)
+    ports[0] = dataclasses.replace(ports[0], **{what: "other"})
+    return pack(dataclasses.replace(base, inputs=tuple(ports)))
+
+
+def _resized(rng) -> bytes:
+    """One of the sizes in the head is another, under a hash that fits."""
+    data = bytearray(_good_bytes())
+    at = 8 + 4 * int(rng.integers(2, 7))
+    (old,) = struct.unpack_from("<I", data, at)
+    struct.pack_into("<I", data, at, old + int(rng.integers(1, 1 << 30)))
+    return _hashed(bytes(data))
+
+
+PACKAGES: dict[str, Callable] = {
+    "package destabilises": _destabilising,
+    "package with too much gain": lambda rng: _scaled(float(rng.choice([30.0, 300.0]))),
+    "compensator unstable": lambda rng: _unstable(),
+    "package of wrong sizes": _resized,
+    "package of another rate": lambda rng: _other_ports("rate"),
+    "package for other names": lambda rng: _other_ports("name"),
+    "package for other units": lambda rng: _other_ports("unit"),
+    "package corrupted": _corrupted,
+    "package truncated": lambda rng: _good_bytes()[: int(rng.integers(1, len(_good_bytes())))],
+    "package replayed": lambda rng: good(),
+    "package with a NaN": _nan,
+    "package big-endian": _big_endian,
+    "package empty": lambda rng: b"",
+    "package of noise": lambda rng: rng.bytes(int(rng.integers(96, 4096)) * 8),
+}
+SOUND = {"package destabilises", "package with too much gain", "compensator unstable", "package replayed"}
+REFUSED = PACKAGES.keys() - SOUND
+ASKED = ("crew STOP", "supervisor silent", "commands out of place", "records not read")
+KINDS = (*RIG, *ARTICLES, *PACKAGES, *ASKED)
+
+
+def play(kind: str, state: str, seed: int) -> Ending:
+    """Bring an engine into ``state``, let ``kind`` happen, wait, and finish what was begun."""
+    settings, rng = fault_settings(), np.random.default_rng([seed, KINDS.index(kind), STATES.index(state)])
+    start = HOLDING + int(rng.integers(5, WITHIN))
+    faults = RIG[kind](rng, start) if kind in RIG else ()
+    plain = shifted_article(ARTICLES[kind]) if kind in ARTICLES else nominal_article(*ARTICLE)
+    rig = with_faults(plain, *faults, seed=int(rng.integers(1 << 30)))
+    wave = 0.02 * rng.standard_normal((200, len(settings.drives)))
+    ring = 64 if kind == "records not read" else 8192
+    with Supervisor(settings, rig, waveform=wave, ring=ring) as engine:
+        reach(engine, state, start)
+        before = engine.state
+        records, answers = [], []
+        if kind in PACKAGES:
+            made = PACKAGES[kind](rng)
+            answers = [engine.load(made, slot=1).word, engine.command("engage", slot=1, values=[1.0]).word]
+        elif kind in ASKED:
+            records, answers = _ask(engine, kind, rng)
+        if kind != "records not read":
+            records.append(engine.run(AFTER))
+        trips = tuple(event.kind for event in engine.events() if event.trips)
+        records += _finish(engine, before)
+        return Ending(
+            state=engine.state, trips=trips, answers=tuple(answers),
+            why=_complaint(engine, kind, before, np.concatenate(records), trips, faults, answers),
+        )  # fmt: skip
+
+
+def reach(engine: Supervisor, state: str, start: int) -> None:
+    """At sample ``start`` the engine is in ``state``, its hold verified."""
+    assert engine.load(good()).done
+    assert engine.reset().done
+    engage = {"engaging": 60, "control": 300, "disengaging": 300}.get(state, 0)
+    wait = {"safe": 30, "identify": 40, "disengaging": 340}.get(state, engage)
+    engine.run(start - min(wait, start - HOLDING), keep=False)
+    if state == "safe":
+        engine.stop()
+    elif state == "identify":
+        engine.command("excite", values=[0.0])
+    elif engage:
+        engine.command("engage", values=[1.0])
+    if state == "disengaging":
+        engine.run(max(0, start - 40 - engine.sample), keep=False)
+        engine.command("disengage")
+    engine.run(start - engine.sample, keep=False)
+
+
+def _ask(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[np.ndarray], list[str]]:
+    if kind == "crew STOP":
+        engine.stop()
+        return [], []
+    if kind == "supervisor silent":
+        return [engine.run(10, beats=False) for _ in range(20)], []
+    if kind == "records not read":
+        return [engine.run(AFTER, keep=False), engine.run(1)], []
+    words = [("reset", 0, [1e9]), ("standby", 7, []), ("engage", -1, [1.0]), ("engage", 1, [1.0]),
+             ("engage", 0, [np.nan]), ("excite", 0, [-1.0]), ("excite", 0, [0.5]), ("strip", 99, [0, 1]),
+             ("strip", 0, [np.nan, 1]), ("strip", 0, [0, 1e9]), ("adapt", 0, [1.0]), ("load", 1, [0.0]),
+             ("load", 9, [8.0]), ("load", 1, [1e12])]  # fmt: skip
+    order = rng.permutation(len(words))
+    return [], [engine.command(words[i][0], slot=words[i][1], values=words[i][2]).word for i in order]
+
+
+def _finish(engine: Supervisor, before: str) -> list[np.ndarray]:
+    """Complete what goes on; a loop in SAFE stays there."""
+    if engine.state == "safe":
+        return [engine.run(60)]
+    engine.command("disengage")
+    engine.command("silence")
+    return [engine.run(60) for _ in range(6)]
+
+
+def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
+    """What is wrong with an end, or nothing."""
+    settings = engine.settings
+    limits = np.array([drive.upper for drive in settings.drives])
+    if not np.isfinite(records["u"]).all() or np.any(np.abs(records["u"]) > limits):
+        return "an output beyond its limit"
+    spoilt = {
+        place
+        for f in faults
+        if f.kind.startswith(("sensor", "encoder"))
+        for place in (f.channel, int(f.value) if f.kind == "sensor swap" else f.channel)
+    }
+    for k, sensor in enumerate(settings.sensors):
+        if k not in spoilt and np.any(np.abs(records["y"][:, k]) > 2.0 * sensor.envelope):
+            share = np.abs(records["y"][:, k]).max() / sensor.envelope
+            return f"{sensor.port.name} at {share:.2f} of its envelope"
+    if kind in REFUSED and answers[0] == "done":
+        return "a package accepted that must be refused"
+    if kind == "commands out of place" and "done" in answers:
+        return "a command carried out that must be refused"
+    if engine.state == "safe":
+        return _safe_complaint(engine, before, trips, records)
+    if before == "safe":
+        return f"left SAFE for {engine.state} by itself"
+    return "" if engine.state == "ready" else f"ends in {engine.state}"
+
+
+def _safe_complaint(engine, before, trips, records) -> str:
+    if before != "safe" and not trips and engine.trip == 0:
+        return "in SAFE without a trip"
+    if engine.command("reset", values=[engine.trip + 1.0]).word != "wrong trip":
+        return "a reset that names another trip"
+    last = records[-1]
+    lost = (
+        any(event.kind == "hold lost" for event in engine.events()) or not engine.file.status["hold_verified"]
+    )
+    expected = np.zeros(len(last["u"])) if lost else None
+    if expected is not None and np.any(last["u"] != expected):
+        return "neither the hold nor zero"
+    kept = engine.pretrip()
+    return (
+        ""
+        if kept["trip"][-1] != 0 and np.all(np.diff(kept["sequence"]) == 1)
+        else "the ring before the trip is not frozen"
+    )

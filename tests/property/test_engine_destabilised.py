@@ -1,0 +1,54 @@
+"""Packages that destabilise the article trip in time, angles within twice the envelope, without a gate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine_destabilising import SLOW_S, draw, judge
+from engine_rigs import closed_states, rig_case
+from repeats import repeats
+
+pytestmark = pytest.mark.usefixtures("compiler")
+WHOLE, QUICK = 1000, 8
+RIGS = [("dm", "lab"), ("simple", "lab"), ("simple", "orbit"), ("dm", "orbit")]
+
+
+def _unsound(seeds, rigs, **how):
+    """Those that grow fast and were not stopped as they must be; and whether a slow one broke a limit."""
+    found = {}
+    for seed, (article, environment) in zip(seeds, rigs, strict=False):
+        outcome = judge(draw(seed, article, environment, **how), article, environment)
+        slow = outcome.rate < 1.0 / SLOW_S
+        sound = outcome.bounded if slow else outcome.sound and outcome.trip and outcome.blacklisted
+        if not sound:
+            found[seed] = outcome
+    return found
+
+
+def test_random_packages_that_destabilise_are_stopped():
+    """Wrong gains, signs, channels, delays, and compensators out of the blue, on four rigs in turn."""
+    seeds = repeats(range(WHOLE), quick=QUICK)
+    rigs = [RIGS[0 if len(seeds) == QUICK else k % len(RIGS)] for k in range(len(seeds))]
+    assert not _unsound(seeds, rigs)
+
+
+def test_packages_that_only_the_truth_destabilises_are_stopped():
+    """Stable on the model; each frequency of the truth is off by 2 to 5 %."""
+    seeds = repeats(range(WHOLE, 2 * WHOLE), quick=QUICK)
+    rigs = [RIGS[0 if len(seeds) == QUICK else k % 2] for k in range(len(seeds))]
+    assert not _unsound(seeds, rigs, on_board_stable=True)
+
+
+def test_the_draw_is_what_it_says():
+    """Growth of the loop from its poles is the growth that a simulation without limits shows."""
+    found = draw(3)
+    states = closed_states(rig_case("dm", "lab"), found.article, found.law)
+    x = np.random.default_rng(1).standard_normal(len(states))
+    sizes = []
+    for _ in range(4000):
+        x = states @ x
+        sizes.append(np.linalg.norm(x))
+        x /= sizes[-1]
+    rate = np.mean(np.log(sizes[-2000:])) / 0.002
+    assert rate == pytest.approx(found.rate, rel=0.02)  # a pair of poles beats within the mean

@@ -1,0 +1,122 @@
+"""Whatever goes wrong around an engine, in whatever state: it ends in SAFE or in correct completion."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from engine_faults import ARTICLE, HOLDING, KINDS, RIG, STATES, fault_settings, play, reach
+from engine_rigs import nominal_article, nominal_package, settings_of
+from middeck.realtime.engine.article import with_faults
+from middeck.realtime.engine.supervisor import Supervisor
+from repeats import repeats
+
+pytestmark = pytest.mark.usefixtures("compiler")
+SEEDS = range(25)
+MOVING = tuple(state for state in STATES if state != "safe")
+
+
+def _cases(kind):
+    """Every state and seed; first a state that moves from kind to kind, then one under control."""
+    cases = list(itertools.product(SEEDS, STATES))
+    first = (0, STATES[KINDS.index(kind) % len(STATES)])
+    return [first, (1, "control"), *(case for case in cases if case not in (first, (1, "control")))]
+
+
+def test_there_are_many_kinds():
+    assert len(KINDS) >= 30
+    assert len(set(KINDS)) == len(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_ends_in_safe_or_in_correct_completion(kind):
+    wrong = {}
+    for seed, state in repeats(_cases(kind), quick=2):
+        ending = play(kind, state, seed)
+        if ending.why:
+            wrong[seed, state] = ending
+    assert not wrong
+
+
+@pytest.mark.parametrize("state", MOVING)
+@pytest.mark.parametrize("kind", ["sensor nan", "sensor inf", "sensor out of range"])
+def test_a_sample_that_cannot_be_trips_in_itself(kind, state):
+    """The command of that very sample is on its way from the last one to the safe state's."""
+    settings = fault_settings()
+    for seed in repeats(range(25)):
+        rng = np.random.default_rng([7, seed])
+        start = HOLDING + int(rng.integers(100, 400))
+        rig = with_faults(nominal_article(*ARTICLE), *RIG[kind](rng, start), seed=seed)
+        with Supervisor(
+            settings, rig, waveform=0.02 * rng.standard_normal((50, len(settings.drives)))
+        ) as engine:
+            reach(engine, state, start)
+            assert engine.state == state
+            engine.events()
+            (sample,) = engine.run(1)
+            (trip,) = [event for event in engine.events() if event.trips]
+            assert engine.state == "safe"
+        assert trip.sample == start
+        assert trip.kind == ("range" if kind == "sensor out of range" else "not finite")
+        assert np.isfinite(sample["u"]).all()
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_stop_takes_one_sample(state):
+    for seed in repeats(range(25)):
+        rng = np.random.default_rng([8, seed])
+        start = HOLDING + int(rng.integers(100, 400))
+        rig = with_faults(nominal_article(*ARTICLE), seed=seed)
+        settings = fault_settings()
+        with Supervisor(
+            settings, rig, waveform=0.02 * rng.standard_normal((50, len(settings.drives)))
+        ) as engine:
+            reach(engine, state, start)
+            engine.events()
+            engine.stop()
+            engine.run(1, keep=False)
+            (trip,) = [event for event in engine.events() if event.trips]
+            assert (engine.state, trip.kind, trip.sample) == ("safe", "stop", start)
+
+
+@pytest.mark.parametrize("article", repeats(["dm", "simple"]))
+def test_engaging_adds_at_most_one_hundredth_of_the_limit_to_a_step(article):
+    """Beside a run that is engaged throughout; disengaging too."""
+    settings, package = settings_of(article), nominal_package(article)
+    limits = np.array([drive.upper for drive in settings.drives])
+    ramp = settings.samples(settings.ramp_s)
+    for seed in repeats(range(25)):
+        rig = with_faults(nominal_article(article), seed=seed)
+        with Supervisor(settings, rig) as engine:
+            engine.load(package)
+            engine.reset()
+            engine.run(2 * ramp, keep=False)
+            engine.command("engage", values=[1.0])
+            on = engine.run(ramp)
+            throughout = engine.run(4 * ramp)
+            engine.command("disengage")
+            off = engine.run(ramp)
+            assert engine.state == "ready"
+        normal = np.abs(np.diff(throughout["u"], axis=0)).max(axis=0)
+        for part in (on, off):
+            steps = np.abs(np.diff(part["u"], axis=0)).max(axis=0)
+            assert np.all(steps <= normal + 0.01 * limits)
+
+
+@pytest.mark.parametrize("article", repeats(["dm", "simple"]))
+def test_nothing_trips_in_normal_operation(article):
+    """Under the study's disturbance and noise: 24 simulated hours; `make test` runs half a minute."""
+    settings = settings_of(article)
+    for seed in repeats(range(24)):
+        rig = with_faults(nominal_article(article), seed=1000 + seed)
+        with Supervisor(settings, rig) as engine:
+            engine.load(nominal_package(article))
+            engine.run(5000, keep=False)
+            engine.reset()
+            engine.run(5000, keep=False)
+            engine.command("engage", values=[1.0])
+            for _ in repeats(range(60)):
+                engine.run(settings.samples(30.0), keep=False)
+            assert engine.state == "control", engine.events()

@@ -1,0 +1,210 @@
+"""Hold, excitation, strips, fades and slots of the engine against a loop written here."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, random_package
+from middeck.realtime.engine.adaptive_gain import AdaptiveGain, move_gain
+from middeck.realtime.engine.settings import LEAST_RAMP, Drive
+from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.package.reference import ReferenceLaw
+from middeck.realtime.package.section import LoopPath, Section
+from packaged_laws import ports
+
+pytestmark = pytest.mark.usefixtures("compiler")
+LAG = Section(np.array([-0.3, 0.1, 0.0]), np.array([-0.6, 0.05]))
+HOLD = (
+    LoopPath(0, 0, LAG),
+    LoopPath(2, 0, Section(np.array([-0.2, 0.0, 0.0]), np.zeros(2))),
+    LoopPath(1, 1, LAG),
+)
+
+
+def started(*, settings=None, article=None, package=None, **given):
+    engine = Supervisor(settings or plain_settings(), article or random_article(), **given)
+    if package is not None:
+        assert engine.load(package).done
+    assert engine.reset().done
+    return engine
+
+
+def held_by(y):
+    """The hold's output for sensors ``y`` from rest."""
+    u = np.zeros((len(y), OUTPUTS))
+    for path in HOLD:
+        sos = np.concatenate([path.section.b, [1.0], path.section.a])[None]
+        u[:, path.output] += scipy.signal.sosfilt(sos, y[:, path.input])
+    return u
+
+
+def learnt(package, records, engaged_at=0):
+    """What the law of slot 0, alone, asks for in each sample where it is told what was applied of it."""
+    law, asked = ReferenceLaw(dataclasses.replace(package, ramp=max(package.ramp, LEAST_RAMP))), []
+    for k, row in enumerate(records):
+        law.engaged = k >= engaged_at
+        added = law.compute(row["y"])
+        asked.append((added, law.wanted))
+        total = row["hold"] + added + row["excitation"]
+        law.commit(np.where(row["u"] == total, added, row["u"] - row["hold"] - row["excitation"]))
+    return np.array(asked)
+
+
+def test_the_hold_filters_its_sensors():
+    with started(settings=plain_settings(hold=HOLD)) as engine:
+        records = engine.run(600)
+    expected = held_by(records["y"])
+    assert np.abs(records["hold"] - expected)[250:].max() < 1e-13  # it has faded in after the reset
+    assert np.all(np.abs(records["hold"]) <= np.abs(expected) + 1e-13)
+    assert np.abs(records["u"] - np.clip(records["hold"], -0.5, 0.5)).max() == 0.0
+
+
+def test_an_excitation_is_played_as_often_as_it_is_asked_for():
+    wave = np.random.default_rng(0).uniform(-0.4, 0.4, (30, OUTPUTS))
+    with started(waveform=wave) as engine:
+        engine.run(5)
+        assert engine.command("excite", values=[2.0]).done
+        records = engine.run(100)
+        assert engine.state == "ready"
+        assert [event.kind for event in engine.events()] == ["reset done", "excited", "quiet"]
+    assert np.array_equal(records["u"][:60], np.vstack([wave, wave]))
+    assert not records["u"][60:].any()
+    with started() as engine:
+        assert engine.command("excite", values=[1.0]).word == "no waveform"
+
+
+def test_the_law_learns_what_was_applied_of_its_command():
+    """With hold and excitation beside it, and limits in the way."""
+    wave = np.random.default_rng(1).uniform(-0.4, 0.4, (700, OUTPUTS))
+    package = random_package()
+    with started(settings=plain_settings(hold=HOLD), package=package, waveform=wave) as engine:
+        engine.command("excite", values=[0.0])
+        engine.command("engage", values=[1.0])
+        records = engine.run(1500)
+    asked = learnt(package, records)
+    assert np.array_equal(records["added_0"], asked[:, 0])
+    assert np.array_equal(records["wanted_0"], asked[:, 1])
+    total = records["hold"] + records["added_0"] + records["excitation"]
+    assert np.abs(records["u"] - np.clip(total, -0.5, 0.5)).max() < 1e-15
+    assert np.any(np.abs(total) > 0.5)
+
+
+def test_a_strip_scales_shifts_limits_and_holds():
+    package = random_package()
+    with started(package=package) as engine:
+        engine.command("engage", values=[1.0])
+        engine.run(400)
+        assert engine.set_strip("u0", "gain", 0.5).done
+        assert engine.set_strip("u1", "limit", 0.25).done
+        engine.run(LEAST_RAMP + 200)
+        records = engine.run(300)
+        assert np.abs(records["u"][:, 0]).max() <= 0.25  # half of a law that is limited to 0.5
+        assert np.abs(records["u"][:, 1]).max() == 0.125
+        assert engine.set_strip("u1", "hold", 1.0).done
+        engine.run(LEAST_RAMP + 200)
+        assert np.ptp(engine.run(50)["u"][:, 1]) == 0.0
+        assert engine.set_strip("u1", "gain", 11.0).word == "out of range"
+        assert engine.set_strip("u0", "offset", 0.6).word == "out of range"
+    with started() as engine:
+        engine.set_strip("u0", "offset", 0.1)
+        shifted = engine.run(400)["u"]
+    assert np.all(np.diff(shifted[:, 0]) <= 0.5 / 250 + 1e-15)
+    assert shifted[-1].tolist() == [0.1, 0.0]
+
+
+def test_slots_cross_fade_with_warm_states():
+    """The second law has followed the article in standby; no command jumps where the first one hands over."""
+    first, second = random_package(seed=1), random_package(seed=7)
+    calm = random_article(sensor_noise=np.full(SENSORS, 1e-4), G=1e-5 * np.eye(6))
+    with started(article=calm, package=first) as engine:
+        assert engine.load(second, slot=1).done
+        engine.command("engage", slot=0, values=[1.0])
+        engine.run(600)
+        assert engine.command("standby", slot=1).done
+        warm = engine.run(600)
+        assert engine.load(second, slot=1).word == "busy"
+        engine.command("engage", slot=1, values=[1.0])
+        fading = engine.run(600)
+        assert engine.state == "control"
+    assert not warm["added_1"].any()
+    assert warm["wanted_1"][-1].any()
+    assert np.array_equal(fading["u"], np.clip(fading["added_0"] + fading["added_1"], -0.5, 0.5))
+    assert not fading["added_0"][-1].any()
+    asked = learnt_in_standby(second, np.concatenate([warm, fading]), len(warm))
+    assert np.array_equal(fading["added_1"], asked)
+
+
+def learnt_in_standby(package, records, engaged_at):
+    law, asked = ReferenceLaw(dataclasses.replace(package, ramp=max(package.ramp, LEAST_RAMP))), []
+    for k, row in enumerate(records):
+        law.engaged = k >= engaged_at
+        asked.append(law.compute(row["y"]))
+        law.commit(row["u"] - row["hold"] - row["excitation"])
+    return np.array(asked[engaged_at:])
+
+
+def test_a_share_of_full_authority_stays_a_share():
+    package = random_package()
+    with started(package=package) as engine:
+        engine.command("engage", values=[0.25])
+        records = engine.run(600)
+        assert engine.state == "control"
+        engine.command("disengage")
+        engine.run(400)
+        assert engine.state == "ready"
+        assert not engine.run(10)["u"].any()
+    ratio = records["added_0"][400:] / records["wanted_0"][400:]
+    level = np.ceil(0.25 * 250) / 250
+    free = np.abs(records["added_0"][400:]) < 0.5
+    assert np.allclose(ratio[free], level**2 * (3.0 - 2.0 * level), rtol=1e-12)
+
+
+def test_the_adaptive_gain_moves_as_it_is_written():
+    """Down while the band is loud, up while it is quiet, from its least value; the law learns of it."""
+    package = random_package()
+    noise = 0.3 * np.random.default_rng(3).standard_normal((1000, OUTPUTS))
+    wave = np.concatenate([np.zeros((2000, OUTPUTS)), noise])
+    gain = AdaptiveGain(
+        maximum=0.02, minimum=0.004, rate=0.01, sensor="y0", band_hz=(1.0, 100.0), quiet_rms=9e-3,
+        loud_rms=1.1e-2, seconds=0.1,
+    )  # fmt: skip
+    with started(settings=plain_settings(adaptive=gain), package=package, waveform=wave) as engine:
+        assert engine.command("adapt", values=[1.0]).done
+        engine.command("excite", values=[1.0])
+        engine.command("engage", values=[1.0])
+        assert engine.command("adapt", values=[0.0]).word == "not ready"
+        records = engine.run(3000)
+    assert np.allclose(records["gain"], moved(gain, records["y"][:, 0]), rtol=1e-9)
+    assert records["gain"].max() > 1.2 * records["gain"].min()
+    free = (np.abs(records["added_0"]) < 0.5) & (np.arange(3000) > 300)[:, None]
+    both = np.column_stack([records["gain"]] * OUTPUTS)
+    assert np.allclose((records["added_0"] / records["wanted_0"])[free], both[free], rtol=1e-9)
+
+
+def moved(gain, y):
+    """The gain of each sample by its own equations."""
+    sos = scipy.signal.butter(2, gain.band_hz, "bandpass", fs=500.0, output="sos")
+    power, g, found = 0.0, gain.minimum, []
+    filtered, _ = scipy.signal.sosfilt(sos, y, zi=scipy.signal.sosfilt_zi(sos) * y[0])  # constant before
+    for value in filtered:
+        power += -np.expm1(-0.002 / gain.seconds) * (value**2 - power)
+        g = move_gain(g, np.sqrt(power), gain, 0.002)
+        found.append(g)
+    return np.array(found)
+
+
+def test_engine_limits_act_within_those_of_the_package():
+    _, u = ports(0, SENSORS, OUTPUTS)
+    tight = tuple(Drive(port=port, lower=-0.05, upper=0.1, slew_rate=5.0) for port in u)
+    package = random_package()
+    with started(settings=plain_settings(drives=tight), package=package) as engine:
+        engine.command("engage", values=[1.0])
+        records = engine.run(800)
+    assert records["u"].min() == -0.05
+    assert records["u"].max() == 0.1
+    assert np.abs(np.diff(records["u"], axis=0)).max() <= 5.0 * 0.002 + 1e-15
+    assert np.array_equal(records["added_0"], learnt(package, records)[:, 0])

@@ -1,0 +1,431 @@
+"""Order of authority in the engine: what trips, what SAFE does, what a reset may undo."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, random_package
+from middeck.control.law.compensator import Compensator
+from middeck.errors import ConfigError
+from middeck.realtime.engine.article import Fault, LinearArticle, encode_article, linear_article, with_faults
+from middeck.realtime.engine.monitors import Monitor
+from middeck.realtime.engine.settings import Drive, Spread
+from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.reference import ReferenceLaw
+from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import SampledStateSpace
+from packaged_laws import PERIOD_S, ports, random_law
+
+pytestmark = pytest.mark.usefixtures("compiler")
+GAIN = -0.02
+HOLD = (LoopPath(0, 0, static_gain(GAIN)), LoopPath(1, 1, static_gain(GAIN)))
+RAMP, SAFE_RAMP = 250, 10
+
+
+def held_settings(**changes):
+    return plain_settings(**{"hold": HOLD, "verify_s": 0.1, **changes})
+
+
+def still_article(y, **changes) -> LinearArticle:
+    """Its sensors stand at ``y``, whatever the outputs do."""
+    n = len(y)
+    fixed = {"A": np.eye(n), "B": np.zeros((n, OUTPUTS)), "C": np.eye(n), "G": np.zeros((n, 1))}
+    return LinearArticle(**{**fixed, "x": np.array(y, float), "sensor_noise": np.zeros(n), **changes})
+
+
+def static_package(gain, limit=0.5, slew_rate=np.inf, **changes):
+    """u = gain y, without a state."""
+    y, u = ports(0, SENSORS, OUTPUTS)
+    system = SampledStateSpace(
+        np.zeros((0, 0)), np.zeros((0, SENSORS)), np.zeros((OUTPUTS, 0)), gain, period_s=PERIOD_S
+    )
+    return package_law(Compensator(system, y, u), "law", limit=limit, slew_rate=slew_rate, **changes)
+
+
+def verified(engine):
+    """Reset, hold alone, and return when the hold is verified."""
+    assert engine.reset().done
+    engine.run(RAMP + 60, keep=False)
+    assert engine.file.status["hold_verified"] == 1
+
+
+def kinds(engine):
+    return [event.kind for event in engine.events()]
+
+
+def test_safe_knows_no_strip():
+    """Gain, offset and limiter of a strip would bend the hold, or leave a torque where none should be."""
+    with Supervisor(held_settings(), still_article([0.5, -0.5, 0.0])) as engine:
+        verified(engine)
+        engine.set_strip("u0", "gain", -5.0)
+        engine.set_strip("u1", "offset", 0.3)
+        engine.run(2000, keep=False)
+        engine.stop()
+        records = engine.run(50)
+        assert np.allclose(records["u"][SAFE_RAMP:], GAIN * records["y"][SAFE_RAMP:, :2], rtol=1e-12)
+        engine.reset()
+        again = engine.run(1000)
+        assert np.allclose(again["u"], again["hold"])
+
+
+def test_an_unverified_hold_is_none():
+    with Supervisor(held_settings(), still_article([0.5, -0.5, 0.0])) as engine:
+        engine.reset()
+        engine.run(RAMP, keep=False)
+        engine.stop()
+        records = engine.run(50)
+        assert np.all(records["u"][0] != 0.0)
+        assert not np.any(records["u"][SAFE_RAMP:])
+
+
+def test_after_a_reset_the_hold_rises():
+    """From zero, and by at most the steepest step of its fade."""
+    with Supervisor(held_settings(), still_article([0.5, -0.5, 0.0])) as engine:
+        engine.reset()
+        u = engine.run(RAMP + 20)["u"]
+    steps = np.abs(np.diff(u, axis=0, prepend=0.0))
+    assert steps.max() <= 1.5 / RAMP * 0.5 * abs(GAIN) * 1.0001
+    assert np.allclose(u[-1], [0.5 * GAIN, -0.5 * GAIN])
+
+
+@pytest.mark.parametrize(("length", "holds"), [(SAFE_RAMP, True), (SAFE_RAMP + 5, False)])
+@pytest.mark.parametrize("fault", ["sensor nan", "rig silent"])
+def test_the_hold_lives_through_a_short_silence_of_its_sensors(fault, length, holds):
+    """On their last values; after a longer one nothing holds until a reset, though the sensor comes back."""
+    start = RAMP + 100
+    rig = still_article([0.5, -0.5, 0.0], faults=(Fault(kind=fault, start=start, end=start + length),))
+    with Supervisor(held_settings(), rig) as engine:
+        verified(engine)
+        records = engine.run(start + 100 - engine.sample)
+        assert engine.state == "safe"
+        assert ("hold lost" not in kinds(engine)) == holds
+        expected = GAIN * np.array([0.5, -0.5]) if holds else np.zeros(2)
+        assert np.allclose(records["u"][-1], expected)
+        assert engine.reset().done
+        assert np.allclose(engine.run(RAMP + 50)["u"][-1], GAIN * np.array([0.5, -0.5]))
+
+
+def test_a_stop_in_safe_is_a_new_trip():
+    """A reset that names the trip before it does not undo it."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        engine.reset()
+        engine.run(5, keep=False)
+        engine.stop()
+        engine.run(5, keep=False)
+        old = engine.trip
+        late = engine.send("reset", values=[old], at=engine.sample + 3)
+        engine.stop()
+        engine.run(5, keep=False)
+        assert engine.answer(late).word == "wrong trip"
+        assert engine.state == "safe"
+        assert [event.kind for event in engine.events() if event.trips] == ["stop", "stop"]
+        assert engine.reset().done
+
+
+def test_a_compensator_that_overflows_trips_and_is_banned():
+    """Its limits would make zero of what is no number, and nobody would know."""
+    law = random_law(np.random.default_rng(3), 4, SENSORS, OUTPUTS)
+    s = law.sampled
+    wild = dataclasses.replace(
+        law, dynamics=SampledStateSpace(1e3 * s.A, s.B, s.C, s.D, period_s=PERIOD_S), applied=None
+    )
+    package = package_law(wild, "law", limit=0.5, unstable=True, form="dense")
+    settings = plain_settings(effort_s=0.0)
+    with Supervisor(settings, random_article()) as engine:
+        assert engine.load(package).done
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        records = engine.run(400)
+        trip = next(event for event in engine.events() if event.trips)
+        assert trip.kind == "command not finite"
+        assert trip.side == "output"
+        assert engine.blacklist() == (trip.sha256,)
+        assert np.isfinite(records["u"]).all()
+        assert engine.load(package).word == "on blacklist"
+    with Supervisor(settings, random_article()) as engine:  # in the shadow it only stops
+        engine.load(package)
+        engine.reset()
+        engine.command("standby")
+        engine.run(400, keep=False)
+        assert engine.state == "ready"
+        assert len(engine.blacklist()) == 1
+        assert engine.command("engage", values=[1.0]).word == "on blacklist"
+
+
+def test_a_slew_limit_makes_no_jump_where_two_compensators_run():
+    """Each goes on from what it has added itself, not from what both have."""
+    first = static_package(np.full((OUTPUTS, SENSORS), 0.2))
+    second = static_package(np.full((OUTPUTS, SENSORS), 0.21), slew_rate=0.5)
+    with Supervisor(plain_settings(), still_article([0.5, 0.5, 0.5])) as engine:
+        engine.load(first, slot=0)
+        engine.load(second, slot=1)
+        engine.reset()
+        engine.command("engage", slot=0, values=[1.0])
+        engine.run(600, keep=False)
+        engine.command("standby", slot=1)
+        shadow = engine.run(100)
+        assert not np.any(shadow["added_1"])
+        engine.command("engage", slot=1, values=[1.0])
+        u = engine.run(600)["u"]
+    assert np.abs(np.diff(u, axis=0)).max() <= 0.01 * 0.5
+    assert np.allclose(u[-1], 0.315)
+
+
+def test_less_authority_is_a_fade_and_no_jump():
+    with Supervisor(plain_settings(), still_article([0.5, 0.5, 0.5])) as engine:
+        engine.load(static_package(np.full((OUTPUTS, SENSORS), 0.3)))
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.run(600, keep=False)
+        engine.command("engage", values=[0.25])
+        u = engine.run(600)["u"]
+        assert engine.state == "control"
+    assert np.abs(np.diff(u, axis=0)).max() <= 0.01 * 0.5
+    assert 0.0 < u[-1, 0] < 0.25 * 0.45
+
+
+def test_momentum_outlives_a_reset_and_safe_adds_none():
+    """A wheel does not stop because someone has pressed a key."""
+    _, u = ports(0, SENSORS, OUTPUTS)
+    drives = tuple(Drive(port=port, lower=-0.5, upper=0.5, momentum=0.05) for port in u)
+    settings = held_settings(drives=drives)
+    with Supervisor(settings, still_article([-10.0, 0.0, 0.0])) as engine:  # 0.2 N m from the hold
+        engine.reset()
+        records = engine.run(1000)
+        assert kinds(engine)[-1] == "momentum"
+        for _ in range(3):
+            engine.reset()
+            records = np.concatenate([records, engine.run(1000)])
+        assert engine.trip == 4
+    turned = np.cumsum(records["u"][:, 0]) * PERIOD_S
+    assert turned.max() <= 0.05 + 5 * 0.2 * PERIOD_S
+
+
+def test_a_compensator_at_its_own_limit_is_an_effort():
+    """Far below the engine's, as a limit cycle of a fast mode is; in slew as in size."""
+    settings = plain_settings(effort_s=0.5)
+    y = np.array([0.5, 0.5, 0.5])
+    small = static_package(np.full((OUTPUTS, SENSORS), 0.3), limit=1e-3)
+    with Supervisor(settings, still_article(y)) as engine:
+        engine.load(small)
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.run(1000, keep=False)
+        trip = next(event for event in engine.events() if event.trips)
+        assert (trip.kind, trip.channel, trip.side) == ("effort", "u0", "output")
+        assert len(engine.blacklist()) == 1
+    slow = static_package(np.full((OUTPUTS, SENSORS), 0.3), slew_rate=1e-3)
+    with Supervisor(settings, still_article(y)) as engine:
+        engine.load(slow)
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.run(1000, keep=False)
+        assert "effort" in kinds(engine)
+
+
+def test_a_trip_of_the_hold_alone_unlearns_it():
+    """What trips in READY is what holds, and SAFE must not go on with it."""
+    wild = (LoopPath(0, 0, static_gain(0.5)),)
+    A = np.diag([0.999, 0.9, 0.9])
+    rig = random_article(states=3, A=A, B=np.array([[0.01, 0.0]] * 3), C=np.eye(3), G=1e-6 * np.eye(3))
+    monitor = Monitor(channel="y0", band_hz=(0.0, np.inf), window_s=0.1, factor=1.2, floor=1e-4)
+    settings = plain_settings(hold=wild, verify_s=0.002, ramp_s=0.3, monitors=(monitor,))
+    with Supervisor(settings, rig) as engine:
+        engine.reset()
+        records = engine.run(3000)
+        found = kinds(engine)
+        assert found.index("hold verified") < found.index("growth") < found.index("hold lost")
+    assert not np.any(records["u"][-1])
+
+
+def test_a_hold_that_drives_the_article_out_is_let_go():
+    """An eighth beyond where it took over; a hold that only keeps it there goes on."""
+    plain = plain_settings()
+    sensors = tuple(dataclasses.replace(sensor, envelope=1.0) for sensor in plain.sensors)
+    for gain, lost in ((0.05, True), (-0.05, False)):
+        rig = still_article([0.3, 0.0, 0.0], A=np.diag([1.0, 0.5, 0.5]), B=np.array([[0.1, 0.0]] * 3))
+        hold = (LoopPath(0, 0, static_gain(gain)),)
+        with Supervisor(held_settings(hold=hold, sensors=sensors), rig) as engine:
+            verified(engine)
+            engine.stop()
+            engine.run(1, keep=False)
+            records = engine.run(1500)
+            found = [event for event in engine.events() if event.kind == "hold lost"]
+        assert bool(found) == lost
+        if lost:
+            assert found[0].value == pytest.approx(1.125, rel=0.006)  # a step of half a per cent
+            assert not np.any(records["u"][-1])
+
+
+def test_a_sensor_that_stands_off_at_power_up_is_no_step():
+    """Filters begin as if its value had always been there."""
+    band = Monitor(channel="y0", band_hz=(2.0, 12.0), limit=1e-9)
+    with Supervisor(plain_settings(monitors=(band,)), still_article([5.0, 0.0, 0.0])) as engine:
+        engine.reset()
+        engine.run(100, keep=False)
+        assert engine.state == "ready"
+
+
+def test_growth_needs_windows_to_grow_from():
+    """The first window after a reset has none before it."""
+    rate, window = 0.02, 50
+    rig = still_article([1e-3, 0.0, 0.0], A=np.diag([1.0 + rate, 1.0, 1.0]))
+    factor = (1.0 + rate) ** window
+    monitor = Monitor(
+        channel="y0", band_hz=(0.0, np.inf), window_s=window * PERIOD_S, factor=0.99 * factor, times=3
+    )
+    with Supervisor(plain_settings(monitors=(monitor,)), rig) as engine:
+        engine.reset()
+        engine.run(5 * window, keep=False)
+        (trip,) = [event for event in engine.events() if event.trips]
+        assert (trip.kind, trip.sample) == ("growth", 4 * window - 1)
+
+
+def test_an_envelope_looks_ahead_by_the_rate():
+    """The amplitude that a pendulum will reach is seen before it is there."""
+    omega = 2.0 * np.pi * 1.3
+    c, s = np.cos(omega * PERIOD_S), np.sin(omega * PERIOD_S)
+    A = np.array([[c, s / omega, 0.0], [-omega * s, c, 0.0], [0.0, 0.0, 1.0]])
+    plain = plain_settings()
+    sensors = (
+        dataclasses.replace(plain.sensors[0], envelope=1.0, rate="y1", coast_s=1.0 / omega),
+        *plain.sensors[1:],
+    )
+    for amplitude, trips in ((0.999, False), (1.001, True)):
+        rig = still_article([0.0, amplitude * omega, 0.0], A=A)
+        with Supervisor(plain_settings(sensors=sensors), rig) as engine:
+            engine.reset()
+            engine.run(1, keep=False)
+            assert (engine.state == "safe") == trips
+            engine.run(2000, keep=False)
+            assert (engine.state == "safe") == trips
+
+
+def test_a_disengaged_slot_takes_another_package():
+    with Supervisor(plain_settings(), random_article()) as engine:
+        engine.load(random_package())
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.run(600, keep=False)
+        assert engine.load(random_package(2)).word == "busy"
+        engine.command("disengage")
+        engine.run(600, keep=False)
+        assert engine.state == "ready"
+        assert engine.load(random_package(2)).done
+
+
+def test_the_law_beside_a_hold_has_the_bits_of_the_reference():
+    """Where no limit acts it learns exactly what it asked for, though a hold is added and taken away."""
+    package = random_package(limit=5.0, input_range=1e-2)
+    wide = tuple(Drive(port=port, lower=-50.0, upper=50.0) for port in ports(0, SENSORS, OUTPUTS)[1])
+    with Supervisor(held_settings(drives=wide), random_article()) as engine:
+        engine.load(package)
+        engine.reset()
+        engine.run(RAMP + 10, keep=False)
+        engine.command("engage", values=[1.0])
+        records = engine.run(2000)
+    reference = ReferenceLaw(package)
+    expected = np.array([reference.step(row) for row in records["y"]])
+    assert np.array_equal(records["added_0"].view(np.int64), expected.view(np.int64))
+    assert np.any(records["hold"])
+
+
+def test_a_full_blacklist_refuses_what_it_does_not_know():
+    """Nothing drops out of it to make room."""
+    settings = plain_settings(effort_s=0.5)
+    with Supervisor(settings, still_article([0.5, 0.5, 0.5])) as engine:
+        answer = ""
+        for k in range(64):
+            package = static_package(np.full((OUTPUTS, SENSORS), 0.3 + 0.001 * k), limit=1e-3)
+            answer = engine.load(package).word
+            if answer != "done":
+                break
+            engine.reset()
+            engine.command("engage", values=[1.0])
+            engine.run(600, keep=False)
+            assert engine.state == "safe"
+        assert (answer, k) == ("on blacklist", 63)
+        assert len(set(engine.blacklist())) == 63
+
+
+def test_sensors_that_read_one_thing_must_agree():
+    rig = still_article([0.1, 0.1, 0.0])
+    spread = Spread("y0", "y1", 0.01, 0.02)
+    for value, trips in ((0.009, False), (0.011, True)):
+        faulty = with_faults(rig, Fault(kind="sensor add", channel=1, start=50, value=value))
+        with Supervisor(plain_settings(spreads=(spread,)), faulty) as engine:
+            engine.reset()
+            engine.run(100, keep=False)
+            assert (engine.state == "safe") == trips
+            assert [e.sample for e in engine.events() if e.kind == "spread"] == ([59] if trips else [])
+
+
+def test_outputs_may_have_the_names_of_sensors():
+    """As a loop's torque and its angle have: strips and monitors know which is meant."""
+    plain = plain_settings()
+    named = tuple(
+        dataclasses.replace(drive, port=dataclasses.replace(drive.port, name=sensor.port.name))
+        for drive, sensor in zip(plain.drives, plain.sensors, strict=False)
+    )
+    monitor = Monitor(channel="y1", side="output", band_hz=(0.0, np.inf), limit=0.05, seconds=0.01)
+    with Supervisor(
+        dataclasses.replace(plain, drives=named, monitors=(monitor,)), still_article([1.0, 1.0, 1.0])
+    ) as engine:
+        engine.reset()
+        assert engine.set_strip("y1", "offset", 0.2).done
+        engine.run(500, keep=False)
+        trip = next(event for event in engine.events() if event.trips)
+        assert (trip.kind, trip.channel, trip.side) == ("band power", "y1", "output")
+
+
+def test_a_linear_article_has_as_many_disturbances_as_it_likes():
+    """With more, and fewer, of them than outputs: variance by Lyapunov's equation."""
+    rng = np.random.default_rng(4)
+    y, u = ports(0, SENSORS, OUTPUTS)
+    A = 0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    system = SampledStateSpace(
+        A,
+        rng.standard_normal((4, OUTPUTS)),
+        rng.standard_normal((SENSORS, 4)),
+        np.zeros((SENSORS, OUTPUTS)),
+        period_s=PERIOD_S,
+    )
+    plant = Plant(dynamics=system, inputs=u, outputs=y)
+    for disturbed in (("u0",), ("u0", "u1", "u0")):
+        rig = linear_article(
+            plant, PERIOD_S, ("u0", "u1"), ("y0", "y1", "y2"), disturbed=disturbed, disturbance_rms=0.3
+        )
+        assert rig.G.shape == (4, len(disturbed))
+        X = scipy.linalg.solve_discrete_lyapunov(rig.A, rig.G @ rig.G.T)
+        G = 0.3 * system.B[:, [int(name[1]) for name in disturbed]]
+        truth = scipy.linalg.solve_discrete_lyapunov(A, G @ G.T)
+        assert np.allclose(rig.C @ X @ rig.C.T, system.C @ truth @ system.C.T, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "sensor nan", "channel": SENSORS},
+        {"kind": "output dead", "channel": OUTPUTS},
+        {"kind": "sensor swap", "value": SENSORS},
+        {"kind": "sensor stuck", "channel": -1},
+    ],
+)
+def test_faults_of_channels_that_are_not_there_are_refused(fault):
+    with pytest.raises(ConfigError, match="channel"):
+        encode_article(with_faults(random_article(), Fault(**fault)))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"kind": "sensor late", "value": 64.0}, {"kind": "encoder wrap", "value": 0.0}, {"kind": "none"}],
+)
+def test_faults_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        Fault(**wrong)
