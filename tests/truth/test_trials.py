@@ -64,9 +64,10 @@ def test_a_rig_in_python_and_one_behind_udp_are_the_same_rig():
 @pytest.mark.parametrize(
     ("changes", "trip", "blamed"),
     [
-        ({"sensors": "range"}, "range y", False),
+        ({"sensors": "range"}, "range y", True),  # driven there: half of it was seen before
         ({"sensors": "envelope"}, "envelope y", True),
         ({"effort_s": 0.1, "effort_share": 0.2}, "effort u", True),
+        ({"hold": HOLD, "effort_s": 0.2, "effort_share": 0.1}, "effort u", True),
     ],
 )
 @pytest.mark.usefixtures("compiler")
