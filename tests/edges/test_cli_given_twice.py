@@ -141,6 +141,7 @@ WRITES = {
     ("outcome", "--figure"): options.FIGURES,
     ("generate", "--output"): (".mdk", ".json", ".c", ".h"),
     ("gate", "--output"): (".json",),
+    ("gate", "--blacklist"): (".json",),
 }
 ENDINGS = (
     ".json",

@@ -11,6 +11,7 @@ import pytest
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.engine.article import linear_article
+from middeck.realtime.engine.rig import EngineRig
 from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.supervisor import DriverRig
 from middeck.realtime.engine.trial import ENGINE, REFERENCE, Stage, run_trial
@@ -30,6 +31,7 @@ from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace, StateSpace
+from served_by_thread import served_by_thread
 
 PERIOD_S = 0.002
 WAY, PUSH = Port("way", "m"), Port("push", "N")
@@ -131,14 +133,49 @@ def test_a_shadow_run_refuses_on_live_sensors_and_moves_nothing(computer):
     assert not trial.blamed  # it moved nothing
 
 
+class Jump(EngineRig):
+    """A sensor that is good for a while, and then gives nonsense."""
+
+    def __init__(self, nonsense: float) -> None:
+        self.nonsense, self.samples = nonsense, 0
+
+    def read(self) -> np.ndarray:
+        return np.array([self.nonsense if self.samples > 300 else 0.01 * np.sin(self.samples)])
+
+    def write(self, u: np.ndarray) -> None:
+        self.samples += 1
+
+
 def test_a_trip_that_is_not_the_packages_fault_blames_nobody(computer):
-    """A sensor beyond its range; one of its envelope is the package's while it is engaged."""
-    for envelope, blamed in ((2.0, False), (0.3, True)):
-        rig = bench(swing(), envelope=envelope, disturbance=60.0)
-        step, tripped = check_engagement(damper(), rig, TRIALS)
-        assert not step.passed
-        assert bool(tripped) == blamed
-        assert step.said.startswith("trip: envelope way" if blamed else "trip: range way")
+    """A sensor that jumps; where it was driven towards its end, or beyond its envelope, the package is."""
+    for nonsense, said in ((5.0, "trip: range way"), (np.nan, "trip: not finite way")):
+        with served_by_thread(Jump(nonsense)) as rig:
+            step, tripped = check_engagement(damper(), GateRig(rig, bench(swing()).settings), TRIALS)
+        assert step.said.startswith(said)
+        assert not tripped
+    for envelope, said in ((2.0, "trip: range way"), (0.3, "trip: envelope way")):
+        step, tripped = check_engagement(
+            damper(), bench(swing(), envelope=envelope, disturbance=60.0), TRIALS
+        )
+        assert step.said.startswith(said)
+        assert tripped
+        assert step.said == f"trip: {tripped} ({computer})"
+
+
+def test_a_command_that_overflows_is_refused_in_shadow(computer):
+    """Its limit would make it a number; what it asks for is none."""
+    law = Compensator(
+        SampledStateSpace([[0.5]], [[0.0]], [[0.0]], [[-1e308]], period_s=PERIOD_S), (WAY,), (PUSH,)
+    )
+    package = package_law(law, "endless", input_range=100.0, limit=1.0)
+    rig = bench(swing())
+    wide = dataclasses.replace(rig.settings.sensors[0], range=100.0, envelope=90.0)
+    settings = dataclasses.replace(rig.settings, sensors=(wide,))
+    with served_by_thread(Jump(50.0)) as served:
+        step = check_shadow_run(package, GateRig(served, settings), TRIALS)
+    assert not step.passed
+    # The engine does not even take it: its test vectors overflow too.
+    assert "command not finite push" in step.said or step.said.startswith("refused: ")
 
 
 def test_what_cannot_be_tried_is_not_passed(computer):

@@ -21,8 +21,9 @@ from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig, switch_o
 from middeck.laboratory.rig.stepped import SteppedRig
 from middeck.realtime.engine.header import constants
 from middeck.realtime.engine.rig import EngineRig
+from middeck.realtime.engine.rig_server import LOOPBACK, serve_rig
 from middeck.realtime.engine.rig_session import HOLD, LONGEST, REPLY, REQUEST, RigSession
-from middeck.realtime.engine.served_rig import LOOPBACK, ServedRig, serve_rig
+from middeck.realtime.engine.served_rig import ServedRig
 from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.supervisor import Supervisor, UdpRig
 from middeck.realtime.package.build import package_law
@@ -31,6 +32,8 @@ from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace
+from repeats import repeats
+from served_by_thread import served_by_thread
 
 PERIOD_S, SEED, RAMP = 0.002, 7, 150
 ANGLE, TORQUE = Port("angle", "rad"), Port("torque", "N m")
@@ -125,7 +128,7 @@ def run_engine(rig: UdpRig, samples: int, waveform=None, **changes) -> np.ndarra
 
 
 @pytest.mark.usefixtures("compiler")
-@pytest.mark.parametrize("kind", ["fine", "linear"])
+@pytest.mark.parametrize("kind", repeats(["fine", "linear"]))
 def test_a_package_through_the_engine_is_the_law_in_the_simulation(kind):
     """From the end of its fade on, of rig and law where they then are; nothing is limited."""
     rig, wave, samples = RIGS[kind](), commands(700), 700
@@ -197,7 +200,7 @@ def test_a_bad_wire_changes_nothing_in_lockstep():
     """The same bytes for the same seed, however many datagrams are lost or come twice."""
     taken = []
     for bad in (False, True):
-        with ServedRig(SteppedRig(whole_rig(), np.random.default_rng(SEED))) as served:
+        with served_by_thread(SteppedRig(whole_rig(), np.random.default_rng(SEED))) as served:
             if bad:
                 with Wire(served.port, 11) as wire:
                     taken.append(run_engine(wire, 400, answer_s=0.6))

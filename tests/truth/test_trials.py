@@ -12,7 +12,6 @@ import scipy.linalg as sla
 from engine_cases import SENSORS, plain_settings, random_article, random_package
 from middeck.errors import ConfigError
 from middeck.realtime.engine.article import Fault, linear_article
-from middeck.realtime.engine.served_rig import ServedRig
 from middeck.realtime.engine.stepped_article import SteppedArticle
 from middeck.realtime.engine.supervisor import DriverRig
 from middeck.realtime.engine.trial import ENGINE, REFERENCE, Stage, run_trial
@@ -22,6 +21,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S
+from served_by_thread import served_by_thread
 
 STAGES = (Stage("standby", 0.2), Stage("engage", 0.4, 0.25), Stage("engage", 0.8))
 HOLD = (LoopPath(0, 1, static_gain(-0.02)),)
@@ -55,7 +55,7 @@ def test_a_rig_in_python_and_one_behind_udp_are_the_same_rig():
         run_trial(package, settings, SteppedArticle(random_article()), stages, computer=computer)
         for computer in ("engine", "reference")
     ]
-    with ServedRig(SteppedArticle(random_article())) as served:
+    with served_by_thread(SteppedArticle(random_article())) as served:
         found.append(run_trial(package, settings, served, stages, computer="reference"))
     for other in found[1:]:
         np.testing.assert_allclose(found[0].y, other.y, rtol=0.0, atol=1e-10)
@@ -64,9 +64,10 @@ def test_a_rig_in_python_and_one_behind_udp_are_the_same_rig():
 @pytest.mark.parametrize(
     ("changes", "trip", "blamed"),
     [
-        ({"sensors": "range"}, "range y", False),
+        ({"sensors": "range"}, "range y", True),  # driven there: half of it was seen before
         ({"sensors": "envelope"}, "envelope y", True),
         ({"effort_s": 0.1, "effort_share": 0.2}, "effort u", True),
+        ({"hold": HOLD, "effort_s": 0.2, "effort_share": 0.1}, "effort u", True),
     ],
 )
 @pytest.mark.usefixtures("compiler")

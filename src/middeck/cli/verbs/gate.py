@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 EPILOG = """\
 \b
 Examples:
-  middeck gate law.mdk model.json -o verdict.json
+  middeck gate law.mdk model.json --noise 1e-6 -o verdict.json
   middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3 --paper
 """
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
@@ -78,12 +78,7 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
     type=click.IntRange(1, 65535),
     help="Shadow run and engagement on the rig that answers at this UDP port of this machine.",
 )
-@click.option(
-    "--driver",
-    type=click.Path(exists=True, dir_okay=False),
-    metavar="DRIVER.c",
-    help="The same on converters, by the clock.",
-)
+@click.option("--driver", metavar="DRIVER.c", help="The same on converters, by the clock.")
 @click.option(
     "--share",
     type=click.FloatRange(0.0, 1.0, min_open=True),

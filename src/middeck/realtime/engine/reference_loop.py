@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -18,8 +19,8 @@ from middeck.signals.ports import Port
 class ReferenceLoop:
     """Sensors' ranges and envelopes, hold, law with its fade, limits, effort: one sample a call.
 
-    It holds outputs at zero from the sample of a trip on. Tests of stuck sensors and of spread, monitors,
-    momentum and everything with a clock are the engine's alone.
+    It begins where the engine is after a reset, and holds outputs at zero from the sample of a trip on. Tests
+    of stuck sensors and of spread, monitors, momentum and everything with a clock are the engine's alone.
 
     Attributes:
         wanted: What the law would add at full authority.
@@ -31,26 +32,24 @@ class ReferenceLoop:
     def __init__(self, package: ControllerPackage, settings: EngineSettings) -> None:
         if abs(package.period_s - settings.period_s) > 1e-9 * settings.period_s:
             raise ConfigError("a package of another sampling rate", hint=f"{1.0 / settings.period_s:g} Hz")
-        ramp = max(package.ramp, settings.samples(settings.ramp_s), LEAST_RAMP)
-        self.settings = settings
+        self.settings, self.ramp = settings, max(settings.samples(settings.ramp_s), LEAST_RAMP)
+        ramp = max(package.ramp, self.ramp)
         self.law = ReferenceLaw(
             dataclasses.replace(package, ramp=ramp, vectors=None), fast=not package.single
         )
         self.inputs = _places(package.inputs, settings.inputs)
         self.outputs = _places(package.outputs, settings.outputs)
         self.hold = [(path.input, path.output, SectionState(path.section)) for path in settings.hold]
-        self.range, self.envelope = (
-            np.array([getattr(sensor, name) for sensor in settings.sensors]) for name in ("range", "envelope")
+        self.sensors, self.good = _Sensors(settings), np.zeros(len(settings.sensors))
+        self.limits = _Limits(
+            np.array([drive.lower for drive in settings.drives]),
+            np.array([drive.upper for drive in settings.drives]),
+            np.array([drive.slew_rate for drive in settings.drives]) * settings.period_s,
         )
-        self.lower, self.upper, slew = (
-            np.array([getattr(drive, name) for drive in settings.drives])
-            for name in ("lower", "upper", "slew_rate")
-        )
-        self.slew, self.last = slew * settings.period_s, np.zeros(len(settings.drives))
-        self.wanted = np.zeros(len(settings.drives))
+        self.last, self.effort, self.wanted = np.zeros((3, len(settings.drives)))
+        seconds = settings.effort_s
+        self.forget = -math.expm1(-settings.period_s / seconds) if seconds else 0.0
         self.top, self.engaged, self.count = 0, False, 0
-        half = settings.samples(settings.effort_s) // 2
-        self.half, self.effort, self.before = half, np.zeros(len(self.last)), np.zeros(len(self.last))
         self.trip, self.blamed = "", False
 
     def begin(self, engaged: bool, share: float) -> None:
@@ -64,53 +63,101 @@ class ReferenceLoop:
             self._look(y)
         if self.trip:
             return np.zeros(len(self.last))
-        held = np.zeros(len(self.last))
-        for sensor, output, section in self.hold:
-            held[output] += section.step(y[sensor])
-        command = self.law.compute(y[self.inputs]) if self.engaged else self._standing_by(y)
-        self.wanted = np.zeros(len(self.last))
-        self.wanted[self.outputs] = self.law.wanted
+        held, command = self._held(y), self._command(y)
+        if self.trip:
+            return np.zeros(len(self.last))
         total = held.copy()
         total[self.outputs] += command
-        near = np.clip(total, self.last - self.slew, self.last + self.slew)
-        u = np.clip(near, self.lower, self.upper)
-        self.law.commit((u - held)[self.outputs])
+        u = self.limits.keep(total, self.last)
+        whole = (u == total)[self.outputs]
+        self._count_effort(u, command)
+        self.law.commit(np.where(whole, command, (u - held)[self.outputs]))
         self.law.level = min(self.law.level, self.top)
-        self._count_effort(u)
         self.last, self.count = u, self.count + 1
         return u
 
-    def _standing_by(self, y: np.ndarray) -> np.ndarray:
-        return 0.0 * self.law.compute(y[self.inputs])
+    def _held(self, y: np.ndarray) -> np.ndarray:
+        """The hold, which rises after a reset."""
+        held, part = np.zeros(len(self.last)), min(self.count / self.ramp, 1.0)
+        for sensor, output, section in self.hold:
+            held[output] += section.step(y[sensor])
+        return part * part * (3.0 - 2.0 * part) * held
+
+    def _command(self, y: np.ndarray) -> np.ndarray:
+        """What the law adds: nothing while it stands by."""
+        command = self.law.compute(y[self.inputs])
+        self.wanted = np.zeros(len(self.last))
+        self.wanted[self.outputs] = self.law.wanted
+        if not np.isfinite(self.law.wanted).all():
+            self._blame(
+                "command not finite", self.law.package.outputs[0].name, float(self.law.wanted[0]), 0.0, True
+            )
+        return command if self.engaged else 0.0 * command
 
     def _look(self, y: np.ndarray) -> None:
-        for what, wrong, limit in (
-            ("not finite", ~np.isfinite(y), 0.0 * self.range),
-            ("range", np.abs(y) > self.range, self.range),
-            ("envelope", np.abs(y) > self.envelope, self.envelope),
-        ):
-            for i in np.flatnonzero(wrong)[:1].tolist():
-                self._blame(
-                    what, self.settings.inputs[i].name, float(y[i]), float(limit[i]), what == "envelope"
-                )
-                return
+        found = self.sensors.look(y)
+        if found is not None:
+            what, place, value, limit = found
+            driven = abs(self.good[place]) > 0.5 * self.sensors.range[place]
+            law = self.law.level > 0 and (what == "envelope" or (what == "range" and driven))
+            self._blame(what, self.settings.inputs[place].name, value, limit, bool(law))
+        self.good = y
 
-    def _count_effort(self, u: np.ndarray) -> None:
-        if not self.half:
-            return
-        self.effort += (u <= self.lower) | (u >= self.upper)
-        share = (self.effort + self.before) / (2.0 * self.half)
-        for i in np.flatnonzero(share > self.settings.effort_share)[:1].tolist():
-            self._blame(
-                "effort", self.settings.outputs[i].name, float(share[i]), self.settings.effort_share, True
-            )
-        if (self.count + 1) % self.half == 0:
-            self.before, self.effort = self.effort, np.zeros(len(u))
+    def _count_effort(self, u: np.ndarray, command: np.ndarray) -> None:
+        share = self.limits.taken(u, self.last)
+        if self.law.level > 0:
+            own = _Limits(self.law.lower, self.law.upper, self.law.slew).taken(command, self.law.last)
+            share[self.outputs] = np.maximum(share[self.outputs], own)
+        self.effort += self.forget * (share**2 - self.effort)
+        for i in np.flatnonzero(self.effort > self.settings.effort_share**2)[:1].tolist():
+            name, root = self.settings.outputs[i].name, math.sqrt(self.effort[i])
+            self._blame("effort", name, root, self.settings.effort_share, self.law.level > 0)
 
     def _blame(self, what: str, channel: str, value: float, limit: float, law: bool) -> None:
         at_s = self.count * self.settings.period_s
         self.trip = f"{what} {channel} at {at_s:.4g} s: {value:.4g}, limit {limit:.4g}"
-        self.blamed = law and (self.engaged or self.law.level > 0)
+        self.blamed = law
+
+
+class _Limits(NamedTuple):
+    """Of outputs: size to either side, and change in a sample."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    slew: np.ndarray
+
+    def keep(self, total: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """Slew, then size."""
+        return np.clip(np.clip(total, last - self.slew, last + self.slew), self.lower, self.upper)
+
+    def taken(self, u: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """Share of the limit on u's side, or of the slew: what saturates is at one."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.where(u > 0.0, u / self.upper, np.where(u < 0.0, u / self.lower, 0.0))
+        return np.maximum(size, np.abs(u - last) / self.slew)
+
+
+class _Sensors:
+    """Finite, range and envelope of a sample, in the engine's order."""
+
+    def __init__(self, settings: EngineSettings) -> None:
+        names = [port.name for port in settings.inputs]
+        self.range, self.envelope, self.coast = (
+            np.array([getattr(sensor, name) for sensor in settings.sensors])
+            for name in ("range", "envelope", "coast_s")
+        )
+        self.rate = [names.index(s.rate) if s.rate else k for k, s in enumerate(settings.sensors)]
+
+    def look(self, y: np.ndarray) -> tuple[str, int, float, float] | None:
+        """What is wrong, where, the value and its limit; None for nothing."""
+        for i in np.flatnonzero(~(np.abs(y) <= self.range))[:1].tolist():
+            if np.isfinite(y[i]):
+                return "range", i, float(y[i]), float(self.range[i])
+            return "not finite", i, float(y[i]), 0.0
+        size = np.hypot(y, self.coast * y[self.rate])
+        for i in np.flatnonzero(size > self.envelope)[:1].tolist():
+            return "envelope", i, float(size[i]), float(self.envelope[i])
+        return None
 
 
 def _places(ports: tuple[Port, ...], there: tuple[Port, ...]) -> list[int]:

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.article import LinearArticle
 from middeck.realtime.engine.build import find_compiler
+from middeck.realtime.engine.commands import Event
 from middeck.realtime.engine.reference_loop import ReferenceLoop
 from middeck.realtime.engine.rig import EngineRig
 from middeck.realtime.engine.served_rig import ServedRig
@@ -27,6 +28,8 @@ AnyRig = RigChoice | EngineRig
 Computer = Literal["auto", "engine", "reference"]
 SETTLE_S = 0.1
 """By the clock: until a rig answers in time."""
+OVERFLOW = "its commands overflow"
+"""While it stands by, which stops it without a trip."""
 ENGINE, REFERENCE = "engine", "reference law in Python"
 
 
@@ -117,19 +120,23 @@ def _by_engine(
                 answers.append(engine.command(stage.word, values=values))
                 taken = np.concatenate([taken, engine.run(settings.samples(stage.seconds))])
         trips = [event for event in engine.events() if event.trips]
+        blamed = hash_package(package) in engine.blacklist()
         return Trial(
             computer=ENGINE,
             y=taken["y"][first:],
             u=taken["u"][first:],
             wanted=taken["wanted_0"][first:],
             refused=next((answer.reason for answer in answers if not answer.done), ""),
-            trip="; ".join(
-                f"{e.kind} {e.channel} at {e.sample * settings.period_s:.4g} s: {e.value:.4g}, "
-                f"limit {e.limit:.4g}"
-                for e in trips[:1]
-            ),
-            blamed=hash_package(package) in engine.blacklist(),
+            trip=_in_words(trips[0], settings.period_s) if trips else OVERFLOW if blamed else "",
+            blamed=blamed,
         )
+
+
+def _in_words(event: Event, period_s: float) -> str:
+    return (
+        f"{event.kind} {event.channel} at {event.sample * period_s:.4g} s: {event.value:.4g}, "
+        f"limit {event.limit:.4g}"
+    )
 
 
 def _by_reference(

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from middeck.errors import DataError
 from middeck.realtime.engine.header import constants
 from middeck.realtime.engine.rig import EngineRig
+from middeck.realtime.engine.rig_server import LARGEST, LOOPBACK
 from middeck.realtime.engine.rig_session import END, REPLY, REQUEST
-from middeck.realtime.engine.served_rig import LARGEST, LOOPBACK
 from middeck.realtime.engine.supervisor import UdpRig
 
 TRIES = 20
