@@ -1,6 +1,7 @@
 """What the engine guards against: faults, packages that destabilise, hours without a false trip.
 
-The cases and their judgement are those of the tests (`make test-all`); here they are counted. Takes about two hours.
+The cases and their judgement are those of the tests (`make test-all`); here they are counted,
+which takes about two hours.
 """
 
 from __future__ import annotations

@@ -127,6 +127,12 @@ static void lose_hold(engine *e, const trip_cause *cause)
     engine_tell(e, HOLD_LOST, cause->channel, cause->value, cause->limit, NULL);
 }
 
+/* What grows, or takes all effort, while nothing but the hold is at work. */
+static int is_of_the_hold(const trip_cause *cause)
+{
+    return cause->kind == GROWTH || cause->kind == EFFORT;
+}
+
 static void go_safe(engine *e, const trip_cause *cause)
 {
     const int lawful = of_a_law(e, cause), alone = e->state == READY;
@@ -149,7 +155,7 @@ static void go_safe(engine *e, const trip_cause *cause)
             put_on_blacklist(e, e->slots[k].p.hash);
         stop_slot(&e->slots[k]);
     }
-    if (lawful && alone && e->hold_verified && cause->kind != MOMENTUM) { /* nobody but the hold was at work */
+    if (alone && e->hold_verified && is_of_the_hold(cause)) {
         e->hold_verified = 0;
         lose_hold(e, cause);
     }
@@ -188,15 +194,23 @@ static void watch_hold(engine *e)
         lose_hold(e, &why);
 }
 
-static real hold_share(const engine *e)
+/* What is left of the outputs at the last trip or loss of the hold. */
+static real left(const engine *e)
 {
-    return e->state == SAFE || e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
+    return e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
 }
 
-/* After a reset it rises, and what SAFE had commanded falls. */
+/* In SAFE all or nothing; after a reset it rises, if it did not hold already. */
+static real hold_share(const engine *e)
+{
+    if (e->state == SAFE)
+        return hold_is_good(e);
+    return e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
+}
+
 static void compute_hold(engine *e)
 {
-    const real share = hold_share(e);
+    const real share = hold_share(e), rest = left(e);
     int i;
 
     memset(e->hold, 0, sizeof e->hold);
@@ -205,25 +219,20 @@ static void compute_hold(engine *e)
 
         e->hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
     }
-    if (share < 1)
+    if (share < 1 || rest > 0)
         for (i = 0; i < e->set.outputs; ++i)
-            e->hold[i] = share * e->hold[i] + (1 - share) * e->from[i];
+            e->hold[i] = rest * e->from[i] + (1 - rest) * share * e->hold[i];
     if (e->state != SAFE)
         e->hold_level += e->hold_level < e->set.ramp;
 }
 
-/* From the last command to the verified hold, else to zero; no further push where the store of momentum is full. */
+/* The hold, or what is left on the way to zero; no further push where the store of momentum is full. */
 static void safe_command(const engine *e, real *u)
 {
-    const int good = hold_is_good(e);
-    const real left = e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
     int i;
 
-    for (i = 0; i < e->set.outputs; ++i) {
-        u[i] = left * e->from[i] + (good ? (1 - left) * e->hold[i] : 0);
-        if (monitors_full(&e->monitors, &e->set, i, u[i]))
-            u[i] = 0;
-    }
+    for (i = 0; i < e->set.outputs; ++i)
+        u[i] = monitors_full(&e->monitors, &e->set, i, e->hold[i]) ? 0 : e->hold[i];
 }
 
 static void play(engine *e)
@@ -396,7 +405,7 @@ static void judge(engine *e, const trip_cause *cause)
         e->trip = ++e->trips;
         e->cause = *cause;
         engine_tell(e, STOP, -1, 0, 0, NULL);
-    } else if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && (cause->kind == GROWTH || cause->kind == EFFORT)) {
+    } else if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && is_of_the_hold(cause)) {
         lose_hold(e, cause);
         e->hold_verified = 0;
     }

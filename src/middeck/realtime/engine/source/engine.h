@@ -47,7 +47,7 @@ typedef struct {
     whole quiet;                 /* samples of holding so far */
     whole since_trip;            /* or since the hold was lost */
     real taken_over;             /* largest amplitude over its envelope, squared, when the safe state took over */
-    real from[CHANNELS];         /* outputs at the last trip, loss of the hold, or reset */
+    real from[CHANNELS];         /* outputs at the last trip or loss of the hold */
     strip strips[CHANNELS];
     const real *waveform;
     whole waveform_samples, periods_left, playing_at; /* playing_at: next sample of it */
