@@ -221,8 +221,8 @@ def play(kind: str, state: str, seed: int) -> Ending:
     plain = shifted_article(ARTICLES[kind]) if kind in ARTICLES else nominal_article(*ARTICLE)
     rig = with_faults(plain, *faults, seed=int(rng.integers(1 << 30)))
     wave = 0.02 * rng.standard_normal((200, len(settings.drives)))
-    ring = 64 if kind == "records not read" else 8192
-    with Supervisor(settings, rig, waveform=wave, ring=ring) as engine:
+    ring = 64 if kind == "records not read" else 2048
+    with Supervisor(settings, rig, waveform=wave, ring=ring, pretrip_s=2.0) as engine:
         reach(engine, state, start)
         before = engine.state
         records, answers = [], []
