@@ -179,6 +179,30 @@ def test_a_compensator_that_overflows_trips_and_is_banned():
         assert engine.command("engage", values=[1.0]).word == "on blacklist"
 
 
+@pytest.mark.parametrize("trust", [True, False], ids=["verified", "unverified"])
+def test_a_trip_within_a_sample_begins_the_ramp_in_it(trust):
+    """From the last command to what SAFE has, though the hold was computed for another state."""
+    law = random_law(np.random.default_rng(3), 4, SENSORS, OUTPUTS)
+    s = law.sampled
+    wild = SampledStateSpace(1e30 * s.A, s.B, s.C, s.D, period_s=PERIOD_S)
+    package = package_law(
+        dataclasses.replace(law, dynamics=wild, applied=None), "law", limit=0.5, unstable=True, form="dense"
+    )
+    with Supervisor(held_settings(verify_s=0.1 if trust else 0.0), still_article([0.5, -0.5, 0.1])) as engine:
+        engine.load(package)
+        engine.reset()
+        engine.run(RAMP + 60, keep=False)
+        engine.command("engage", values=[1.0])
+        records = engine.run(60)
+        trip = next(event for event in engine.events() if event.trips)
+        assert trip.kind == "command not finite"
+    at = trip.sample - RAMP - 60
+    before, now = records["u"][at - 1], records["u"][at]
+    first = 3.0 / SAFE_RAMP**2 - 2.0 / SAFE_RAMP**3
+    aim = GAIN * records["y"][at, :2] if trust else np.zeros(OUTPUTS)
+    assert np.allclose(now, (1.0 - first) * before + first * aim, rtol=1e-12)
+
+
 def test_a_slew_limit_makes_no_jump_where_two_compensators_run():
     """Each goes on from what it has added itself, not from what both have."""
     first = static_package(np.full((OUTPUTS, SENSORS), 0.2))

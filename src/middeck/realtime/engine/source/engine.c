@@ -208,29 +208,36 @@ static real hold_share(const engine *e)
     return e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
 }
 
-static void compute_hold(engine *e)
+static void fade_hold(engine *e)
 {
     const real share = hold_share(e), rest = left(e);
     int i;
 
-    memset(e->hold, 0, sizeof e->hold);
+    for (i = 0; i < e->set.outputs; ++i)
+        e->hold[i] = share < 1 || rest > 0 ? rest * e->from[i] + (1 - rest) * share * e->whole_hold[i] : e->whole_hold[i];
+}
+
+static void compute_hold(engine *e)
+{
+    int i;
+
+    memset(e->whole_hold, 0, sizeof e->whole_hold);
     for (i = 0; i < e->set.paths; ++i) {
         const hold_path *path = &e->set.path[i];
 
-        e->hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
+        e->whole_hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
     }
-    if (share < 1 || rest > 0)
-        for (i = 0; i < e->set.outputs; ++i)
-            e->hold[i] = rest * e->from[i] + (1 - rest) * share * e->hold[i];
+    fade_hold(e);
     if (e->state != SAFE)
         e->hold_level += e->hold_level < e->set.ramp;
 }
 
 /* The hold, or what is left on the way to zero; no further push where the store of momentum is full. */
-static void safe_command(const engine *e, real *u)
+static void safe_command(engine *e, real *u)
 {
     int i;
 
+    fade_hold(e); /* anew: SAFE may be as young as this sample's compensators */
     for (i = 0; i < e->set.outputs; ++i)
         u[i] = monitors_full(&e->monitors, &e->set, i, e->hold[i]) ? 0 : e->hold[i];
 }
@@ -274,12 +281,12 @@ static int all_finite(const real *v, whole count)
 /* A compensator whose numbers overflow adds nothing any more: it trips where it has a say, and stops standing by. */
 static void refuse_overflow(engine *e, slot *s, trip_cause *cause)
 {
-    if (acts(s) || s->in_control) {
+    if (!acts(s))
+        put_on_blacklist(e, s->p.hash);
+    if (acts(s) || s->in_control)
         blame(cause, COMMAND_NOT_FINITE, e->set.inputs + s->output[0], s->law.wanted[0], 0);
-        return;
-    }
-    stop_slot(s);
-    put_on_blacklist(e, s->p.hash);
+    else
+        stop_slot(s);
 }
 
 static void run_law(engine *e, int k, real *sum, trip_cause *cause)

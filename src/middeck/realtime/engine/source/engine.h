@@ -57,7 +57,8 @@ typedef struct {
     unsigned char blacklist[HASHES][32];
     whole blacklisted;
     /* of the last sample, for the record */
-    real hold[CHANNELS], excitation[CHANNELS], added[SLOTS][CHANNELS], wanted[SLOTS][CHANNELS], u[CHANNELS];
+    real whole_hold[CHANNELS], hold[CHANNELS]; /* the latter as it rises and falls */
+    real excitation[CHANNELS], added[SLOTS][CHANNELS], wanted[SLOTS][CHANNELS], u[CHANNELS];
     uint64_t saturated;
     real law_share[CHANNELS]; /* of its own limit or slew that a compensator takes */
     /* what happened in it */
