@@ -297,8 +297,9 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
         if f.kind.startswith(("sensor", "encoder"))
         for place in (f.channel, int(f.value) if f.kind == "sensor swap" else f.channel)
     }
+    works = not any(f.kind.startswith("output") for f in faults)  # else SAFE's own torque may go astray
     for k, sensor in enumerate(settings.sensors):
-        if k not in spoilt and np.any(np.abs(records["y"][:, k]) > 2.0 * sensor.envelope):
+        if works and k not in spoilt and np.any(np.abs(records["y"][:, k]) > 2.0 * sensor.envelope):
             share = np.abs(records["y"][:, k]).max() / sensor.envelope
             return f"{sensor.port.name} at {share:.2f} of its envelope"
     if kind in REFUSED and answers[0] == "done":

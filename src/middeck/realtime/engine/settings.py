@@ -51,7 +51,7 @@ class SensorTest:
             f"a range up to {LARGEST:g}, an envelope > 0, a finite stuck_s from zero",
         )
         _require(
-            0.0 <= self.coast_s < math.inf and (self.coast_s == 0.0 or self.rate != ""),
+            0.0 <= self.coast_s <= LONGEST_S and (self.coast_s == 0.0 or self.rate != ""),
             f"sensor {self.port.name}: coast_s {self.coast_s} with the rate {self.rate!r}",
             "a finite time from zero, and the name of a rate sensor",
         )

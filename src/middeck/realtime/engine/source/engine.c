@@ -5,7 +5,7 @@
 
 #include "kernel.h"
 
-enum { TAKE_OVER = 5 }; /* ramps to the safe state until its effect is seen: the article answers with a delay */
+enum { RAMPS = 5, COASTS = 4 }; /* the safe state has taken over after so many of its ramps, and of the longest coast */
 
 static real larger(real a, real b)
 {
@@ -38,6 +38,10 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     e->gain = 1;
     sensors_start(&e->sensors);
     monitors_start(&e->monitors);
+    e->take_over = RAMPS * set->safe_ramp;
+    for (i = 0; i < set->inputs; ++i)
+        if (COASTS * set->coast[i] / set->period_s > (real)e->take_over)
+            e->take_over = (whole)(COASTS * set->coast[i] / set->period_s);
     for (i = 0; i < set->outputs; ++i)
         make_neutral(&e->strips[i]);
     for (i = 0; i < set->paths; ++i)
@@ -171,7 +175,7 @@ static int hold_is_good(const engine *e)
    what holds then pushes it. */
 static int runs_away(engine *e)
 {
-    if (e->since_trip <= TAKE_OVER * e->set.safe_ramp) {
+    if (e->since_trip <= e->take_over) {
         e->taken_over = larger(e->taken_over, e->sensors.worst);
         return 0;
     }

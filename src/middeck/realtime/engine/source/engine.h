@@ -46,6 +46,7 @@ typedef struct {
     whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
     whole since_trip;            /* or since the hold was lost */
+    whole take_over;             /* samples until the safe state has taken over */
     real taken_over;             /* largest amplitude over its envelope, squared, when the safe state took over */
     real from[CHANNELS];         /* outputs at the last trip or loss of the hold */
     strip strips[CHANNELS];
