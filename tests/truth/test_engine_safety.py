@@ -11,9 +11,10 @@ import scipy.linalg
 from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, random_package
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
+from middeck.realtime.engine.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.article import Fault, LinearArticle, encode_article, linear_article, with_faults
 from middeck.realtime.engine.monitors import Monitor
-from middeck.realtime.engine.settings import AdaptiveGain, Drive, SensorTest, Spread
+from middeck.realtime.engine.settings import Drive, SensorTest, Spread
 from middeck.realtime.engine.supervisor import Supervisor
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
@@ -479,7 +480,11 @@ def test_faults_that_cannot_be_are_refused(wrong):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"adaptive": AdaptiveGain(monitor=0, low=0.1, high=0.2, most=1.0, rate=1.0)},
+        {
+            "adaptive": AdaptiveGain(
+                maximum=1.0, rate=1.0, sensor="y9", band_hz=(1.0, 9.0), quiet_rms=0.1, loud_rms=0.2
+            )
+        },
         {"spreads": (Spread("y0", "y1", -1.0, 0.1),)},
         {"verify_s": -1.0},
         {"heartbeat_s": np.nan},

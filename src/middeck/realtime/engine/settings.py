@@ -153,11 +153,13 @@ class EngineSettings:
             for text in (text for port in ports for text in (port.name, port.unit)):
                 longest = constants()["NAME"]
                 _require(len(text.encode()) <= longest, f"{side}: {text!r}", f"{longest} bytes at most")
-        for what in ("monitors", "spreads"):
-            count = len(getattr(self, what))
-            _require(
-                count <= constants()[what.upper()], f"{count} {what}", f"{constants()[what.upper()]} at most"
-            )
+        self._check_hold()
+        self._check_watches()
+        self._check_times()
+
+    def _check_hold(self) -> None:
+        most = constants()["SECTIONS"]
+        _require(len(self.hold) <= most, f"a hold of {len(self.hold)} paths", f"{most} at most")
         for path in self.hold:
             _require(
                 0 <= path.input < len(self.sensors) and 0 <= path.output < len(self.drives),
@@ -165,12 +167,19 @@ class EngineSettings:
                 "places in sensors and drives",
             )
             _require(path.section.stable, "a hold with an unstable section", "poles inside the unit circle")
-        _require(len(self.hold) <= constants()["SECTIONS"], f"{len(self.hold)} paths", "fewer")
+
+    def _check_watches(self) -> None:
+        names = [port.name for port in self.inputs]
+        for what, count in (("monitors", len(self.all_monitors)), ("spreads", len(self.spreads))):
+            most = constants()[what.upper()]
+            _require(count <= most, f"{count} {what}", f"{most} at most")
+        if self.adaptive is not None:
+            self.sensor(self.adaptive.sensor)
         for sensor in self.sensors:
             _require(
-                sensor.rate in ("", *(port.name for port in self.inputs)),
+                sensor.rate in ("", *names),
                 f"sensor {sensor.port.name}: no rate sensor {sensor.rate!r}",
-                f"one of {', '.join(port.name for port in self.inputs)}",
+                f"one of {', '.join(names)}",
             )
         for spread in self.spreads:
             _require(
@@ -178,23 +187,6 @@ class EngineSettings:
                 f"sensors {spread.first} and {spread.second} apart by {spread.limit} for {spread.seconds} s",
                 f"a limit from zero, a time up to {LONGEST_S:g} s",
             )
-        self._check_adaptive()
-        self._check_times()
-
-    def _check_adaptive(self) -> None:
-        gain = self.adaptive
-        if gain is None:
-            return
-        _require(
-            0 <= gain.monitor < len(self.monitors),
-            f"an adaptive gain by monitor {gain.monitor}",
-            f"one of {len(self.monitors)} monitors, from 0",
-        )
-        _require(
-            0.0 <= gain.low <= gain.high < math.inf and 0.0 <= gain.most < math.inf and gain.rate > 0.0,
-            f"an adaptive gain of 0 to {gain.most}, {gain.rate} a second, by {gain.low} and {gain.high}",
-            "0 <= low <= high, a finite most from zero, a rate > 0",
-        )
 
     def _check_times(self) -> None:
         names = ("effort_s", "verify_s", "ramp_s", "safe_ramp_s", "heartbeat_s", "late_s", "answer_s")
