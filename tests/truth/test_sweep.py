@@ -10,6 +10,7 @@ import middeck as md
 from cli_runner import middeck
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.sampled import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.files.compensators import write_compensator
 from middeck.files.models import write_model
@@ -122,3 +123,15 @@ def test_stability_in_every_case_is_that_of_loops_closed_by_hand(
     assert [row["stable"] for row in rows] == [not grows(law, factors) for factors in by_hand]
     assert rows[1]["plant"] == f"model, {NAMES[0]} -10 %"
     assert rows[-1]["plant"] == "model, first bending +10 %, others +20 %"
+
+
+def test_the_gate_closes_the_loop_in_every_case(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    law = design_sampled_lqg(measured_plant(model(), **GROUPS), WEIGHTS, 1e4, 0.004)
+    write_compensator(tmp_path / "law.json", law)
+    write_model(tmp_path / "model.json", model())
+    made = middeck(capfd, "generate", tmp_path / "law.json", "--without-applied", "-o", tmp_path / "law.mdk")
+    assert made.code == 0, made.err
+    command = ("gate", tmp_path / "law.mdk", tmp_path / "model.json", "--gain-db", "0", "--phase-deg", "0")
+    alone = json.loads(middeck(capfd, *command, "--json").out)
+    swept = json.loads(middeck(capfd, *command, "--sweep", "--first-bending", "1:2", "--json").out)
+    assert len(swept["models"]) == 11 * len(alone["models"])
