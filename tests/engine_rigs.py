@@ -290,3 +290,19 @@ def settings_of(article: str = "simple", environment: str = "lab") -> EngineSett
     whole = np.concatenate(records)
     assert engine.state == "control"
     return guard(settings, rig, whole["y"], whole["u"])
+
+
+@functools.cache
+def siso_case() -> RigCase:
+    """Figure 9: the gimbal's torque to the payload's angle in the laboratory, wheels off, nothing held."""
+    case, modes = rig_case("dm", "lab"), find_modes(*study().case("dm", "lab"))
+    plant = build_plant(modes, inputs=("pri_rel_z",), outputs=("pri_in_z",), count=study().control.modes_kept)
+    return dataclasses.replace(
+        case,
+        plant=delay_plant(partition_modes(plant).active, study().rig.delay_s - PERIOD_S / 2),
+        sensors=("pri_in_z",),
+        drives=("pri_rel_z",),
+        measured=1,
+        controlled=1,
+        hold=(),
+    )

@@ -385,7 +385,8 @@ def test_a_gain_that_makes_no_sense_is_refused(wrong, said):
 def test_the_gate_proves_the_gain_last_and_on_every_model():
     plant, law = single_mode(0.1, 0.1)
     package, least = packaged(law), GateMargins(gain_db=0.0, phase_deg=0.0)
-    verdict = examine_package(package, {"one": plant, "other": delay_plant(plant, 2e-4)}, least, gain=gain_of())
+    models = {"one": plant, "other": delay_plant(plant, 2e-4)}
+    verdict = examine_package(package, models, least, gain=gain_of())
     assert verdict.passed
     assert [step.name for step in verdict.steps[-2:]] == ["adaptive gain one", "adaptive gain other"]
     assert [proof.model for proof in verdict.proofs] == ["one", "other"]

@@ -13,11 +13,12 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.engine.article import Fault, LinearArticle, encode_article, linear_article, with_faults
 from middeck.realtime.engine.monitors import Monitor
-from middeck.realtime.engine.settings import Drive, Spread
+from middeck.realtime.engine.settings import AdaptiveGain, Drive, SensorTest, Spread
 from middeck.realtime.engine.supervisor import Supervisor
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports, random_law
@@ -94,6 +95,26 @@ def test_after_a_reset_the_hold_rises():
     assert np.allclose(u[-1], [0.5 * GAIN, -0.5 * GAIN])
 
 
+@pytest.mark.parametrize("hold", [HOLD, ()], ids=["held", "not held"])
+def test_a_reset_at_once_makes_no_jump(hold):
+    """What SAFE has not yet taken away goes on falling at its pace."""
+    settings = held_settings(hold=hold)
+    with Supervisor(settings, still_article([0.5, 0.5, 0.5])) as engine:
+        engine.load(static_package(np.full((OUTPUTS, SENSORS), 0.3)))
+        engine.reset()
+        engine.run(RAMP + 60, keep=False)
+        engine.command("engage", values=[1.0])
+        engine.run(RAMP + 50, keep=False)
+        engine.stop()
+        before = engine.run(3)
+        engine.reset()
+        after = engine.run(100)
+    u = np.concatenate([before, after])["u"][:, 0]
+    assert np.abs(np.diff(u)).max() <= 1.5 / SAFE_RAMP * 0.47
+    assert np.all(np.diff(u[:SAFE_RAMP]) < 0.0)
+    assert np.allclose(u[SAFE_RAMP:], 0.5 * GAIN if hold else 0.0)
+
+
 @pytest.mark.parametrize(("length", "holds"), [(SAFE_RAMP, True), (SAFE_RAMP + 5, False)])
 @pytest.mark.parametrize("fault", ["sensor nan", "rig silent"])
 def test_the_hold_lives_through_a_short_silence_of_its_sensors(fault, length, holds):
@@ -156,6 +177,30 @@ def test_a_compensator_that_overflows_trips_and_is_banned():
         assert engine.state == "ready"
         assert len(engine.blacklist()) == 1
         assert engine.command("engage", values=[1.0]).word == "on blacklist"
+
+
+@pytest.mark.parametrize("trust", [True, False], ids=["verified", "unverified"])
+def test_a_trip_within_a_sample_begins_the_ramp_in_it(trust):
+    """From the last command to what SAFE has, though the hold was computed for another state."""
+    law = random_law(np.random.default_rng(3), 4, SENSORS, OUTPUTS)
+    s = law.sampled
+    wild = SampledStateSpace(1e30 * s.A, s.B, s.C, s.D, period_s=PERIOD_S)
+    package = package_law(
+        dataclasses.replace(law, dynamics=wild, applied=None), "law", limit=0.5, unstable=True, form="dense"
+    )
+    with Supervisor(held_settings(verify_s=0.1 if trust else 0.0), still_article([0.5, -0.5, 0.1])) as engine:
+        engine.load(package)
+        engine.reset()
+        engine.run(RAMP + 60, keep=False)
+        engine.command("engage", values=[1.0])
+        records = engine.run(60)
+        trip = next(event for event in engine.events() if event.trips)
+        assert trip.kind == "command not finite"
+    at = trip.sample - RAMP - 60
+    before, now = records["u"][at - 1], records["u"][at]
+    first = 3.0 / SAFE_RAMP**2 - 2.0 / SAFE_RAMP**3
+    aim = GAIN * records["y"][at, :2] if trust else np.zeros(OUTPUTS)
+    assert np.allclose(now, (1.0 - first) * before + first * aim, rtol=1e-12)
 
 
 def test_a_slew_limit_makes_no_jump_where_two_compensators_run():
@@ -429,3 +474,21 @@ def test_faults_of_channels_that_are_not_there_are_refused(fault):
 def test_faults_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):
         Fault(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"adaptive": AdaptiveGain(monitor=0, low=0.1, high=0.2, most=1.0, rate=1.0)},
+        {"spreads": (Spread("y0", "y1", -1.0, 0.1),)},
+        {"verify_s": -1.0},
+        {"heartbeat_s": np.nan},
+        {"late_most": -1},
+        {"effort_share": 0.0},
+        {"drives": (Drive(port=Port("u" * 65, "N m"), lower=-1.0, upper=1.0),)},
+        {"sensors": (SensorTest(port=Port("y0", "rad"), range=1.0, rate="y9", coast_s=1.0),)},
+    ],
+)
+def test_settings_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        plain_settings(**wrong)

@@ -14,6 +14,14 @@ import numpy as np
 from pydantic_core import PydanticCustomError
 
 from middeck.files.article_form import GimbalForm, NodeForm, RevoluteForm, State, section_stiffness
+from middeck.files.article_names import (
+    attach_names,
+    damped_names,
+    joint_names,
+    named_tables,
+    node_names,
+)
+from middeck.files.article_parts import unconnected
 from middeck.files.boundary_checks import bushing_findings, clamp_findings
 from middeck.files.boundary_form import BushingForm, PrescribedForm, build_bushing
 from middeck.files.damping_checks import damping_findings
@@ -23,7 +31,6 @@ from middeck.files.link_form import link_findings, link_names, linked_frames
 from middeck.files.tables import Table, array_of, is_number, table_of, tables
 from middeck.files.toml_lines import Path
 from middeck.structure.elements.rotations import cross
-from middeck.structure.model.connectivity import separate_parts, some_names
 from middeck.structure.model.section_checks import RIGID_IN_SHEAR, stiffness_faults
 
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
@@ -47,7 +54,7 @@ def article_findings(data: Table) -> list[Finding]:
         *_names(data),
         *_references(data),
         *_geometry(data),
-        *_unconnected(data),
+        *unconnected(data),
         *_bodies(data),
         *_axes(data),
         *_travels(data),
@@ -57,7 +64,7 @@ def article_findings(data: Table) -> list[Finding]:
         *_attach(data),
         *_cycles(data),
         *_boundaries(data),
-        *damping_findings(data, _damped_names(data)),
+        *damping_findings(data, damped_names(data)),
     ]
 
 
@@ -71,57 +78,6 @@ def _boundaries(data: Table) -> Iterator[Finding]:
             if "inertia_kg_m2" in mass:
                 place = ("load_case", i, "mass", k, "inertia_kg_m2")
                 yield from _triangle(place, mass["inertia_kg_m2"], spins=False)
-
-
-def named_tables(data: Table, key: str) -> dict[str, Table]:
-    """The sub-tables of table ``key`` by name."""
-    return {name: t for name, t in table_of(data, key).items() if isinstance(t, dict)}
-
-
-def node_names(data: Table) -> list[str]:
-    """Names of the nodes."""
-    return [str(t["name"]) for _, t in tables(data, "node") if "name" in t]
-
-
-def joint_names(data: Table) -> list[str]:
-    """Names of the joints: two for a gimbal, one for a revolute or a proof mass."""
-    return [*_axis_names(data), *(str(t["name"]) for _, t in tables(data, "proof_mass") if "name" in t)]
-
-
-def _axis_names(data: Table) -> list[str]:
-    gimbals = [f"{t['name']}_{a}" for _, t in tables(data, "gimbal") if "name" in t for a in "xz"]
-    return gimbals + [str(t["name"]) for _, t in tables(data, "revolute") if "name" in t]
-
-
-def attach_names(data: Table) -> list[str]:
-    """Names of the attach points: the suspension's nodes and the listed ones."""
-    listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
-    return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *listed]
-
-
-def hanging_names(data: Table) -> list[str]:
-    """Attach points that a suspension may take: all but the listed ones where a spring or bushing ends."""
-    ties = [t for key in ("spring", "bushing") for _, t in tables(data, key)]
-    ends = {str(t.get(end)) for t in ties for end in ("from", "to")}
-    own = set(map(str, array_of(table_of(data, "suspension"), "nodes")))
-    return [name for name in attach_names(data) if name in own or name not in ends]
-
-
-def wheel_names(data: Table) -> list[str]:
-    """Names of the wheels."""
-    return [str(t["name"]) for _, t in tables(data, "wheel") if "name" in t]
-
-
-def _damped_names(data: Table) -> dict[str, list[str]]:
-    """Names of what may be damped, by key."""
-    springs = [str(t.get("name", f"{t.get('from')}-{t.get('to')}")) for _, t in tables(data, "spring")]
-    return {
-        "joint": _axis_names(data),  # a proof mass has its own damping, not in N m s/rad
-        "spring": springs,
-        "attach": attach_names(data),
-        "material": list(named_tables(data, "material")),
-        "section": list(named_tables(data, "section")),
-    }
 
 
 def _sections(data: Table) -> Iterator[Finding]:
@@ -343,48 +299,6 @@ def _all_numbers(*values: Any) -> bool:
 def _is_vector(value: Any) -> bool:
     items = cast("list[Any]", value) if isinstance(value, list) else []
     return len(items) == 3 and _all_numbers(*items)
-
-
-def _unconnected(data: Table) -> Iterator[Finding]:
-    """Members, springs and components must join all nodes; what they leave out is named at its first node."""
-    place = {t["name"]: i for i, t in tables(data, "node") if isinstance(t.get("name"), str)}
-    for part in separate_parts(list(place), _joined(data, set(place)))[1:]:
-        path: Path = ("node", place[part[0]], "name")
-        if len(part) == 1:
-            message = "an unconnected node: no strut, spring or link joins it"
-        else:
-            message = f"a disconnected part: no strut, spring or link joins {some_names(part)} to the rest"
-        yield finding(path, message, part[0], hint="add a [[strut]] from or to it, or remove it")
-
-
-def _joined(data: Table, nodes: set[str]) -> list[tuple[str, str]]:
-    """Pairs of nodes; where an end names nothing, another finding, all nodes used count as one part."""
-    carrier = {name: name for name in nodes}
-    for _, t in tables(data, "gimbal"):
-        carrier |= {f"{t.get('name')}_x": str(t.get("node")), f"{t.get('name')}_z": str(t.get("node"))}
-    for table, key in (("revolute", "parent"), ("proof_mass", "node")):
-        carrier |= {str(t.get("name")): str(t.get(key)) for _, t in tables(data, table)}
-    frame = {str(name): str(name) for name in array_of(table_of(data, "suspension"), "nodes")}
-    frame |= {str(t.get("name")): str(t.get("frame")) for _, t in tables(data, "attach")}
-    ends = [(str(t.get("from")), str(t.get("to"))) for _, t in tables(data, "strut")]
-    for _, t in (*tables(data, "spring"), *tables(data, "bushing")):
-        ends.append((frame.get(str(t.get("from")), ""), frame.get(str(t.get("to")), "")))
-    for _, t in tables(data, "component"):
-        ends += itertools.pairwise(map(str, table_of(t, "nodes").values()))
-    for tied in linked_frames(data):
-        ends += itertools.pairwise(str(name) for _, name in tied)
-    pairs = [(_carrier(start, carrier), _carrier(end, carrier)) for start, end in ends]
-    used = [name for pair in pairs for name in pair]
-    return pairs if nodes.issuperset(used) else list(itertools.pairwise(n for n in used if n in nodes))
-
-
-def _carrier(frame: str, carrier: dict[str, str]) -> str:
-    """The node that a frame is fixed to in the end; a ring of joints, refused elsewhere, ends anywhere."""
-    for _ in carrier:
-        if carrier.get(frame, frame) == frame:
-            break
-        frame = carrier[frame]
-    return frame
 
 
 def _bodies(data: Table) -> Iterator[Finding]:

@@ -15,14 +15,9 @@ from pydantic import ValidationError
 from middeck.errors import ConfigError
 from middeck.files import looks
 from middeck.files.article_build import build_structure
-from middeck.files.article_checks import (
-    article_findings,
-    attach_names,
-    hanging_names,
-    node_names,
-    wheel_names,
-)
+from middeck.files.article_checks import article_findings
 from middeck.files.article_form import ArticleForm
+from middeck.files.article_names import attach_names, hanging_names, node_names, wheel_names
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
 from middeck.files.faults import Fault, Finding, finding, form_findings, nearest, raise_fault, raise_faults

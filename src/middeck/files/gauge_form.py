@@ -54,8 +54,8 @@ class ReadingForm(GaugeForm):
     value_nm: Finite | None = None
 
 
-class StaticForm(Form):
-    """A static test: one of the article's load cases by name, or loads of its own."""
+class _LoadedForm(Form):
+    """One of the article's load cases by name, or loads of its own, and how its readings count."""
 
     name: str
     environment: str = "lab"
@@ -66,21 +66,17 @@ class StaticForm(Form):
     since: Literal["unloaded", "drawn"] = "unloaded"
     series: str = ""
     set: dict[str, Finite] = Field(default_factory=dict)
+
+
+class StaticForm(_LoadedForm):
+    """A static test: loads, and what its gauges read."""
+
     reading: Annotated[tuple[ReadingForm, ...], Field(strict=False, min_length=1)]
 
 
-class PlannedStaticForm(Form):
+class PlannedStaticForm(_LoadedForm):
     """A static test that may be made: as `StaticForm`, its gauges without values."""
 
-    name: str
-    environment: str = "lab"
-    load_case: str | None = None
-    load: Annotated[tuple[LoadForm, ...], Field(strict=False)] = ()
-    mass: Annotated[tuple[MassForm, ...], Field(strict=False)] = ()
-    prescribed: Annotated[tuple[PrescribedForm, ...], Field(strict=False)] = ()
-    since: Literal["unloaded", "drawn"] = "unloaded"
-    series: str = ""
-    set: dict[str, Finite] = Field(default_factory=dict)
     reading: Annotated[tuple[GaugeForm, ...], Field(strict=False, min_length=1)]
 
 
@@ -104,7 +100,7 @@ def value_of(form: ReadingForm) -> float:
     return UNIT[ending] * getattr(form, f"value_{ending}")
 
 
-def build_case(form: StaticForm | PlannedStaticForm) -> LoadCase | str | None:
+def build_case(form: _LoadedForm) -> LoadCase | str | None:
     """The load case of a static test."""
     if not (form.load or form.mass or form.prescribed):
         return form.load_case

@@ -8,7 +8,8 @@ from pathlib import Path
 
 ARTICLE, ENVIRONMENT, STUDY, CHANNELS = "an article", "an environment", "a study", "a file of channels"
 MODEL, LAW, SURVEY = "a fitted model", "a compensator", "the measured modes of a survey"
-PROMISE, PACKAGE, BLACKLIST = "a promise", "a controller package", "a blacklist of packages"
+PROMISE, PACKAGE, RUN = "a promise", "a controller package", "a run of the engine"
+BLACKLIST = "a blacklist of packages"
 FOLDER, EMPTY, BINARY, TEXT = "a folder", "an empty file", "a binary file", "plain text"
 TABLE, ARCHIVE, ARRAY = "a table of numbers", "an archive of arrays (NPZ)", "one array (NPY)"
 MAT, HDF5, UNIVERSAL = "a MATLAB file", "an HDF5 file", "a universal file"
@@ -39,6 +40,7 @@ MAGIC = {
     b"\x89HDF\r\n": HDF5,
     b"MATLAB": MAT,
     b"MIDDECKP": PACKAGE,
+    b"MIDDECKR": RUN,
     b"\xff\xfe": NOT_UTF8,
     b"\xfe\xff": NOT_UTF8,
 }

@@ -15,6 +15,7 @@ from middeck.files.documents import check, find_document, load_setup, read_sourc
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.gauge_form import StaticForm, build_case, build_gauge, static_findings, value_of
+from middeck.files.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.survey_files import load_survey_modes
 from middeck.files.unknown_form import UnknownForm
 from middeck.updating.posterior import USUAL
@@ -36,6 +37,8 @@ class SurveyForm(Form):
     environment: str = "lab"
     frequency_std: Positive | None = None
     set: dict[str, Finite] = Field(default_factory=dict)
+    response: ResponseForm | None = None
+    anti_resonance: Annotated[tuple[AntiResonanceForm, ...], Field(strict=False)] = ()
 
 
 class RefinementForm(Form):
@@ -89,6 +92,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
             environment=load_setup(article, place)[1],
             settings=tuple(s.set.items()),
             frequency_std=s.frequency_std,
+            response=build_response(s.response, s.anti_resonance, Path(path).parent),
         )
         for s, seen, place in zip(form.survey, modes, environments, strict=True)
     )
@@ -106,7 +110,8 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         for t, place in zip(form.static, rests, strict=True)
     )
     unknowns = tuple(build_unknown(u) for u in form.unknown)
-    files = dict.fromkeys((Path(path), *modes, *environments, *rests))
+    heard = [Path(path).parent / s.response.file for s in form.survey if s.response is not None]
+    files = dict.fromkeys((Path(path), *modes, *heard, *environments, *rests))
     return Refinement(
         surveys=surveys,
         unknowns=unknowns,

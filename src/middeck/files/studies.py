@@ -9,8 +9,9 @@ from typing import Any, TypeVar, cast
 
 from middeck.errors import ConfigError
 from middeck.files import study_form
-from middeck.files.article_checks import article_findings, attach_names
+from middeck.files.article_checks import article_findings
 from middeck.files.article_form import ArticleForm
+from middeck.files.article_names import attach_names
 from middeck.files.documents import (
     Checked,
     Kind,

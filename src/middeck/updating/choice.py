@@ -15,6 +15,7 @@ from jaxtyping import Float
 from middeck.structure.model.article import Structure
 from middeck.updating.posterior import USUAL
 from middeck.updating.refine import USUAL_STATIC, compare_at_first
+from middeck.updating.responses import ComparedResponse
 from middeck.updating.statics import ComparedStatic, StaticTest
 from middeck.updating.surveys import Survey
 from middeck.updating.unknowns import Unknown
@@ -69,7 +70,7 @@ def weigh_unknowns(
     Raises `ConfigError` as `refine`.
     """
     compared = compare_at_first(structure, surveys, unknowns, statics)
-    usual = [static_error if isinstance(c, ComparedStatic) else model_error for c in compared]
+    usual = [_usual(c, model_error, static_error) for c in compared]
     std = np.concatenate([np.hypot(c.std, error) for c, error in zip(compared, usual, strict=True)])
     spread = np.array([u.spread for u in unknowns])
     columns = np.vstack([c.slope for c in compared]) * spread / std[:, None]
@@ -86,6 +87,13 @@ def weigh_unknowns(
         weak=weak,
         alike=_groups(cosine, weak),
     )
+
+
+def _usual(compared: object, model_error: float, static_error: float) -> float:
+    """What the model is thought to be wrong by beside noise; in a response's rows that is counted already."""
+    if isinstance(compared, ComparedResponse):
+        return 0.0
+    return static_error if isinstance(compared, ComparedStatic) else model_error
 
 
 def _groups(cosine: np.ndarray, weak: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:

@@ -18,6 +18,8 @@ FAR = 2.5
 PART = 0.35
 # A model error this many times the noise of the test counts.
 ABOVE = 2.0
+# Deviations: a response that is off by more has a model error that was not stated.
+MISSED = 1.5
 # Pairs of close modes that are named.
 NAMED = 3
 
@@ -55,6 +57,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
             for j in c.unpaired
         ),
         *(f"{c.survey.name}: {said}" for c in refined.compared for said in c.survey.measured.warnings),
+        *_of_responses(refined),
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
     )
 
@@ -112,6 +115,21 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
                 )
     if refined.statics:
         yield from _of_statics(refined, *tau[MODAL:].tolist())
+
+
+def _of_responses(refined: Refined) -> Iterator[str]:
+    for heard in refined.responses:
+        if heard.miss > MISSED:
+            yield (
+                f"{heard.survey}: the response is off by {heard.magnitude_db:.2g} dB and "
+                f"{heard.phase_deg:.2g} deg, {heard.miss:.1f} times what noise and the stated errors of the "
+                "model explain: its rows count so much less"
+            )
+        for zero in heard.lost:
+            yield (
+                f"{heard.survey}: the model has no anti-resonance from {zero.input} to {zero.output} near "
+                f"{zero.frequency_hz:.4g} Hz: that one was left out"
+            )
 
 
 def _of_statics(refined: Refined, shared: float, own: float) -> Iterator[str]:

@@ -132,7 +132,8 @@ def _problem(
     fields: ErrorFields | None,
 ) -> Linear:
     mean, spread = (np.array([getattr(u, name) for u in refined.unknowns]) for name in ("mean", "spread"))
-    return linear_problem(compared, statics, fields, refined.linear_at - mean, spread)
+    at = refined.linear_at - mean
+    return linear_problem(compared, statics, fields, at, spread, refined.responses)
 
 
 def _known_after(

@@ -17,8 +17,10 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
 from middeck.updating.gauges import Gauge
+from middeck.updating.loop_unknowns import LOOP, loop_slopes
 from middeck.updating.own_errors import OwnErrors, sorts_of
 from middeck.updating.posterior import USUAL, Estimate, Linear, estimate, unseen_deviations
+from middeck.updating.responses import ComparedResponse
 from middeck.updating.statics import (
     ComparedStatic,
     ErrorFields,
@@ -29,7 +31,15 @@ from middeck.updating.statics import (
     gauge_key,
     set_up_static,
 )
-from middeck.updating.surveys import Compared, SetUp, Survey, compare, pair, set_up
+from middeck.updating.surveys import (
+    Compared,
+    SetUp,
+    Survey,
+    compare,
+    compare_measured_response,
+    pair,
+    set_up,
+)
 from middeck.updating.unknowns import ENVIRONMENT, Unknown
 from middeck.values import record
 
@@ -37,6 +47,8 @@ from middeck.values import record
 # that they share as far as they strain the members alike, and one of each reading.
 SORTS = ("suspension", "flexible", "static", "reading")
 MODAL = 2
+# What begins so is no parameter of the article.
+ELSEWHERE = (ENVIRONMENT, LOOP)
 # Relative errors of a beam model's sag and, over them, of each reading, that are thought likely before.
 USUAL_STATIC, OF_READING = 0.02, 0.25
 STEPS = 12
@@ -65,6 +77,7 @@ class Refined:
         fields: Strains of the static tests, which have errors of their own; None where there are no tests.
         unseen: Deviations of the model's own errors that no test saw, one a sort: ``estimate.tau``, and more
             where the tests say little of it.
+        responses: Of the surveys that have one, beside the model.
     """
 
     structure: Structure
@@ -79,6 +92,7 @@ class Refined:
     converged: bool
     fields: ErrorFields | None
     unseen: Float[np.ndarray, " sort"]
+    responses: tuple[ComparedResponse, ...] = ()
 
     @property
     def zeros(self) -> tuple[tuple[str, ...], ...]:
@@ -99,7 +113,7 @@ class Refined:
     def factors(self) -> dict[str, float]:
         """Of the article's parameters by name, as the ``[factors]`` of its file take them.
 
-        What is added, and what belongs to an environment, has no place there (`left_out`).
+        What is added, and what belongs to an environment or a loop, has no place there (`left_out`).
         """
         factors: dict[str, float] = {}
         for unknown, x in zip(self.unknowns, self.x, strict=True):
@@ -113,7 +127,7 @@ class Refined:
     def left_out(self) -> tuple[Unknown, ...]:
         """Unknowns that ``factors`` of an article cannot hold."""
         return tuple(
-            u for u in self.unknowns if u.added or any(n.startswith(ENVIRONMENT) for n in u.parameters)
+            u for u in self.unknowns if u.added or any(n.startswith(ELSEWHERE) for n in u.parameters)
         )
 
 
@@ -140,15 +154,21 @@ def refine(
     usual = np.array([model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics))
     x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
     at = first = places.solve(x)
+    # A response is nearly linear in what is left when the modes have settled, and not before.
+    settled, measured = False, any(s.response is not None for s in surveys)
     while True:
         compared, sagged = places.compare(at, surveys, statics)
+        heard = places.hear(compared, x) if settled else ()
         fields = ErrorFields.of(at.loaded) if at.loaded else None
-        problem = linear_problem(compared, sagged, fields, x - mean, spread)
+        problem = linear_problem(compared, sagged, fields, x - mean, spread, heard)
         found = estimate(problem, usual)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
-        if history[-1] < SMALL or len(history) >= STEPS:
-            break
+        if history[-1] < SMALL or len(history) >= STEPS * (1 + settled):
+            if settled or not measured:
+                break
+            settled, pace, last = True, 1.0, np.zeros(len(mean))
+            continue
         size, pace = step / spread, _pace(pace, step / spread, last)
         x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))))
         last = size
@@ -167,6 +187,7 @@ def refine(
         converged=history[-1] < SMALL,
         fields=fields,
         unseen=unseen_deviations(problem, found.tau, usual),
+        responses=heard,
     )
 
 
@@ -175,12 +196,13 @@ def compare_at_first(
     surveys: Sequence[Survey],
     unknowns: Sequence[Unknown],
     statics: Sequence[StaticTest] = (),
-) -> tuple[Compared | ComparedStatic, ...]:
+) -> tuple[Compared | ComparedResponse | ComparedStatic, ...]:
     """Every test beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
     _check_names(surveys, statics, unknowns)
     places = _places(structure, surveys, statics, unknowns)
-    compared, sagged = places.compare(places.solve(np.array([u.mean for u in unknowns])), surveys, statics)
-    return (*compared, *sagged)
+    mean = np.array([u.mean for u in unknowns])
+    compared, sagged = places.compare(places.solve(mean), surveys, statics)
+    return (*compared, *places.hear(compared, mean), *sagged)
 
 
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
@@ -214,6 +236,14 @@ class _Places(NamedTuple):
             compare_statics(at.loaded, statics, self.loaded),
         )
 
+    def hear(self, compared: Sequence[Compared], x: np.ndarray) -> tuple[ComparedResponse, ...]:
+        """Responses beside the model at the unknowns ``x``."""
+        return tuple(
+            compare_measured_response(c, place.bound, x)
+            for c, place in zip(compared, self.surveyed, strict=True)
+            if c.survey.response is not None
+        )
+
 
 def _places(
     structure: Structure,
@@ -227,11 +257,13 @@ def _places(
         for t in statics
     ]
     for k, unknown in enumerate(unknowns):
-        if not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
+        heard = [s.response.ports for s in surveys if s.response is not None]
+        in_loop = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard)
+        if not in_loop and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
             raise ConfigError(
                 f"no survey has {', '.join(unknown.parameters)}",
                 where=f"unknown {unknown.name!r}",
-                hint="`middeck sensitivity` lists the parameters",
+                hint="`middeck sensitivity` lists the parameters; those of a loop are those of a response",
             )
     return _Places(surveyed, loaded)
 
@@ -274,11 +306,13 @@ def linear_problem(
     fields: ErrorFields | None,
     from_mean: np.ndarray,
     spread: np.ndarray,
+    responses: Sequence[ComparedResponse] = (),
 ) -> Linear:
     """The tests as one linear problem about the present unknowns."""
-    tests = (*compared, *statics)
+    tests = (*compared, *responses, *statics)
     J = np.vstack([c.slope for c in tests])
     parts = [_of_modes(compared)] if compared else []
+    parts += [_of_responses(sum(len(r.residual) for r in responses))] if responses else []
     parts += [] if fields is None else [_of_statics(statics, fields)]
     return Linear(
         y=np.concatenate([c.residual for c in tests]) + J @ from_mean,
@@ -308,6 +342,11 @@ def _of_modes(compared: Sequence[Compared]) -> _Errors:
         errors.sorts(compared),
         np.concatenate([sorts_of(c.modes, c.rows[:, 1]) for c in compared]),
     )
+
+
+def _of_responses(rows: int) -> _Errors:
+    """None: what a response errs by is stated, and in its rows."""
+    return _Errors(np.zeros((rows, 0)), np.zeros(rows), np.zeros(0, dtype=int), np.zeros(rows, dtype=int))
 
 
 def _of_statics(statics: Sequence[ComparedStatic], fields: ErrorFields) -> _Errors:

@@ -15,8 +15,16 @@ from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_r
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.updating.responses import (
+    ComparedResponse,
+    MeasuredResponse,
+    compare_response,
+    kept_modes,
+    poles_of,
+)
 from middeck.updating.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 
@@ -38,6 +46,7 @@ class Survey:
         settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
             mass.
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
+        response: What the same test measured beside its modes.
     """
 
     name: str
@@ -45,6 +54,7 @@ class Survey:
     environment: Environment
     settings: tuple[tuple[str, float], ...] = ()
     frequency_std: float | None = None
+    response: MeasuredResponse | None = None
 
     @property
     def std(self) -> Float[np.ndarray, " measured"]:
@@ -160,6 +170,26 @@ def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
         std=np.concatenate([own, np.hypot(apart * c_std[k, j], own[k] * c[k, j])]),
         slope=_equation_slopes(modes, survey, bound, pairs, rows, c),
     )
+
+
+def compare_measured_response(
+    compared: Compared, bound: Sequence[Bound], x: Float[np.ndarray, " unknown"]
+) -> ComparedResponse:
+    """The survey's response beside the model at ``x``, at the poles of its modes."""
+    survey, modes, pairs = compared.survey, compared.modes, compared.pairs
+    test, measured = survey.response, survey.measured
+    assert test is not None
+    count = kept_modes(modes, pairs, test.top_hz)
+    poles = poles_of(
+        modes,
+        pairs,
+        2.0 * np.pi * measured.frequency_hz,
+        survey.std,
+        measured.damping,
+        measured.damping_std,
+        estimate_damping(modes, count=count).zeta,
+    )
+    return compare_response(survey.name, test, modes, poles, bound, x)
 
 
 def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from middeck.structure.sensitivity.parameters import (
     read_parameter,
     set_parameter,
 )
+from middeck.updating.loop_unknowns import LOOP, check_loop_unknown
 from middeck.values import record
 
 ENVIRONMENT = "environment."
@@ -29,7 +30,9 @@ class Unknown:
     """One unknown x: parameters that move together, and a normal prior of it.
 
     Attributes:
-        parameters: Names as `find_parameters` takes them, with ``*`` and ``?``.
+        parameters: Names as `find_parameters` takes them, with ``*`` and ``?``; or of the loop that a
+            survey's response has beside the article, ``loop.delay_s``, which is added to, and
+            ``loop.sensor_gain.NAME`` and ``loop.motor_gain.NAME``.
         spread: Standard deviation of x: of the logarithm of a factor on all of the parameters or, of one that
             is ``added``, of what is added to each of them, in its unit.
         mean: Of x; zero is the article as it is.
@@ -54,6 +57,8 @@ class Unknown:
                 where=f"unknown {self.name!r}",
                 hint="a positive standard deviation, e.g. 0.1 for 10 % of a factor",
             )
+        if any(name.startswith(LOOP) for name in self.parameters):
+            check_loop_unknown(self.name, self.parameters, self.added)
         of_environment = {name.startswith(ENVIRONMENT) for name in self.parameters}
         if not self.parameters or len(of_environment) > 1:
             raise ConfigError(
@@ -85,6 +90,8 @@ def bind(unknowns: Sequence[Unknown], structure: Structure, environment: Environ
 def _fitting(unknown: Unknown, every: Sequence[Parameter]) -> tuple[Parameter, ...]:
     found: list[Parameter] = []
     for name in unknown.parameters:
+        if name.startswith(LOOP):
+            continue
         some = choose_parameters(every, [name], missing=name.startswith(ENVIRONMENT))
         if some and not unknown.added and not any(p.value for p in some):
             raise ConfigError(

@@ -61,9 +61,10 @@ def verb(
 ) -> None:
     """Show and convert records, and report their faults.
 
-    RECORDs are .npz, .h5, .mat, .csv, .npy or universal files (.uff, .unv); several are experiments of one
-    test. A TOML file beside one (run.mat.toml) adds what the file lacks. -o converts to the kind that the
-    ending names. --set takes sample_hz, variable and periods.
+    RECORDs are .npz, .h5, .mat, .csv, .npy, universal files (.uff, .unv) or runs of the engine (.mdr, shown
+    with their events); several are experiments of one test. A TOML file beside one (run.mat.toml) adds what
+    the file lacks. -o converts to the kind that the ending names. --set takes sample_hz, variable and
+    periods.
     """
     from middeck.cli.settings import RecordSettings, settle
 
@@ -78,6 +79,7 @@ def verb(
         return
     taken, excitation, faults = _read(files, told, chosen.periods, reference)
     document = describe(taken, excitation, faults) | {"records": files, "written": target}
+    document |= _runs(files)
     if target is not None:
         from middeck.files.records import write_record
 
@@ -214,6 +216,46 @@ def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
     }
 
 
+def _runs(files: tuple[str, ...]) -> dict[str, Any]:
+    """Start, packages and events of the files that are runs of the engine; nothing where none is."""
+    from middeck.files.records import RUN
+
+    runs = [path for path in files if Path(path).suffix.lower() == RUN]
+    if not runs:
+        return {}
+    from middeck.realtime.engine.run_file import read_run
+
+    found = []
+    for path in runs:
+        run = read_run(path)
+        found.append(
+            {
+                "record": path,
+                "start": run.start,
+                "real_time": run.real_time,
+                "settings_sha256": run.settings_sha256,
+                "packages": run.packages,
+                "events": run.events,
+            }
+        )
+    return {"runs": found}
+
+
+def _events(document: dict[str, Any]) -> list[str | Table]:
+    shown: list[str | Table] = []
+    for run in document.get("runs", ()):
+        rows = [
+            [str(e.sample), "TRIP" if e.trips else "", e.kind, e.channel, _short(e.value), _short(e.limit)]
+            for e in run["events"]
+        ]
+        clock = "real time" if run["real_time"] else "lockstep"
+        shown += [
+            f"{run['record']}: {clock}, started {run['start'] or 'at an unknown time'}",
+            Table("events", ["sample", "", "what", "channel", "value", "limit"], rows),
+        ]
+    return shown
+
+
 def _blocks(document: dict[str, Any]) -> list[str | Table]:
     kind = "steady periods" if document["periodic"] else "run" if document["periods"] == 1 else "periods"
     size = f"{document['experiments']} x {document['periods']} {kind} of {document['samples']} samples"
@@ -234,6 +276,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     if excitation is not None:
         lines.append(f"excited by: {excitation['what']}{_cut_by(excitation)}")
     blocks: list[str | Table] = [*lines, Table("channels (rms and peak about the mean)", heads, rows)]
+    blocks += _events(document)
     return [*blocks, told, "\n".join(["try:", *hints])] if faults else [*blocks, "no faults found"]
 
 

@@ -114,6 +114,17 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             for u, x, std in zip(refined.unknowns, refined.x, found.x_std, strict=True)
         ],
         "surveys": [_survey(refined, k) for k in range(len(refined.compared))],
+        "responses": [
+            {
+                "survey": r.survey,
+                "lines": r.lines,
+                "magnitude_db": r.magnitude_db,
+                "phase_deg": r.phase_deg,
+                "miss": r.miss,
+                "lost_hz": [zero.frequency_hz for zero in r.lost],
+            }
+            for r in refined.responses
+        ],
         "statics": [_static(refined, k) for k in range(len(refined.statics))],
         "model_error": dict(zip(refined.sorts, found.tau, strict=True)),
         "environment": predicted.modes.equilibrium.environment.title,
@@ -228,6 +239,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         Table("unknowns", ["name", "before", "+-", "refined", "+-"], unknowns),
         "",
         *(block for table in surveys for block in (table, "")),
+        *([_response_table(document["responses"]), ""] if document["responses"] else []),
         *([_static_table(document["statics"]), ""] if document["statics"] else []),
         Table(
             f"predicted in {document['environment']}",
@@ -236,6 +248,21 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         ),
         *(["", f"wrote {target}{_without(document)}"] if target else []),
     ]
+
+
+def _response_table(responses: Sequence[dict[str, Any]]) -> Table:
+    rows = [
+        [
+            r["survey"],
+            str(r["lines"]),
+            f"{r['magnitude_db']:.3g}",
+            f"{r['phase_deg']:.3g}",
+            f"{r['miss']:.2f}",
+        ]
+        for r in responses
+    ]
+    headers = ["survey", "lines", "off by [dB rms]", "[deg rms]", "in deviations"]
+    return Table("responses of the refined article", headers, rows)
 
 
 def _static_table(statics: Sequence[dict[str, Any]]) -> Table:

@@ -1,4 +1,4 @@
-"""Measured records from NPZ, HDF5, MAT, CSV and universal files, whole or streamed, and back.
+"""Measured records from NPZ, HDF5, MAT, CSV and universal files, or runs of the engine; streamed; and back.
 
 record = load_record("run.mat", name_columns(["torque [N m]"], ["angle [rad]"], sample_hz=256.0))
 stream = open_record("night.h5")
@@ -50,7 +50,8 @@ __all__ = [
 
 UFF = (".uff", ".unv", ".uf", ".58")
 HDF5 = (".h5", ".hdf5")
-SUFFIXES = (".npz", ".csv", *HDF5, ".mat", ".npy", *UFF)
+RUN = ".mdr"
+SUFFIXES = (".npz", ".csv", *HDF5, ".mat", ".npy", *UFF, RUN)
 
 
 @record
@@ -126,7 +127,7 @@ def load_response(path: str | Path) -> FrequencyResponse:
 def open_record(path: str | Path, columns: Columns | None = None) -> RecordStream:
     """The record in a file as a stream of blocks, for one that is longer than memory.
 
-    NPZ, HDF5, CSV and universal files are read piece by piece; MAT and NPY files are held whole. Raises
+    NPZ, HDF5, CSV and universal files are read piece by piece; MAT, NPY and run files are held whole. Raises
     `DataError` and `ConfigError` as `load_record` does; what is wrong with samples is found as they are read.
     """
     from middeck.files.records import streams
@@ -146,7 +147,7 @@ def open_record(path: str | Path, columns: Columns | None = None) -> RecordStrea
 
 
 def write_record(path: str | Path, record: Record, *, ascii: bool = False) -> None:
-    """Write ``record``, whole or not at all; the ending says as which kind (NPY cannot hold one).
+    """Write ``record``, whole or not at all; the ending says as which kind (not NPY or a run).
 
     Every kind but ASCII universal files (``ascii``; 13 digits) keeps every digit. Raises `DataError` for what
     the kind cannot hold.
@@ -166,7 +167,7 @@ def write_record(path: str | Path, record: Record, *, ascii: bool = False) -> No
 
             return write_uff(file, record, binary=not ascii)
         case _:
-            raise _unknown(file, "writer", [s for s in SUFFIXES if s != ".npy"])
+            raise _unknown(file, "writer", [s for s in SUFFIXES if s not in (".npy", RUN)])
     write(file, record)
 
 
@@ -228,6 +229,8 @@ def _reader(file: Path) -> Callable[[Path, str], Raw]:
             from middeck.files.records.mat import read_mat as read
         case ".h5" | ".hdf5":
             from middeck.files.records.hdf5 import read_hdf5 as read
+        case ".mdr":
+            from middeck.files.records.runs import read_run_file as read
         case _ if suffix in UFF:
             from middeck.files.records.uff import read_uff as read
         case _:

@@ -37,6 +37,17 @@ class Kind(IntEnum):
 
 
 @record(kw_only=True)
+class Head:
+    """What stands before the frames: the document, the mark of its frames, where they ``begin``, and whether
+    both copies are whole."""
+
+    document: dict[str, Any]
+    mark: bytes
+    begin: int
+    both: bool
+
+
+@record(kw_only=True)
 class Frame:
     """A frame from byte ``start`` to ``end``; ``content`` is None where its CRC-32 is wrong."""
 
@@ -76,8 +87,8 @@ def head_mark(document: dict[str, Any]) -> bytes:
     return hashlib.sha256(text).digest()[:8]
 
 
-def decode_head(data: bytes, where: str) -> tuple[dict[str, Any], int, bool]:
-    """The document, where the first frame stands, and whether both copies are whole.
+def decode_head(data: bytes, where: str) -> Head:
+    """The head of a file.
 
     Raises `DataError` for what is no run file, for another format, and where neither copy is whole.
     """
@@ -86,9 +97,13 @@ def decode_head(data: bytes, where: str) -> tuple[dict[str, Any], int, bool]:
     whole = [one for one in found if one is not None]
     if not whole:
         _say_what_it_is(data, where)
-    document, size, place = whole[0]
-    begin = place + size if place else 2 * size
-    return document, begin, len(whole) == 2
+    text, document, size, place = whole[0]
+    return Head(
+        document=document,
+        mark=hashlib.sha256(text).digest()[:8],
+        begin=place + size if place else 2 * size,
+        both=len(whole) == 2,
+    )
 
 
 def frames_in(data: bytes, begin: int, mark: bytes) -> Iterator[Frame | Unreadable]:
@@ -122,7 +137,7 @@ def _say_what_it_is(data: bytes, where: str) -> None:
     )  # fmt: skip
 
 
-def _head_at(data: bytes, place: int) -> tuple[dict[str, Any], int, int] | None:
+def _head_at(data: bytes, place: int) -> tuple[bytes, dict[str, Any], int, int] | None:
     if place + _HEAD.size > len(data):
         return None
     magic, form, length, check = _HEAD.unpack_from(data, place)
@@ -134,7 +149,7 @@ def _head_at(data: bytes, place: int) -> tuple[dict[str, Any], int, int] | None:
     except ValueError:
         return None
     size = -(-(_HEAD.size + length) // 8) * 8
-    return (document, size, place) if isinstance(document, dict) else None
+    return (text, document, size, place) if isinstance(document, dict) else None
 
 
 def _frame_at(data: bytes, at: int, mark: bytes) -> Frame | None:

@@ -168,14 +168,14 @@ class Recorder:
 
     def _take_up(self, file: int, head: dict[str, Any]) -> None:
         data = self.path.read_bytes()
-        document, begin, _ = decode_head(data, str(self.path))
-        if any(document.get(key) != value for key, value in head.items() if key not in OF_A_START):
+        found = decode_head(data, str(self.path))
+        if any(found.document.get(key) != value for key, value in head.items() if key not in OF_A_START):
             raise ConfigError("is the file of another run", where=str(self.path), hint="another name")
-        self._mark = head_mark(document)
-        frames = [f for f in frames_in(data, begin, self._mark) if isinstance(f, Frame)]
+        self._mark = found.mark
+        frames = [f for f in frames_in(data, found.begin, self._mark) if isinstance(f, Frame)]
         if any(f.kind == Kind.END for f in frames):
             raise ConfigError("is a run that has ended", where=str(self.path), hint="another name")
-        self._size = frames[-1].end if frames else begin
+        self._size = frames[-1].end if frames else found.begin
         os.ftruncate(file, self._size)
         self._digest = hashlib.sha256(data[: self._size])
         self._number = max((f.number for f in frames), default=0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.realtime.engine.commands import Event
-from middeck.realtime.engine.frames import Frame, Kind, Unreadable, decode_head, frames_in, head_mark
+from middeck.realtime.engine.frames import Frame, Kind, Unreadable, decode_head, frames_in
 from middeck.realtime.engine.run_head import SCHEMA
 from middeck.signals.ports import Port
 from middeck.values import record
@@ -89,12 +89,11 @@ def read_run(path: str | Path) -> Run:
 
 def decode_run(data: bytes, where: str = "") -> Run:
     """`read_run` of the bytes of a file."""
-    document, begin, both = decode_head(data, where)
-    head = _Head(document, where)
-    found = _Blocks(head, data)
-    if not both:
+    front = decode_head(data, where)
+    found = _Blocks(_Head(front.document, where), data)
+    if not front.both:
         found.fault("head", "one of the two copies of its head is damaged; the other one is whole")
-    for piece in frames_in(data, begin, head_mark(document)):
+    for piece in frames_in(data, front.begin, front.mark):
         found.take(piece)
     return found.run()
 

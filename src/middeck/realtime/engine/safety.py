@@ -181,7 +181,7 @@ def _normal(
         limit=min(times[1] * largest or np.inf, most),
         seconds=band.window_s,
         window_s=band.window_s,
-        factor=GROWS,
+        factor=GROWS if largest else 0.0,  # what never moved grows from nothing
         times=TIMES,
         floor=min(times[0] * largest, most / 2.0),
     )

@@ -18,6 +18,8 @@ LEAST_RAMP = 150
 """Samples of the shortest fade: its steepest step moves a command by at most 1 % of its limit."""
 
 
+LONGEST_S = 1e6
+"""Longest time that a setting may name."""
 LARGEST = 1e100
 """Magnitude whose square is still a number."""
 
@@ -50,7 +52,7 @@ class SensorTest:
             f"a range up to {LARGEST:g}, an envelope > 0, a finite stuck_s from zero",
         )
         _require(
-            0.0 <= self.coast_s < math.inf and (self.coast_s == 0.0 or self.rate != ""),
+            0.0 <= self.coast_s <= LONGEST_S and (self.coast_s == 0.0 or self.rate != ""),
             f"sensor {self.port.name}: coast_s {self.coast_s} with the rate {self.rate!r}",
             "a finite time from zero, and the name of a rate sensor",
         )
@@ -148,6 +150,9 @@ class EngineSettings:
             names = [port.name for port in ports]
             _require(1 <= len(names) <= most, f"{len(names)} {side}", f"1 to {most}")
             _require(len(set(names)) == len(names), f"two {side} of one name", "names that differ")
+            for text in (text for port in ports for text in (port.name, port.unit)):
+                longest = constants()["NAME"]
+                _require(len(text.encode()) <= longest, f"{side}: {text!r}", f"{longest} bytes at most")
         for what in ("monitors", "spreads"):
             count = len(getattr(self, what))
             _require(
@@ -167,11 +172,37 @@ class EngineSettings:
                 f"sensor {sensor.port.name}: no rate sensor {sensor.rate!r}",
                 f"one of {', '.join(port.name for port in self.inputs)}",
             )
+        for spread in self.spreads:
+            _require(
+                spread.limit >= 0.0 and 0.0 < spread.seconds <= LONGEST_S,
+                f"sensors {spread.first} and {spread.second} apart by {spread.limit} for {spread.seconds} s",
+                f"a limit from zero, a time up to {LONGEST_S:g} s",
+            )
+        self._check_adaptive()
+        self._check_times()
+
+    def _check_adaptive(self) -> None:
+        gain = self.adaptive
+        if gain is None:
+            return
         _require(
-            0.0 <= self.effort_s < math.inf and self.effort_share > 0.0,
-            f"effort of {self.effort_share} over {self.effort_s} s",
-            "a share > 0 over a finite time, 0 s for no test",
+            0 <= gain.monitor < len(self.monitors),
+            f"an adaptive gain by monitor {gain.monitor}",
+            f"one of {len(self.monitors)} monitors, from 0",
         )
+        _require(
+            0.0 <= gain.low <= gain.high < math.inf and 0.0 <= gain.most < math.inf and gain.rate > 0.0,
+            f"an adaptive gain of 0 to {gain.most}, {gain.rate} a second, by {gain.low} and {gain.high}",
+            "0 <= low <= high, a finite most from zero, a rate > 0",
+        )
+
+    def _check_times(self) -> None:
+        names = ("effort_s", "verify_s", "ramp_s", "safe_ramp_s", "heartbeat_s", "late_s", "answer_s")
+        for name in names:
+            value = getattr(self, name)
+            _require(0.0 <= value <= LONGEST_S, f"{name} of {value} s", f"0 to {LONGEST_S:g} s")
+        _require(self.effort_share > 0.0, f"an effort_share of {self.effort_share}", "> 0")
+        _require(self.late_most >= 0, f"late_most of {self.late_most}", "from 0")
 
     @property
     def inputs(self) -> tuple[Port, ...]:

@@ -98,7 +98,11 @@ class Supervisor:
         )
         self.file.asks["supervisor"] = os.getpid()
         self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
-            [str(program or build_engine()), str(self.file.path)], stderr=subprocess.PIPE, text=True
+            [str(program or build_engine()), str(self.file.path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
+            stderr=subprocess.PIPE,
+            text=True,
         )
         try:
             self._wait(lambda: bool(self.file.status["running"]))

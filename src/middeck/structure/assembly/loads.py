@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -59,4 +59,16 @@ def no_loads() -> Loads:
         attach_point=none.astype(int),
         law=SpringLaw(none, none, none),
         mass=none,
+    )
+
+
+def scale_loads(loads: Loads, factor: float) -> Loads:
+    """Gravity, preloads, tensions and applied loads times ``factor``; stiffnesses as they are."""
+    law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
+    return replace(
+        loads,
+        gravity=loads.gravity * factor,
+        law=law,
+        push=loads.push * factor,
+        tension=loads.tension * factor,
     )

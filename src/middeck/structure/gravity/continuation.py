@@ -16,16 +16,9 @@ from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.rest.statics import (
-    STANDARD_GRAVITY,
-    TOLERANCE,
-    deformation,
-    imbalance,
-    imbalance_scale,
-    move_whole,
-    rest_beside,
-    stride,
-)
+from middeck.structure.rest.imbalance import STANDARD_GRAVITY, imbalance, imbalance_scale
+from middeck.structure.rest.statics import TOLERANCE, rest_beside
+from middeck.structure.rest.whole_steps import deformation, move_whole, stride
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does

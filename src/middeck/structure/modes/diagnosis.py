@@ -14,7 +14,8 @@ from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.strain import member_energy
 from middeck.structure.rest.equilibrium import HALF_ROUND, Equilibrium, bushing_turns
-from middeck.structure.rest.statics import ROUGH, imbalance_scale
+from middeck.structure.rest.imbalance import imbalance_scale
+from middeck.structure.rest.statics import ROUGH
 
 HALF = 0.5
 FELT = 2e-4  # of omega^2: 1e-4 of a frequency, as of a mesh

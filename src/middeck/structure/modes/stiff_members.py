@@ -13,7 +13,7 @@ from middeck.errors import NumericalError
 from middeck.structure.assembly.carriers import bushing_stiffness, member_stiffness
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.statics import article_size
+from middeck.structure.rest.imbalance import article_size
 from middeck.values import record
 
 LIMIT = 1e10

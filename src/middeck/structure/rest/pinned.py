@@ -12,23 +12,14 @@ from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.assembly.linked import closed, static_freedom
-from middeck.structure.assembly.loads import Loads, no_loads
+from middeck.structure.assembly.loads import Loads, no_loads, scale_loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.rest.statics import (
-    CONTRACTION,
-    LOAD_FACTORS,
-    LONGEST_STEP,
-    MAX_ITERATIONS,
-    TOLERANCE,
-    article_size,
-    imbalance,
-    imbalance_scale,
-    scale_loads,
-)
+from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
+from middeck.structure.rest.statics import CONTRACTION, LOAD_FACTORS, LONGEST_STEP, MAX_ITERATIONS, TOLERANCE
 from middeck.values import record
 
 # A motion that nothing resists is opposed by this acceleration, in g per metre: so weak that weight drives it

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from jaxtyping import Float
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble_carried, inner_forces
 from middeck.structure.assembly.factorisation import factorise, positive_factor
-from middeck.structure.assembly.freedom import Freedom, whole_motions
+from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import closed, followed, static_freedom, torn
-from middeck.structure.assembly.loads import Inner, Loads
+from middeck.structure.assembly.loads import Inner, Loads, scale_loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import own_law
 from middeck.structure.assembly.strain import predict_forces
-from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import (
     Configuration,
     move_carried,
     placed,
-    rigid_columns,
 )
-from middeck.structure.elements.rotations import cross, skew, turn_of
+from middeck.structure.elements.rotations import skew, turn_of
 from middeck.structure.elements.since_drawn import SinceDrawn
+from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
+from middeck.structure.rest.whole_steps import deformation, move_whole, stride
 
 # Largest imbalance that counts as rest, over `imbalance_scale`.
 TOLERANCE = 1e-9
@@ -53,7 +51,6 @@ CONTRACTION, SQUARED = 0.5, 1e-7
 NEARBY, FITTING = 0.15, 0.9
 # Halvings of a step after which, twice, it does.
 SHORT = 3
-STANDARD_GRAVITY = 9.80665
 # Least damping [1/s^2]: a thousandth of a slow pendulum's omega^2 neither holds nor hurries anything.
 LEAST_DAMPING = 1e-3
 # And of the largest omega^2, whose rounding is 1e-16 of it.
@@ -249,20 +246,6 @@ def _is_settled(left: list[float], step: float, longest: float) -> bool:
     return left[-1] == 0.0 or step < SQUARED * longest or not fell
 
 
-def stride(model: Model, q: Float[np.ndarray, " coordinate"]) -> float:
-    """The largest change that carried coordinates make: a turn [rad], or a shift over the article's size."""
-    turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
-    return float(np.abs(np.where(turns, q, q / article_size(model))).max(initial=0.0))
-
-
-def deformation(
-    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
-) -> float:
-    """`stride` without the translation of the whole, which may be of any length."""
-    rigid, rest = split_rigid(model, config, q, mass)
-    return max(float(np.abs(rigid[3:]).max()), stride(model, rest))
-
-
 def rest_beside(
     model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
 ) -> Configuration | None:
@@ -430,49 +413,6 @@ def _with_linear_springs(model: Model, config: Configuration, loads: Loads, inne
     )
 
 
-def scale_loads(loads: Loads, factor: float) -> Loads:
-    """Gravity, preloads, tensions and applied loads times ``factor``; stiffnesses as they are."""
-    law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
-    return dataclasses.replace(
-        loads,
-        gravity=loads.gravity * factor,
-        law=law,
-        push=loads.push * factor,
-        tension=loads.tension * factor,
-    )
-
-
-def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
-    """Scale of the residual at each coordinate: the weight, for a moment times a length.
-
-    The weight is that on the ground where there is none. The length is half the article's size, or a metre if
-    that is less: strict for large articles and for small ones.
-    """
-    weight = imbalance_weight(model, loads)
-    moment = weight * min(article_size(model), 1.0)
-    joints = np.where(model.tree.slides, weight, moment)
-    return np.concatenate([np.tile(np.repeat([weight, moment], 3), model.tree.roots), joints])
-
-
-def imbalance_weight(model: Model, loads: Loads) -> float:
-    """The weight or the largest load [N], whichever is more; the weight on the ground if there is none."""
-    mass, applied = model.structure.mass, np.linalg.norm(loads.push.reshape(-1, 2, 3), axis=2)
-    force, moment = applied.max(axis=0, initial=0.0)
-    weight = mass * float(np.linalg.norm(loads.gravity))
-    most = max(weight, float(force), float(moment) / min(article_size(model), 1.0))
-    return most or mass * STANDARD_GRAVITY or float(np.finfo(float).tiny)
-
-
-def article_size(model: Model) -> float:
-    """Half the extent of the article as drawn [m], at least its radius of gyration; a metre for a point."""
-    x = model.rest.x
-    inertia = np.trace(model.body_inertia, axis1=1, axis2=2).sum()
-    gyration = np.sqrt(0.5 * inertia / model.structure.mass) if model.structure.mass > 0.0 else 0.0
-    arms = np.linalg.norm(model.points.offset, axis=1).max(initial=0.0)
-    size = max(0.5 * float(np.linalg.norm(np.ptp(x, axis=0))), float(arms), float(gyration))
-    return size or 1.0
-
-
 def _descend(
     model: Model,
     config: Configuration,
@@ -508,11 +448,6 @@ def _descend(
     return config, at, history, enough
 
 
-def imbalance(at: Assembly, free: Freedom, scale: np.ndarray) -> float:
-    """Largest residual force or moment at the coordinates that move in statics, over its ``scale``."""
-    return float(np.abs(free.part(at.gradient) / scale[free.active]).max(initial=0.0))
-
-
 class _Descent(NamedTuple):
     """Constants of one descent."""
 
@@ -543,52 +478,6 @@ def _shorten(
                 return trial, new, halvings
         q = 0.5 * q
     return None
-
-
-def move_whole(
-    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
-) -> Configuration:
-    """Like `move_carried` to first order, but the rigid motion in ``q`` (by mass) strains nothing.
-
-    Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
-    member bears, so that a descent with them would have to creep.
-    """
-    tree, held = model.tree, model.held
-    rigid, rest = split_rigid(model, config, q, mass)
-    # The rotation is about the world origin: its second-order part must not carry a far structure along, nor
-    # what is pinned.
-    centre = config.x.mean(axis=0) if held is None or not len(held.pinned) else config.x[held.pinned[0]]
-    turn = turn_of(rigid[3:])
-    R = np.eye(3) + turn
-    shift = rigid[:3] + cross(rigid[3:], centre)
-    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
-    since = config.since_drawn
-    if since is None:
-        turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
-    else:
-        own = since.carrier < 0
-        moved = since.shift + np.where(own[:, None], shift + (config.x - centre) @ turn.T, 0.0)
-        turns = since.turn + np.where(own[:, None, None], turn + turn @ since.turn, 0.0)
-        turned = placed(SinceDrawn(since.drawn, since.carrier, moved, turns), config.angle)
-    return move_carried(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
-
-
-def split_rigid(
-    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
-) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, " coordinate"]]:
-    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried.
-
-    Of a clamped article such as leave every node in place that is held along any way.
-    """
-    tree = model.tree
-    T = rigid_columns(tree, config, np.zeros(3))
-    whole = np.eye(6) if model.held is None else whole_motions(model.held, T)
-    if config.since_drawn is not None:
-        T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0
-    motions = T if model.held is None else T @ whole
-    weighted = mass @ motions
-    rigid, *_ = np.linalg.lstsq(motions.T @ weighted, weighted.T @ q, rcond=None)
-    return whole @ rigid, q - motions @ rigid
 
 
 def _damped_step(

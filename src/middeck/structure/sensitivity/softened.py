@@ -21,7 +21,7 @@ from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.modes.stiff_members import Stiffest, beside_devices, beside_modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, node_shifts, solve_equilibrium
-from middeck.structure.rest.statics import article_size
+from middeck.structure.rest.imbalance import article_size
 from middeck.structure.sensitivity.parameters import Parameter, Path, read_parameter
 from middeck.structure.sensitivity.repeated_modes import group_modes
 

@@ -137,8 +137,6 @@ static enum answer disengage(engine *e)
 
 static enum answer reset(engine *e, real trip)
 {
-    int i;
-
     if (e->state != SAFE)
         return NOT_READY;
     if (trip != (real)e->trip)
@@ -146,10 +144,8 @@ static enum answer reset(engine *e, real trip)
     if (e->sensors.unhealthy)
         return STILL_UNHEALTHY;
     e->hold_level = 0;
-    if (e->set.paths && e->hold_verified && !e->hold_off && e->since_trip >= e->set.safe_ramp)
+    if (e->set.paths && e->hold_verified && !e->hold_off)
         e->hold_level = e->set.ramp; /* it holds already */
-    for (i = 0; i < e->set.outputs; ++i)
-        e->from[i] = e->strips[i].last;
     e->state = READY;
     e->trip = 0;
     e->hold_off = 0;

@@ -5,7 +5,7 @@
 
 #include "kernel.h"
 
-enum { TAKE_OVER = 5 }; /* ramps to the safe state until its effect is seen: the article answers with a delay */
+enum { RAMPS = 5, COASTS = 4 }; /* the safe state has taken over after so many of its ramps, and of the longest coast */
 
 static real larger(real a, real b)
 {
@@ -38,6 +38,10 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     e->gain = 1;
     sensors_start(&e->sensors);
     monitors_start(&e->monitors);
+    e->take_over = RAMPS * set->safe_ramp;
+    for (i = 0; i < set->inputs; ++i)
+        if (COASTS * set->coast[i] / set->period_s > (real)e->take_over)
+            e->take_over = (whole)(COASTS * set->coast[i] / set->period_s);
     for (i = 0; i < set->outputs; ++i)
         make_neutral(&e->strips[i]);
     for (i = 0; i < set->paths; ++i)
@@ -127,6 +131,12 @@ static void lose_hold(engine *e, const trip_cause *cause)
     engine_tell(e, HOLD_LOST, cause->channel, cause->value, cause->limit, NULL);
 }
 
+/* What grows, or takes all effort, while nothing but the hold is at work. */
+static int is_of_the_hold(const trip_cause *cause)
+{
+    return cause->kind == GROWTH || cause->kind == EFFORT;
+}
+
 static void go_safe(engine *e, const trip_cause *cause)
 {
     const int lawful = of_a_law(e, cause), alone = e->state == READY;
@@ -149,7 +159,7 @@ static void go_safe(engine *e, const trip_cause *cause)
             put_on_blacklist(e, e->slots[k].p.hash);
         stop_slot(&e->slots[k]);
     }
-    if (lawful && alone && e->hold_verified && cause->kind != MOMENTUM) { /* nobody but the hold was at work */
+    if (alone && e->hold_verified && is_of_the_hold(cause)) {
         e->hold_verified = 0;
         lose_hold(e, cause);
     }
@@ -165,7 +175,7 @@ static int hold_is_good(const engine *e)
    what holds then pushes it. */
 static int runs_away(engine *e)
 {
-    if (e->since_trip <= TAKE_OVER * e->set.safe_ramp) {
+    if (e->since_trip <= e->take_over) {
         e->taken_over = larger(e->taken_over, e->sensors.worst);
         return 0;
     }
@@ -188,42 +198,52 @@ static void watch_hold(engine *e)
         lose_hold(e, &why);
 }
 
-static real hold_share(const engine *e)
+/* What is left of the outputs at the last trip or loss of the hold. */
+static real left(const engine *e)
 {
-    return e->state == SAFE || e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
+    return e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
 }
 
-/* After a reset it rises, and what SAFE had commanded falls. */
-static void compute_hold(engine *e)
+/* In SAFE all or nothing; after a reset it rises, if it did not hold already. */
+static real hold_share(const engine *e)
 {
-    const real share = hold_share(e);
+    if (e->state == SAFE)
+        return hold_is_good(e);
+    return e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
+}
+
+static void fade_hold(engine *e)
+{
+    const real share = hold_share(e), rest = left(e);
     int i;
 
-    memset(e->hold, 0, sizeof e->hold);
+    for (i = 0; i < e->set.outputs; ++i)
+        e->hold[i] = share < 1 || rest > 0 ? rest * e->from[i] + (1 - rest) * share * e->whole_hold[i] : e->whole_hold[i];
+}
+
+static void compute_hold(engine *e)
+{
+    int i;
+
+    memset(e->whole_hold, 0, sizeof e->whole_hold);
     for (i = 0; i < e->set.paths; ++i) {
         const hold_path *path = &e->set.path[i];
 
-        e->hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
+        e->whole_hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
     }
-    if (share < 1)
-        for (i = 0; i < e->set.outputs; ++i)
-            e->hold[i] = share * e->hold[i] + (1 - share) * e->from[i];
+    fade_hold(e);
     if (e->state != SAFE)
         e->hold_level += e->hold_level < e->set.ramp;
 }
 
-/* From the last command to the verified hold, else to zero; no further push where the store of momentum is full. */
-static void safe_command(const engine *e, real *u)
+/* The hold, or what is left on the way to zero; no further push where the store of momentum is full. */
+static void safe_command(engine *e, real *u)
 {
-    const int good = hold_is_good(e);
-    const real left = e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
     int i;
 
-    for (i = 0; i < e->set.outputs; ++i) {
-        u[i] = left * e->from[i] + (good ? (1 - left) * e->hold[i] : 0);
-        if (monitors_full(&e->monitors, &e->set, i, u[i]))
-            u[i] = 0;
-    }
+    fade_hold(e); /* anew: SAFE may be as young as this sample's compensators */
+    for (i = 0; i < e->set.outputs; ++i)
+        u[i] = monitors_full(&e->monitors, &e->set, i, e->hold[i]) ? 0 : e->hold[i];
 }
 
 static void play(engine *e)
@@ -265,12 +285,12 @@ static int all_finite(const real *v, whole count)
 /* A compensator whose numbers overflow adds nothing any more: it trips where it has a say, and stops standing by. */
 static void refuse_overflow(engine *e, slot *s, trip_cause *cause)
 {
-    if (acts(s) || s->in_control) {
+    if (!acts(s))
+        put_on_blacklist(e, s->p.hash);
+    if (acts(s) || s->in_control)
         blame(cause, COMMAND_NOT_FINITE, e->set.inputs + s->output[0], s->law.wanted[0], 0);
-        return;
-    }
-    stop_slot(s);
-    put_on_blacklist(e, s->p.hash);
+    else
+        stop_slot(s);
 }
 
 static void run_law(engine *e, int k, real *sum, trip_cause *cause)
@@ -396,7 +416,7 @@ static void judge(engine *e, const trip_cause *cause)
         e->trip = ++e->trips;
         e->cause = *cause;
         engine_tell(e, STOP, -1, 0, 0, NULL);
-    } else if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && (cause->kind == GROWTH || cause->kind == EFFORT)) {
+    } else if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && is_of_the_hold(cause)) {
         lose_hold(e, cause);
         e->hold_verified = 0;
     }

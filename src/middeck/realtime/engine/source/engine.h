@@ -46,8 +46,9 @@ typedef struct {
     whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
     whole since_trip;            /* or since the hold was lost */
+    whole take_over;             /* samples until the safe state has taken over */
     real taken_over;             /* largest amplitude over its envelope, squared, when the safe state took over */
-    real from[CHANNELS];         /* outputs at the last trip, loss of the hold, or reset */
+    real from[CHANNELS];         /* outputs at the last trip or loss of the hold */
     strip strips[CHANNELS];
     const real *waveform;
     whole waveform_samples, periods_left, playing_at; /* playing_at: next sample of it */
@@ -57,7 +58,8 @@ typedef struct {
     unsigned char blacklist[HASHES][32];
     whole blacklisted;
     /* of the last sample, for the record */
-    real hold[CHANNELS], excitation[CHANNELS], added[SLOTS][CHANNELS], wanted[SLOTS][CHANNELS], u[CHANNELS];
+    real whole_hold[CHANNELS], hold[CHANNELS]; /* the latter as it rises and falls */
+    real excitation[CHANNELS], added[SLOTS][CHANNELS], wanted[SLOTS][CHANNELS], u[CHANNELS];
     uint64_t saturated;
     real law_share[CHANNELS]; /* of its own limit or slew that a compensator takes */
     /* what happened in it */

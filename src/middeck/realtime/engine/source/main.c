@@ -60,6 +60,7 @@ int main(int count, char **words)
         return 2;
     signal(SIGTERM, on_signal);
     signal(SIGINT, SIG_IGN); /* of the terminal: the supervisor decides */
+    signal(SIGPIPE, SIG_IGN); /* nobody may read the standard error any more */
     engine_start(&the_engine, &the_file.set, waveform_of(&the_file), the_file.at.waveform_samples);
     r = open_rig(&the_file);
     if (!r)

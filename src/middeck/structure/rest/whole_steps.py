@@ -1,0 +1,74 @@
+"""Steps of a structure: the motion as a whole apart from what deforms it, and the size of both."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.assembly.freedom import whole_motions
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration, move_carried, placed, rigid_columns
+from middeck.structure.elements.rotations import cross, turn_of
+from middeck.structure.elements.since_drawn import SinceDrawn
+from middeck.structure.rest.imbalance import article_size
+
+
+def move_whole(
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> Configuration:
+    """Like `move_carried` to first order, but the rigid motion in ``q`` (by mass) strains nothing.
+
+    Straight displacements stretch what turns: by 1e-3 of its length for a turn of 0.05, far more than a stiff
+    member bears, so that a descent with them would have to creep.
+    """
+    tree, held = model.tree, model.held
+    rigid, rest = split_rigid(model, config, q, mass)
+    # The rotation is about the world origin: its second-order part must not carry a far structure along, nor
+    # what is pinned.
+    centre = config.x.mean(axis=0) if held is None or not len(held.pinned) else config.x[held.pinned[0]]
+    turn = turn_of(rigid[3:])
+    R = np.eye(3) + turn
+    shift = rigid[:3] + cross(rigid[3:], centre)
+    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
+    since = config.since_drawn
+    if since is None:
+        turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
+    else:
+        own = since.carrier < 0
+        moved = since.shift + np.where(own[:, None], shift + (config.x - centre) @ turn.T, 0.0)
+        turns = since.turn + np.where(own[:, None, None], turn + turn @ since.turn, 0.0)
+        turned = placed(SinceDrawn(since.drawn, since.carrier, moved, turns), config.angle)
+    return move_carried(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
+
+
+def split_rigid(
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, " coordinate"]]:
+    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried.
+
+    Of a clamped article such as leave every node in place that is held along any way.
+    """
+    tree = model.tree
+    T = rigid_columns(tree, config, np.zeros(3))
+    whole = np.eye(6) if model.held is None else whole_motions(model.held, T)
+    if config.since_drawn is not None:
+        T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0
+    motions = T if model.held is None else T @ whole
+    weighted = mass @ motions
+    rigid, *_ = np.linalg.lstsq(motions.T @ weighted, weighted.T @ q, rcond=None)
+    return whole @ rigid, q - motions @ rigid
+
+
+def stride(model: Model, q: Float[np.ndarray, " coordinate"]) -> float:
+    """The largest change that carried coordinates make: a turn [rad], or a shift over the article's size."""
+    turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
+    return float(np.abs(np.where(turns, q, q / article_size(model))).max(initial=0.0))
+
+
+def deformation(
+    model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
+) -> float:
+    """`stride` without the translation of the whole, which may be of any length."""
+    rigid, rest = split_rigid(model, config, q, mass)
+    return max(float(np.abs(rigid[3:]).max()), stride(model, rest))

@@ -1,0 +1,32 @@
+"""Every requirement of the real-time computer has one number and tests that exist."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in (ROOT / "docs/reference/requirements.md").read_text().splitlines()
+    if re.match(r"\| [A-Z]\d+ \|", line)
+]
+
+
+def test_each_requirement_is_whole_and_has_a_number_of_its_own():
+    assert len(ROWS) >= 40
+    assert all(len(row) == 4 and all(row) for row in ROWS)
+    numbers = [row[0] for row in ROWS]
+    assert len(set(numbers)) == len(numbers)
+
+
+def test_each_test_that_is_named_exists():
+    functions = {
+        f"{file.name}::{name}"
+        for file in (ROOT / "tests").rglob("test_*.py")
+        for name in re.findall(r"^def (test_\w+)", file.read_text(), re.MULTILINE)
+    }
+    for number, *_, tests in ROWS:
+        named = re.findall(r"`([^`]+)`", tests)
+        assert named, number
+        assert set(named) <= functions, number

@@ -1,0 +1,116 @@
+"""Responses of surveys in refinement files: universal files and fitted models, and what cannot be."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import middeck as md
+from cli_runner import middeck
+from middeck.errors import ConfigError, DataError
+from middeck.files.documents import load_setup
+from middeck.files.records import write_response
+from middeck.files.refinements import load_refinement
+from middeck.structure.sensitivity.parameters import scale_parameters
+from middeck.systems.plant import delay_plant
+from middeck.systems.response import evaluate_plant
+
+ROOT = Path(__file__).parents[2]
+ARTICLE = ROOT / "articles/mace-simple.toml"
+SURVEY = ROOT / "data/virtual-survey"
+LATE_S, LOUD = 0.0113, 0.01
+HEARD = """
+[survey.response]
+file = "heard.unv"
+relative_std = 0.005
+delay_s = 0.010
+band_hz = [0.8, 12.0]
+"""
+LOOP = """
+[[unknown]]
+name = "delay"
+parameters = ["loop.delay_s"]
+added = true
+spread = 0.001
+
+[[unknown]]
+name = "gain"
+parameters = ["loop.sensor_gain.pri_in_z"]
+spread = 0.02
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sample, with the response of the article that its survey was simulated with, delayed and louder."""
+    found = tmp_path_factory.mktemp("responses")
+    (found / "mace-simple-lab.json").write_bytes((SURVEY / "mace-simple-lab.json").read_bytes())
+    article, lab = load_setup(ARTICLE, ROOT / "environments/lab.toml")
+    true = scale_parameters(article, {"members.E": 1.038, "node.n3.mass": 1.022})
+    modes = md.solve_modes(md.solve_equilibrium(true, lab))
+    plant = md.build_plant(modes, inputs=("pri_rel_z",), outputs=("pri_in_z", "pri_rel_z"), count=40)
+    clean = evaluate_plant(delay_plant(plant, LATE_S), np.arange(0.5, 20.0, 0.02))
+    rng, H = np.random.default_rng(3), clean.H * np.array([np.exp(LOUD), 1.0])[None, :, None]
+    noise = 0.005 / np.sqrt(2.0) * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    write_response(found / "heard.unv", dataclasses.replace(clean, H=H * (1.0 + noise)))
+    return found
+
+
+def written(folder: Path, heard: str, loop: str = LOOP) -> Path:
+    """The sample's refinement, with a response of its survey and unknowns of the loop."""
+    text = (SURVEY / "refine.toml").read_text(encoding="utf-8")
+    head, unknown, rest = text.partition("[[unknown]]")
+    file = folder / "refine.toml"
+    file.write_text(head + heard + "\n" + unknown + rest + loop, encoding="utf-8")
+    return file
+
+
+def test_delay_and_gain_come_out_of_a_file(folder: Path, capfd: pytest.CaptureFixture[str]):
+    ended = middeck(capfd, "refine", ARTICLE, written(folder, HEARD), "--json")
+    assert ended.code == 0, ended.err
+    found = json.loads(ended.out)
+    named = {u["name"]: u for u in found["unknowns"]}
+    for name, true in (("delay", LATE_S - 0.010), ("gain", LOUD)):
+        assert abs(named[name]["x"] - true) < 3.0 * named[name]["std"]
+    assert named["delay"]["std"] < 5e-5
+    assert named["gain"]["std"] < 0.012
+    (heard,) = found["responses"]
+    assert heard["lines"] > 300
+    assert heard["miss"] < 1.5
+    assert set(found["not_in_the_article"]) >= {"delay", "gain"}
+    assert any(path.name == "heard.unv" for path in load_refinement(folder / "refine.toml", ARTICLE).files)
+
+
+def test_anti_resonances_stand_by_themselves(folder: Path):
+    zero = '[[survey.anti_resonance]]\ninput = "pri_rel_z"\noutput = "bus_z"\n'
+    zero += "frequency_hz = 4.0\nstd_hz = 0.01\n"
+    (survey,) = load_refinement(written(folder, zero, ""), ARTICLE).surveys
+    assert survey.response is not None
+    assert survey.response.ports == (("pri_rel_z",), ("bus_z",))
+    assert survey.response.top_hz == 4.0
+    assert load_refinement(written(folder, "", ""), ARTICLE).surveys[0].response is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("relative_std = 0.005", "", "no place for how well"),
+        ("heard.unv", "none.unv", "none.unv"),
+        ("relative_std = 0.005", "relative_std = 0.0", "must be > 0"),
+        ("band_hz = [0.8, 12.0]", "band_hz = [12.0, 0.8]", "low < high"),
+        ("band_hz", "bands_hz", "did you mean 'band_hz'"),
+    ],
+)
+def test_a_response_that_cannot_be_is_refused(folder: Path, old: str, new: str, what: str):
+    with pytest.raises((ConfigError, DataError), match=what):
+        load_refinement(written(folder, HEARD.replace(old, new)), ARTICLE)
+
+
+def test_a_loop_without_a_response_is_refused(folder: Path, capfd: pytest.CaptureFixture[str]):
+    ended = middeck(capfd, "refine", ARTICLE, written(folder, ""))
+    assert ended.code == ConfigError.exit_code
+    assert "no survey has loop.delay_s" in ended.err
