@@ -202,10 +202,13 @@ def test_a_bad_wire_changes_nothing_in_lockstep():
     for bad in (False, True):
         with served_by_thread(SteppedRig(whole_rig(), np.random.default_rng(SEED))) as served:
             if bad:
-                with Wire(served.port, 11) as wire:
-                    taken.append(run_engine(wire, 400, answer_s=0.6))
+                wire = Wire(served.port, 11)
+                with wire as port:
+                    taken.append(run_engine(port, 220, answer_s=2.0))
             else:
-                taken.append(run_engine(served, 400))
+                taken.append(run_engine(served, 220))
+    assert wire.lost > 10
+    assert wire.doubled > 10
     names = [name for name in taken[0].dtype.names if name not in ("late_ns", "step_ns")]
     assert all(taken[0][name].tobytes() == taken[1][name].tobytes() for name in names)
 

@@ -10,7 +10,7 @@ import pytest
 import scipy.linalg as sla
 
 from engine_cases import SENSORS, plain_settings, random_article, random_package
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.article import Fault, linear_article
 from middeck.realtime.engine.stepped_article import SteppedArticle
 from middeck.realtime.engine.supervisor import DriverRig
@@ -147,3 +147,10 @@ def test_a_plant_becomes_an_article_whatever_its_noises_and_sensors_count():
             for _ in range(5):
                 np.testing.assert_allclose(article.C @ own @ gain, C[:sensors] @ power @ given, atol=1e-12)
                 power, own = modes @ power, article.A @ own
+
+
+@pytest.mark.usefixtures("compiler")
+def test_an_engine_without_a_driver_says_so():
+    """The template compiles with every engine, and drives nothing."""
+    with pytest.raises(DataError, match="built without a driver"):
+        run_trial(random_package(), plain_settings(), DriverRig(), STAGES[:1])

@@ -107,7 +107,7 @@ class Supervisor:
         try:
             self._wait(lambda: bool(self.file.status["running"]))
         except BaseException:
-            self._left.close()
+            self.close()
             raise
 
     @classmethod
