@@ -32,6 +32,10 @@ REASONS = {
     "inner loop": "a package with an inner loop: the hold belongs to the engine's settings",
     "other rate": "a package of another sampling rate",
     "unknown port": "a port that the engine lacks, or has in another unit",
+    "no bytes": "the package is empty",
+    "other byte order": "the bytes of each number stand in the other order (big-endian)",
+    "name twice": "two inputs or two outputs of one name",
+    "undeclared pole": "a pole outside the unit circle that the package does not declare",
     "bad vectors": "the engine does not give the package's test vectors",
 }
 
