@@ -1,4 +1,4 @@
-"""Controller packages: bits, steps beside NumPy, single precision, small processors, a published law.
+"""Controller packages: bits, steps beside NumPy, the engine, single precision, small processors, a known law.
 
     python benchmarks/realtime.py [--only CASES] [--made DATE]
 
@@ -18,7 +18,7 @@ from measured.result_file import options_of, write_rows
 
 # The harness of compiled laws and of emulated processors is that of the tests.
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / sub) for sub in ("", "cross")]
-CASES = ("step", "bits", "single", "small", "beam")
+CASES = ("step", "bits", "engine", "single", "small", "beam")
 
 
 def _case(name: str, options: Any) -> Any:

@@ -92,7 +92,8 @@ def test_the_engine_calls_no_allocator(tmp_path):
     asked_of_any_target = {"_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
     assert (
         needed(loop)
-        <= {"memcpy", "memset", "memmove", "memcmp", "sqrt", "ceil", "fabs", "hypot", "log", "log1p"} | asked_of_any_target
+        <= {"memcpy", "memset", "memmove", "memcmp", "sqrt", "ceil", "fabs", "hypot", "log", "log1p"}
+        | asked_of_any_target
     )
     assert not {name for name in needed(everything) if re.search("alloc|free$", name)}
 
