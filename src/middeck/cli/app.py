@@ -14,7 +14,7 @@ VERBS = (
     *("new", "study", "convert", "reduce", "check", "level", "modes", "compare", "budget", "path"),
     *("sensitivity", "correlate", "refine", "candidates", "promise", "outcome"),
     *("response", "excite", "record", "identify", "impact", "drift"),
-    *("design", "qualify", "generate", "gate"),
+    *("design", "qualify", "generate", "gate", "doctor"),
 )
 
 EXAMPLES = """\

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
 from middeck.realtime.engine.header import constants, names_of
+from middeck.signals.ports import Port
 from middeck.values import record
 
 REASONS = {
@@ -32,6 +37,10 @@ REASONS = {
     "inner loop": "a package with an inner loop: the hold belongs to the engine's settings",
     "other rate": "a package of another sampling rate",
     "unknown port": "a port that the engine lacks, or has in another unit",
+    "no bytes": "the package is empty",
+    "other byte order": "the bytes of each number stand in the other order (big-endian)",
+    "name twice": "two inputs or two outputs of one name",
+    "undeclared pole": "a pole outside the unit circle that the package does not declare",
     "bad vectors": "the engine does not give the package's test vectors",
 }
 
@@ -81,6 +90,25 @@ class Event:
     def trips(self) -> bool:
         """Whether it took the loop to SAFE."""
         return self.kind in TRIPS
+
+
+def read_event(
+    row: np.ndarray, sensors: Sequence[Port], outputs: Sequence[Port], kinds: Mapping[int, str]
+) -> Event:
+    """The shared record of an event; a kind that is not among ``kinds`` keeps its number."""
+    ports = [port.name for port in (*sensors, *outputs)]
+    channel, digest = int(row["channel"]), bytes(row["hash"])
+    known = 0 <= channel < len(ports)
+    return Event(
+        number=int(row["sequence"]),
+        sample=int(row["sample"]),
+        kind=kinds.get(int(row["kind"]), f"kind {int(row['kind'])}"),
+        channel=ports[channel] if known else "",
+        side="" if not known else "sensor" if channel < len(sensors) else "output",
+        value=float(row["value"]),
+        limit=float(row["limit"]),
+        sha256=digest.hex() if any(digest) else "",
+    )
 
 
 TRIPS = frozenset(names_of("trip").values()) - {"no trip", "power up"}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.realtime.engine.commands import Event
+from middeck.realtime.engine.commands import Event, read_event
 from middeck.realtime.engine.frames import Frame, Kind, Unreadable, decode_head, frames_in
 from middeck.realtime.engine.run_head import SCHEMA
 from middeck.signals.ports import Port
@@ -223,7 +223,9 @@ class _Blocks:
             settings_sha256=head.settings_sha256,
             packages=head.packages,
             records=records,
-            events=tuple(self._event(row) for row in events),
+            events=tuple(
+                read_event(row, self.head.outputs, self.head.inputs, self.head.kinds) for row in events
+            ),
             faults=tuple(self.faults),
             states=head.states,
         )
@@ -233,19 +235,6 @@ class _Blocks:
             first, last = int(sequence[k]) + 1, int(sequence[k + 1])
             samples = (first, last) if what == "samples" else ()
             self.fault("gap", f"{last - first} {what} are missing: {first} to {last - 1}", samples)
-
-    def _event(self, row: np.ndarray) -> Event:
-        ports = [port.name for port in (*self.head.outputs, *self.head.inputs)]
-        channel, digest = int(row["channel"]), bytes(row["hash"])
-        return Event(
-            number=int(row["sequence"]),
-            sample=int(row["sample"]),
-            kind=self.head.kinds.get(int(row["kind"]), f"kind {int(row['kind'])}"),
-            channel=ports[channel] if 0 <= channel < len(ports) else "",
-            value=float(row["value"]),
-            limit=float(row["limit"]),
-            sha256=digest.hex() if any(digest) else "",
-        )
 
 
 def _in_order(rows: np.ndarray, frame: Frame, *, gaps: bool) -> bool:

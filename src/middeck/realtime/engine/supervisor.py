@@ -29,6 +29,7 @@ from middeck.realtime.engine.commands import (
     TRIPS,
     Answer,
     Event,
+    read_event,
 )
 from middeck.realtime.engine.header import layout
 from middeck.realtime.engine.launch import (
@@ -320,7 +321,7 @@ class Supervisor:
         """Events that have not been read yet, in order."""
         rows = self._event_rows(self.seen_events)
         self.seen_events = int(self.file.status["events"])
-        return [self._event(row) for row in rows]
+        return [read_event(row, self.settings.inputs, self.settings.outputs, KINDS) for row in rows]
 
     def _event_rows(self, seen: int) -> np.ndarray:
         count, most = int(self.file.status["events"]), len(self.file.events)
@@ -335,20 +336,6 @@ class Supervisor:
         """Hashes of packages that trips have refused."""
         count = int(self.file.status["blacklisted"])
         return tuple(bytes(row).hex() for row in self.file.status["blacklist"][:count])
-
-    def _event(self, row: np.ndarray) -> Event:
-        ports = [port.name for port in (*self.settings.inputs, *self.settings.outputs)]
-        channel, digest = int(row["channel"]), bytes(row["hash"])
-        return Event(
-            number=int(row["sequence"]),
-            sample=int(row["sample"]),
-            kind=KINDS[int(row["kind"])],
-            channel=ports[channel] if 0 <= channel < len(ports) else "",
-            side="" if channel < 0 else "sensor" if channel < len(self.settings.sensors) else "output",
-            value=float(row["value"]),
-            limit=float(row["limit"]),
-            sha256=digest.hex() if any(digest) else "",
-        )
 
     def _skip(self) -> np.ndarray:
         if self.recorder is None:

@@ -66,10 +66,11 @@ class ReferenceLaw:
         """End the sample: what was ``applied`` moves the states."""
         with np.errstate(all="ignore"):
             applied = np.asarray(applied).astype(self.real)
-            x = self.next
-            for column, missing in zip(
-                self.package.core.E.T.astype(self.real), applied - self.wanted, strict=True
-            ):
+            x, core = self.next, self.package.core
+            columns = (
+                core.E.T.astype(self.real) if core.drives else ()
+            )  # as in C: else none is zero times inf
+            for column, missing in zip(columns, applied - self.wanted, strict=core.drives):
                 if missing != 0.0:
                     x = x + column * missing
             self.x, self.last = x, applied

@@ -105,7 +105,7 @@ const char *misfit_of_settings(const settings *set)
         return "a clock or a rig that no engine has";
     if (!(set->period_s >= 1e-6 && set->period_s <= PERIOD_MOST_S))
         return "a period that no engine keeps: 1 us at least";
-    if (!between(0, set->verify, LONGEST) || !between(0, set->ramp, LONGEST) || !between(0, set->safe_ramp, LONGEST)
+    if (!between(0, set->verify, LONGEST) || !between(0, set->ramp, LONGEST) || !between(0, set->safe_ramp, 1 << 24)
         || !between(0, set->heartbeat, LONGEST) || !between(0, set->late_ns, LONGEST) || !between(0, set->late_most, LONGEST)
         || !between(0, set->answer_ms, 1000000000) || !between(0, set->port, 65535) || !between(-1, set->processor, 1 << 20)
         || !between(0, set->priority, 99))

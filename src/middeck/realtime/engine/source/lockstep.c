@@ -14,7 +14,7 @@ static int wait_for_leave(const shared *f, const engine *e, pid_t parent)
     int turns = 0;
 
     while (!asked_to_end) {
-        if (e->sample < word_get(&f->asks->until) || command_waits(f))
+        if (e->sample < word_get(&f->asks->until) || command_is_due(f, e))
             return 1;
         if (++turns < 200)
             sched_yield();

@@ -3,7 +3,9 @@
 #include <float.h>
 #include <string.h>
 
+#include "poles.h"
 #include "sha256.h"
+#include "text.h"
 
 #if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "packages are little-endian, and are read where they lie"
@@ -29,6 +31,16 @@ static int finite(const real *v, size_t count)
     return 1;
 }
 
+static int is_zero(const real *v, size_t count)
+{
+    size_t i;
+
+    for (i = 0; i < count; ++i)
+        if (v[i] != 0)
+            return 0;
+    return 1;
+}
+
 static real *take(bytes_left *b, size_t count)
 {
     real *found = (real *)(void *)b->at;
@@ -47,11 +59,38 @@ static const unsigned char *take_text(bytes_left *b)
 
     if (b->end - b->at < 2)
         return NULL;
-    length = (size_t)found[0] | (size_t)found[1] << 8;
-    if (length > TEXT || (size_t)(b->end - b->at) < 2 + length)
+    length = text_length(found);
+    if (length > TEXT || (size_t)(b->end - b->at) < 2 + length || !is_printable(found + 2, length))
         return NULL;
     b->at += 2 + length;
     return found;
+}
+
+/* Names and units of one side: a name that is there, and no name twice. */
+static enum answer read_ports(bytes_left *b, int count)
+{
+    const unsigned char *name[CHANNELS];
+    int i, k;
+
+    for (i = 0; i < count; ++i) {
+        if (!(name[i] = take_text(b)) || is_blank(name[i] + 2, text_length(name[i])) || !take_text(b))
+            return BAD_TEXT;
+        for (k = 0; k < i; ++k)
+            if (same_texts(name[i], name[k]))
+                return NAME_TWICE;
+    }
+    return DONE;
+}
+
+static enum answer read_texts(package *p, bytes_left *b)
+{
+    enum answer found;
+
+    p->texts = take_text(b);
+    if (!p->texts || !is_identifier(p->texts + 2, text_length(p->texts)))
+        return BAD_TEXT;
+    found = read_ports(b, p->law.inputs);
+    return found == DONE ? read_ports(b, p->law.outputs) : found;
 }
 
 static enum answer read_words(const unsigned char *bytes, uint32_t w[WORDS])
@@ -59,6 +98,8 @@ static enum answer read_words(const unsigned char *bytes, uint32_t w[WORDS])
     int i;
 
     memcpy(w, bytes + 8, WORDS * sizeof *w);
+    if (w[W_FORMAT] == (uint32_t)most[W_FORMAT] << 24)
+        return OTHER_BYTE_ORDER;
     if (w[W_FORMAT] != most[W_FORMAT])
         return BAD_FORMAT;
     for (i = 1; i < WORDS; ++i)
@@ -145,7 +186,9 @@ static enum answer read_numbers(package *p, bytes_left *b, const uint32_t w[WORD
     p->test_u = take(b, p->samples * o);
     if (!t->B || !t->C || !t->D || (w[W_FLAGS] & APPLIED && !t->E) || !t->sections || !p->test_y || !p->test_u)
         return BAD_LENGTH;
-    return finite(first, (size_t)((const real *)(const void *)b->at - first)) ? DONE : BAD_NUMBER;
+    if (!finite(first, (size_t)((const real *)(const void *)b->at - first)))
+        return BAD_NUMBER;
+    return t->E && is_zero(t->E, n * o) ? BAD_PADDING : DONE; /* without a path it is left out */
 }
 
 static enum answer read_end(package *p, bytes_left *b)
@@ -167,13 +210,16 @@ static enum answer read_end(package *p, bytes_left *b)
 enum answer package_read(package *p, unsigned char *bytes, size_t count)
 {
     uint32_t w[WORDS];
-    bytes_left b = {bytes + HEAD, bytes + count - HASH};
+    bytes_left b;
     enum answer found;
-    uint32_t i;
 
     memset(p, 0, sizeof *p);
+    if (count == 0)
+        return NO_BYTES;
     if (count < HEAD + HASH || count > LARGEST_PACKAGE || count % 8)
         return BAD_LENGTH;
+    b.at = bytes + HEAD;
+    b.end = bytes + count - HASH;
     if (memcmp(bytes, "MIDDECKP", 8) != 0)
         return BAD_MAGIC;
     sha256(bytes, count - HASH, p->hash);
@@ -192,15 +238,15 @@ enum answer package_read(package *p, unsigned char *bytes, size_t count)
     p->law.ramp = (long)w[W_RAMP];
     p->samples = (long)w[W_SAMPLES];
     p->start_level = (long)w[W_START];
-    p->texts = b.at;
-    for (i = 0; i < 1 + 2 * (w[W_INPUTS] + w[W_OUTPUTS]); ++i)
-        if (!take_text(&b))
-            return BAD_TEXT;
+    if ((found = read_texts(p, &b)) != DONE)
+        return found;
     if ((found = read_places(p, &b, bytes)) != DONE || (found = read_limits(&p->law, &b)) != DONE)
         return found;
     if ((found = read_numbers(p, &b, w)) != DONE)
         return found;
-    return read_end(p, &b);
+    if ((found = read_end(p, &b)) != DONE)
+        return found;
+    return w[W_FLAGS] & UNSTABLE || poles_within(&p->law) ? DONE : UNDECLARED_POLE;
 }
 
 enum answer package_replay(const package *p, law_state *state)

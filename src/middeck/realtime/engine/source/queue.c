@@ -98,13 +98,10 @@ static int load(const shared *f, engine *e, const command *c, enum answer *answe
 
 int take_commands(shared *f, engine *e)
 {
-    while (command_waits(f)) {
-        const whole next = f->acknowledged + 1;
-        const command c = f->commands[next % COMMANDS];
+    while (command_is_due(f, e)) {
+        const command c = f->commands[(f->acknowledged + 1) % COMMANDS];
         enum answer answer = UNKNOWN_COMMAND;
 
-        if (c.number != next || c.at > e->sample)
-            return 0;
         if (c.kind == LOAD && !load(f, e, &c, &answer))
             return 0;
         if (c.kind == END)
@@ -118,7 +115,10 @@ int take_commands(shared *f, engine *e)
     return 0;
 }
 
-int command_waits(const shared *f)
+int command_is_due(const shared *f, const engine *e)
 {
-    return f->acknowledged < word_get(&f->asks->written);
+    const whole next = f->acknowledged + 1;
+    const command *c = &f->commands[next % COMMANDS];
+
+    return next <= word_get(&f->asks->written) && c->number == next && c->at <= e->sample;
 }

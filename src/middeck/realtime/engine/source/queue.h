@@ -11,7 +11,7 @@ int start_loader(const shared *f, engine *e);
 /* Carry out what is due; 1 where the end was asked for. */
 int take_commands(shared *f, engine *e);
 
-/* Whether a command waits. */
-int command_waits(const shared *f);
+/* Whether a command waits that may be carried out before the next sample. */
+int command_is_due(const shared *f, const engine *e);
 
 #endif

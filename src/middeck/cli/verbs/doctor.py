@@ -1,0 +1,102 @@
+"""``middeck doctor``: what this machine can do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from middeck.cli import options
+from middeck.cli.screen import Table, show
+
+if TYPE_CHECKING:
+    from middeck.realtime.engine.timing import TimingReport
+
+EPILOG = """\
+\b
+Examples:
+  middeck doctor --realtime
+  middeck doctor --realtime --rate 1000 --seconds 60 --states 120
+"""
+
+
+@click.command("doctor", cls=options.Verb, epilog=EPILOG)
+@click.option("--realtime", is_flag=True, help="Run the engine by the clock and report its lateness.")
+@click.option(
+    "--rate", type=click.FloatRange(1.0, 1e5), default=500.0, show_default=True, help="Samples a second."
+)
+@click.option(
+    "--seconds", type=click.FloatRange(0.1, 86400.0), default=10.0, show_default=True, help="Time to run."
+)
+@click.option(
+    "--states", type=click.IntRange(0, 1024), default=60, show_default=True, help="States of a random law."
+)
+@click.option("--inputs", type=click.IntRange(1, 64), default=14, show_default=True, help="Its inputs.")
+@click.option("--outputs", type=click.IntRange(1, 64), default=5, show_default=True, help="Its outputs.")
+@click.option(
+    "--priority", type=click.IntRange(0, 99), default=80, show_default=True, help="FIFO priority; 0: none."
+)
+@click.option("--processor", type=click.IntRange(min=0), default=None, help="Processor to stay on.")
+@options.common
+def verb(
+    realtime: bool,
+    rate: float,
+    seconds: float,
+    states: int,
+    inputs: int,
+    outputs: int,
+    priority: int,
+    processor: int | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Report what this machine can do: with --realtime, how late the engine's samples are on it.
+
+    A random stable law runs in the engine by the clock. The report gives lateness, samples later than a
+    period, time of a step beside its operations and bytes, what the system granted, and the machine. It
+    judges nothing. --set takes no keys.
+    """
+    from middeck.errors import ConfigError
+
+    if not realtime:
+        raise ConfigError("nothing to examine", hint="middeck doctor --realtime")
+    if overrides:
+        raise ConfigError(f"doctor takes no keys: {overrides[0]}", hint="its options")
+    from middeck.realtime.engine.timing import measure_timing
+
+    report = measure_timing(
+        rate_hz=rate,
+        seconds=seconds,
+        shape=(states, inputs, outputs),
+        priority=priority or None,
+        processor=processor,
+    )
+    document = {"schema": "middeck.doctor/1", "law": [states, inputs, outputs], "realtime": report}
+    show(as_json, document, *_blocks(report))
+
+
+def _blocks(report: TimingReport) -> list[str | Table]:
+    rows = [
+        [name, *(f"{1e6 * value:.1f}" for value in values)]
+        for name, values in (("late", report.late_s), ("step", report.step_s))
+    ]
+    granted = ", ".join(f"{name}: {_said(given)}" for name, given in report.granted.items())
+    rate = report.operations / max(report.step_s[0], 1e-9) / 1e9
+    return [
+        f"machine      {_named(report.machine)}",
+        f"granted      {granted}",
+        f"run          {report.samples} samples at {1.0 / report.period_s:g} Hz, "
+        f"{report.overruns} later than a period"
+        + (f"; tripped: {', '.join(report.trips)}" if report.trips else ""),
+        f"law          {report.operations} operations, {report.bytes / 1000:.1f} kB of numbers; "
+        f"{rate:.2f} Gflop/s with reading, writing and the engine's tests",
+        Table("microseconds", ["", "50 %", "99 %", "99.9 %", "most"], rows),
+    ]
+
+
+def _said(given: bool | None) -> str:
+    return "not asked" if given is None else "yes" if given else "NO"
+
+
+def _named(machine: dict[str, Any]) -> str:
+    return f"{machine['processor']}, {machine['cores']} cores, {machine['kernel']}, {machine['preemption']}"

@@ -1,0 +1,263 @@
+"""The engine's reader takes no package that Python refuses, whatever bytes it is given, and says why."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import hashlib
+import itertools
+import struct
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_cases import plain_settings, random_article, random_package
+from middeck.errors import DataError
+from middeck.realtime.engine.build import FLAGS, engine_sources
+from middeck.realtime.engine.commands import ANSWERS
+from middeck.realtime.engine.header import layout
+from middeck.realtime.engine.shared_file import STAGING
+from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.package.binary import decode_package, encode_package
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.section import InputFilter, LoopPath, Section
+from middeck.realtime.package.single import to_single
+from packaged_laws import random_law
+from repeats import LONG
+
+pytestmark = pytest.mark.usefixtures("compiler")
+FUZZ = Path(__file__).parents[1] / "fuzz" / "package_fuzz.c"
+SANITIZED = ("-g", "-O2", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+READER = ("package.c", "law.c", "poles.c", "sha256.c", "text.c")
+SECTION = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
+
+
+def small_packages():
+    """Short ones, so that a change hits what matters: every form, filters, a path of applied commands."""
+    rng = np.random.default_rng(4)
+    given = {"input_range": 0.1, "limit": 0.5, "ramp_s": 0.01}
+    yield package_law(random_law(rng, 4, 2, 2), "modal", filters=(InputFilter(1, SECTION),), **given)
+    yield package_law(random_law(rng, 3, 1, 2), "dense", form="dense", slew_rate=10.0, **given)
+    yield package_law(random_law(rng, 0, 1, 1, applied=False), "gain")
+    yield package_law(random_law(rng, 2, 1, 1, radii=(1.1, 1.2)), "unstable", unstable=True, **given)
+
+
+@pytest.fixture(scope="module")
+def fuzzer(tmp_path_factory):
+    """The program and its corpus."""
+    folder = tmp_path_factory.mktemp("fuzz")
+    for name, text in engine_sources().items():
+        (folder / name).write_text(text)
+    (folder / FUZZ.name).write_text(FUZZ.read_text())
+    subprocess.run(
+        ["cc", *FLAGS, *SANITIZED, FUZZ.name, *READER, "-o", "fuzz", "-lm"], cwd=folder, check=True
+    )
+    files = []
+    for package in small_packages():
+        files.append(folder / f"{package.name}.mdk")
+        files[-1].write_bytes(encode_package(package))
+    return [folder / "fuzz"], files
+
+
+def told_by(fuzzer, seed, count, every):
+    """Bytes and the engine's word for each case that was told."""
+    program, files = fuzzer
+    words = [*program, str(seed), str(count), str(every), *files]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        while head := process.stdout.read(8):
+            size, answer = struct.unpack("<II", head)
+            yield process.stdout.read(size), ANSWERS[answer]
+        said = process.stderr.read() if process.stderr else b""
+    assert process.returncode == 0, said.decode()[:3000]
+
+
+def python_reads(data):
+    try:
+        decode_package(data)
+    except DataError:
+        return False
+    return True
+
+
+def test_no_change_crashes_the_reader_or_passes_it(fuzzer):
+    """Every package that it accepts is one for Python; of the refused ones a sample is compared."""
+    count, sample = (1_000_000, 20_000) if LONG else (50_000, 400)
+    words, stricter = collections.Counter(), collections.Counter()
+    for data, word in told_by(fuzzer, 1993, count, count // sample):
+        words[word] += 1
+        if word == "done":
+            assert python_reads(data)
+        elif python_reads(data):
+            stricter[word] += 1
+    assert words["done"] > count // 5000
+    assert len(words) >= 12, words
+    # The reader alone replays the test vectors, and knows fewer characters.
+    assert set(stricter) <= {"bad vectors", "bad text"}, stricter
+
+
+def sealed(body):
+    return body + hashlib.sha256(body).digest()
+
+
+def changed(at, form, value):
+    body = bytearray(encode_package(random_package())[:-32])
+    struct.pack_into(form, body, at, value)
+    return sealed(bytes(body))
+
+
+def first_number():
+    """Where the first range stands, 0.1; the states of this package begin after ranges and limits."""
+    data = encode_package(random_package())
+    return next(k for k in range(64, len(data), 8) if struct.unpack_from("<d", data, k)[0] == 0.1)
+
+
+def undeclared():
+    law = random_law(np.random.default_rng(1), 4, 3, 2, radii=(1.01, 1.02))
+    data = encode_package(package_law(law, "law", form="dense", unstable=True))
+    flags = struct.unpack_from("<I", data, 12)[0]
+    return sealed(data[:12] + struct.pack("<I", flags & ~4) + data[16:-32])
+
+
+def renamed(**changes):
+    package = random_package()
+    ports = tuple(dataclasses.replace(port, **changes) for port in package.inputs[:1]) + package.inputs[1:]
+    return encode_package(dataclasses.replace(package, inputs=ports))
+
+
+def of_rate():
+    return encode_package(dataclasses.replace(random_package(), period_s=0.004))
+
+
+def replayed():
+    """Vectors of another law under this law: sealed, but not what it gives."""
+    package, other = random_package(), random_package(seed=7)
+    return encode_package(dataclasses.replace(package, vectors=other.vectors))
+
+
+def twice():
+    data = encode_package(random_package())
+    return sealed(data[:-32].replace(b"y1", b"y0", 1))
+
+
+WHOLE = encode_package(random_package())
+# Builder; the engine's word; what Python's reader says, or None where only what follows it can know.
+BROKEN = {
+    "empty": (b"", "no bytes", "is empty"),
+    "another file": (b"PK\x03\x04" + WHOLE[4:], "bad magic", "begins otherwise"),
+    "truncated": (WHOLE[:-8], "bad hash", "hash does not fit"),
+    "truncated and sealed": (sealed(WHOLE[:-40]), "bad length", "cut short"),
+    "corrupted": (WHOLE[:300] + bytes([WHOLE[300] ^ 1]) + WHOLE[301:], "bad hash", "hash does not fit"),
+    "wrong endianness": (changed(8, ">I", 1), "other byte order", "other order"),
+    "a later format": (changed(8, "<I", 2), "bad format", "format 2"),
+    "wrong size": (changed(16, "<I", 21), "bad length", "."),
+    "too many states": (changed(16, "<I", 70_000), "bad size", "states 70000"),
+    "a NaN coefficient": (changed(first_number() + 8 * 9, "<d", np.nan), "bad number", "not finite"),
+    "a NaN limit": (changed(first_number() + 8 * 4, "<d", np.nan), "bad limit", "limits"),
+    "an undeclared pole": (undeclared(), "undeclared pole", "undeclared pole"),
+    "a name twice": (twice(), "name twice", "two inputs of one name"),
+    "another name": (renamed(name="other"), "unknown port", None),
+    "another unit": (renamed(unit="deg"), "unknown port", None),
+    "another rate": (of_rate(), "other rate", None),
+    "replayed vectors": (replayed(), "bad vectors", None),
+}  # fmt: skip
+
+
+def test_what_is_broken_is_refused_with_its_reason():
+    """By the reader in Python and by LOAD, which goes on to take the whole one; the user is told why."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        for name, (data, word, reason) in BROKEN.items():
+            answer = engine.load(data)
+            assert (name, answer.word) == (name, word)
+            assert answer.reason
+            assert engine.command("standby").word == "not loaded"
+            if reason is None:
+                decode_package(data)
+            else:
+                with pytest.raises(DataError, match=reason):
+                    decode_package(data)
+        kinds = [event.kind for event in engine.events()]
+        assert kinds == ["refused"] * len(BROKEN)
+        assert engine.load(WHOLE).done
+
+
+def test_what_only_small_processors_run_is_refused():
+    law = random_law(np.random.default_rng(4), 4, 3, 2)
+    paths = (LoopPath(0, 1, SECTION),)
+    inner = package_law(law, "law")
+    inner = dataclasses.replace(inner, paths=paths, vectors=None)
+    from middeck.realtime.package.vectors import add_test_vectors
+
+    with Supervisor(plain_settings(), random_article()) as engine:
+        assert engine.load(to_single(package_law(law, "s", input_range=1.0))).word == "single precision"
+        assert engine.load(add_test_vectors(inner, 6)).word == "inner loop"
+        assert engine.command("load", values=[np.nan]).word == "bad length"
+        assert engine.command("load", values=[1e300]).word == "bad length"
+        assert engine.command("load", slot=2, values=[10.0]).word == "wrong slot"
+
+
+@pytest.mark.parametrize("form", ["modal", "dense"])
+def test_poles_are_judged_as_eigenvalues_are(form):
+    """Magnitudes just inside and outside, in coordinates that hide them; an integrator passes."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        for seed, radius in itertools.product(range(4), (0.9, 1.0 - 1e-6, 1.0, 1.0 + 1e-6, 1.1)):
+            law = random_law(np.random.default_rng(seed), 12, 3, 2, radii=(radius, radius))
+            data = encode_package(package_law(law, "law", form=form, unstable=True, limit=0.5))
+            flags = struct.unpack_from("<I", data, 12)[0]
+            data = sealed(data[:12] + struct.pack("<I", flags & ~4) + data[16:-32])
+            assert engine.load(data).word == ("undeclared pole" if radius > 1.0 else "done")
+            assert python_reads(data) == (radius <= 1.0)
+
+
+def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
+    """Places, settings, article and the supervisor's words: refused with code 2 or 3 and a reason, or run."""
+    folder = fuzzer[0][0].parent
+    units = [name for name in engine_sources() if name.endswith(".c")]
+    subprocess.run(
+        ["cc", *FLAGS, *SANITIZED, *units, "-o", "engine", "-lm", "-lpthread"], cwd=folder, check=True
+    )
+    rng, codes = np.random.default_rng(5), collections.Counter()
+    with Supervisor(plain_settings(), random_article(), ring=64, pretrip_s=0.1) as engine:
+        engine.file.asks["until"] = 0
+        path = engine.file.path
+        places = {name: int(engine.file.places[name]) for name in engine.file.places.dtype.names}
+        whole = path.read_bytes()[: places["staging"]]
+    regions = [
+        (0, 200),
+        (places["settings"], 200),
+        (places["settings"], places["article"] - places["settings"]),
+    ]
+    regions += [(places["article"], places["article_numbers"] - places["article"]), (places["asks"], 40)]
+    ramp_at = layout("settings").fields["safe_ramp"][1]
+    values = [0, 1, -1, 2, 63, 64, 65, 255, 1 << 31, 1 << 62, -(1 << 62), 8, 7]
+    for _ in range(3000 if LONG else 40):
+        data = bytearray(whole)
+        struct.pack_into("<q", data, places["asks"] + 40, 1)  # not its parent: it ends by itself
+        struct.pack_into("<q", data, places["asks"], 20)
+        for _ in range(rng.integers(1, 4)):
+            start, size = regions[rng.integers(len(regions))]
+            at = start + 8 * int(rng.integers(size // 8))
+            if rng.random() < 0.6:
+                struct.pack_into("<q", data, at, values[rng.integers(len(values))])
+            else:
+                data[at : at + 8] = struct.pack("<d", [np.nan, np.inf, -1.0, 1e300][rng.integers(4)])
+        (until,) = struct.unpack_from("<q", data, places["asks"])
+        struct.pack_into("<q", data, places["asks"], max(-1, min(until, 100)))
+        (tmp_path / "engine.shared").write_bytes(data)
+        with (tmp_path / "engine.shared").open("r+b") as file:
+            file.truncate(len(whole) + STAGING)
+        clock, rig = struct.unpack_from("<qq", data, places["settings"] + 16)
+        ramp = struct.unpack_from("<q", data, places["settings"] + ramp_at)[0]
+        if clock == 1 or rig == 1 or ramp > 10_000:
+            continue  # it would run on, wait for another process, or take long to end
+        done = subprocess.run(
+            [str(folder / "engine"), str(tmp_path / "engine.shared")], capture_output=True, text=True,
+            check=False, timeout=30,
+        )  # fmt: skip
+        assert done.returncode in (0, 2, 3), done.stderr[:3000]
+        assert (done.returncode == 0) == (not done.stderr)
+        codes[done.returncode] += 1
+    assert codes[0]
+    assert codes[2]
