@@ -45,4 +45,4 @@ def test_the_floors_of_a_room_are_those_of_its_contract(room):
 def test_what_is_to_come_is_named():
     to_come = {layer.strip("()") for layers in LAYERS.values() for layer in layers if layer.startswith("(")}
     (sentence,) = re.findall(r"What is to come.*?\.(?=\s[A-Z])", PAGE, re.DOTALL)
-    assert set(re.findall(r"`(\w+)`", sentence)) == to_come | {"realtime"}
+    assert set(re.findall(r"`(\w+)`", sentence)) == to_come
