@@ -307,24 +307,22 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
     if kind == "commands out of place" and "done" in answers:
         return "a command carried out that must be refused"
     if engine.state == "safe":
-        return _safe_complaint(engine, before, trips, records)
+        return _safe_complaint(engine, before, trips)
     if before == "safe":
         return f"left SAFE for {engine.state} by itself"
     return "" if engine.state == "ready" else f"ends in {engine.state}"
 
 
-def _safe_complaint(engine, before, trips, records) -> str:
+def _safe_complaint(engine, before, trips) -> str:
     if before != "safe" and not trips and engine.trip == 0:
         return "in SAFE without a trip"
     if engine.command("reset", values=[engine.trip + 1.0]).word != "wrong trip":
         return "a reset that names another trip"
-    last = records[-1]
-    lost = (
-        any(event.kind == "hold lost" for event in engine.events()) or not engine.file.status["hold_verified"]
-    )
-    expected = np.zeros(len(last["u"])) if lost else None
-    if expected is not None and np.any(last["u"] != expected):
-        return "neither the hold nor zero"
+    lost = any(event.kind == "hold lost" for event in engine.events())
+    if lost or not engine.file.status["hold_verified"]:
+        last = engine.run(engine.settings.samples(engine.settings.safe_ramp_s) + 1)[-1]
+        if np.any(last["u"]):
+            return "neither the hold nor zero"
     kept = engine.pretrip()
     return (
         ""
