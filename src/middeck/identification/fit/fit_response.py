@@ -266,9 +266,7 @@ def _result(
     if not best.layout.options.full_rank:
         merged &= may_be_two(data, best, by_output(-residual), 1.0 / np.sqrt(followed.at(best.share)))
     warnings += doubts_of_merged(natural_hz(model), merged)
-    resolved: list[Standing] = [
-        "unresolved" if two else one for one, two in zip(standing, merged.tolist(), strict=True)
-    ]
+    standing = tuple("unresolved" if two else one for one, two in zip(standing, merged, strict=True))
     return FitResult(
         model=model,
         cost=2.0 * best.refined.step.cost / r.size,
@@ -279,7 +277,7 @@ def _result(
         history=np.array(best.refined.history),
         order_reason=reason,
         warnings=tuple(warnings),
-        standing=tuple(resolved),
+        standing=standing,
         delay_standing=of_delays,
     )
 

@@ -43,8 +43,8 @@ def may_be_two(
     for o, (r, w) in enumerate(zip(residual, weight, strict=True)):
         linear = run.refined.step.linear[o]
         free = np.concatenate([terms.columns(o), terms.slopes(linear, o)])
-        turned, R = np.linalg.qr(_rows(free * w))
-        Q = turned[:, np.abs(np.diag(R)) > RANK * np.abs(R).max()]
+        Q, R = np.linalg.qr(_rows(free * w))
+        Q = Q[:, np.abs(np.diag(R)) > RANK * np.abs(R).max()]
         seen = _rows((r * w)[None])[:, 0]
         seen = seen - Q @ (Q.T @ seen)
         left, rows = left + float(seen @ seen), rows + len(seen) - Q.shape[1]
