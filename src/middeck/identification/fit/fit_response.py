@@ -10,7 +10,6 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.errors import FitError
 from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.fit.merged_modes import doubts_of_merged, may_be_two
 from middeck.identification.fit.missing_delay import name_missing_delay
 from middeck.identification.fit.poles_for_delay import PolesInstead, poles_instead
 from middeck.identification.fit.standing import (
@@ -26,7 +25,7 @@ from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.fit.tidy import tidied
 from middeck.identification.model.checks import check_logarithms, check_response, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
-from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.simulation import folded_response
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
@@ -262,11 +261,6 @@ def _result(
     of_delays = standing_of_delays(measured, covariance, holds=noise and poles is None)
     warnings += [] if poles is None else [poles.doubt()]
     warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
-    merged = np.array([one == "sound" for one in standing], dtype=bool)
-    if not best.layout.options.full_rank:
-        merged &= may_be_two(data, best, by_output(-residual), 1.0 / np.sqrt(followed.at(best.share)))
-    warnings += doubts_of_merged(natural_hz(model), merged)
-    standing = tuple("unresolved" if two else one for one, two in zip(standing, merged, strict=True))
     return FitResult(
         model=model,
         cost=2.0 * best.refined.step.cost / r.size,
