@@ -184,11 +184,9 @@ from .realtime.engine.settings import (
     EngineSettings as EngineSettings,
     SensorTest as SensorTest,
 )
-from .realtime.engine.supervisor import (
-    DriverRig as DriverRig,
-    Supervisor as Supervisor,
-    UdpRig as UdpRig,
-)
+from .realtime.engine.launch import DriverRig as DriverRig
+from .realtime.engine.launch import UdpRig as UdpRig
+from .realtime.engine.supervisor import Supervisor as Supervisor
 from .realtime.engine.trial import (
     Stage as Stage,
     run_trial as run_trial,

@@ -50,7 +50,7 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Report what this machine can do: with --realtime, how late the engine's samples are on it.
+    """Timing of the engine on this machine.
 
     A random stable law runs in the engine by the clock. The report gives lateness, samples later than a
     period, time of a step beside its operations and bytes, what the system granted, and the machine. It
