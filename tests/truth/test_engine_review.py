@@ -1,0 +1,77 @@
+"""States of the engine from which a fault must still end in SAFE, and a torque must not jump."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article
+from middeck.control.law.compensator import Compensator
+from middeck.errors import DataError
+from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
+from middeck.realtime.engine.build import build_engine
+from middeck.realtime.engine.monitors import Monitor
+from middeck.realtime.engine.supervisor import DriverRig, Supervisor
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.systems.statespace import SampledStateSpace
+from packaged_laws import PERIOD_S, ports
+
+pytestmark = pytest.mark.usefixtures("compiler")
+RAMP = 250
+
+
+def still_article(y) -> LinearArticle:
+    """Its sensors stand at ``y``, whatever the outputs do."""
+    n = len(y)
+    fixed = {"A": np.eye(n), "B": np.zeros((n, OUTPUTS)), "C": np.eye(n), "G": np.zeros((n, 1))}
+    return LinearArticle(**fixed, x=np.array(y, float), sensor_noise=np.zeros(n))
+
+
+def static_package(gain, **changes):
+    """u = gain y, without a state."""
+    y, u = ports(0, SENSORS, OUTPUTS)
+    system = SampledStateSpace(
+        np.zeros((0, 0)), np.zeros((0, SENSORS)), np.zeros((OUTPUTS, 0)), gain, period_s=PERIOD_S
+    )
+    return package_law(Compensator(system, y, u), "law", limit=0.5, **changes)
+
+
+def verified(engine):
+    """Reset, hold alone, and return when the hold is verified."""
+    assert engine.reset().done
+    engine.run(RAMP + 60, keep=False)
+    assert engine.file.status["hold_verified"] == 1
+
+
+def kinds(engine):
+    return [event.kind for event in engine.events()]
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_a_loud_band_does_not_hide_that_the_hold_takes_all_effort(watched):
+    """A drive that turns its sign makes the verified hold a limit cycle: in SAFE it must be let go."""
+    omega = 2 * np.pi * 20
+    turn = np.array([[0, 1, 0], [-(omega**2), -0.04 * omega, omega**2], [0, 0, 0]])
+    stepped = scipy.linalg.expm(turn * PERIOD_S)
+    article = LinearArticle(
+        A=stepped[:2, :2], B=np.hstack([0.01 * stepped[:2, 2:], np.zeros((2, 1))]),
+        C=np.array([[1, 0], [0, 1 / omega], [0, 0]]), G=np.zeros((2, 1)), x=np.zeros(2),
+        sensor_noise=np.full(SENSORS, 1e-4), seed=3,
+    )  # fmt: skip
+    loud = Monitor(channel="u0", side="output", band_hz=(0.0, np.inf), limit=0.2, seconds=0.1)
+    settings = plain_settings(
+        hold=(LoopPath(1, 0, static_gain(-40.0)),), verify_s=0.1, effort_s=0.5,
+        monitors=(loud,) if watched else (),
+    )  # fmt: skip
+    turned = with_faults(article, Fault(kind="output gain", start=1500, value=-1.0))
+    with Supervisor(settings, turned) as engine:
+        verified(engine)
+        engine.run(4000, keep=False)
+        assert engine.state == "safe"
+        assert engine.file.status["hold_verified"] == 0
+        assert "hold lost" in kinds(engine)
+        assert not engine.run(10)["u"].any()
