@@ -75,3 +75,15 @@ def test_a_loud_band_does_not_hide_that_the_hold_takes_all_effort(watched):
         assert engine.file.status["hold_verified"] == 0
         assert "hold lost" in kinds(engine)
         assert not engine.run(10)["u"].any()
+
+
+def test_no_strip_moves_an_output_in_safe():
+    """Nothing moves before a reset, nor by a strip while a trip holds the loop."""
+    with Supervisor(plain_settings(), still_article([0.5, -0.5, 0.0])) as engine:
+        assert engine.set_strip("u0", "offset", 0.5).word == "not ready"
+        assert not engine.run(300)["u"].any()
+        engine.reset()
+        engine.stop()
+        engine.run(1)
+        assert engine.set_strip("u0", "offset", 0.5).word == "not ready"
+        assert not engine.run(300)["u"].any()
