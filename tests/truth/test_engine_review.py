@@ -87,3 +87,21 @@ def test_no_strip_moves_an_output_in_safe():
         engine.run(1)
         assert engine.set_strip("u0", "offset", 0.5).word == "not ready"
         assert not engine.run(300)["u"].any()
+
+
+def test_a_strip_that_is_held_again_while_it_lets_go_does_not_jump():
+    with Supervisor(plain_settings(), still_article([0.0, 0.0, 0.0])) as engine:
+        engine.reset()
+        engine.set_strip("u0", "offset", 0.5)
+        engine.run(400, keep=False)
+        engine.set_strip("u0", "hold", 1)
+        engine.run(300, keep=False)
+        engine.set_strip("u0", "offset", -0.5)
+        engine.run(500, keep=False)
+        engine.set_strip("u0", "hold", 0)
+        records = [engine.run(75)]
+        engine.set_strip("u0", "hold", 1)
+        records.append(engine.run(300))
+    u = np.concatenate(records)["u"][:, 0]
+    assert np.abs(np.diff(u)).max() <= 1.0 / RAMP + 1e-15
+    assert u[-1] == pytest.approx(0.5)

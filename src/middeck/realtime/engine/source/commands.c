@@ -169,9 +169,10 @@ static enum answer excite(engine *e, real periods)
     return DONE;
 }
 
+/* One that is still let go holds on to what it held: another value would be a step. */
 static void hold_strip(strip *s, int on)
 {
-    if (on && !s->hold)
+    if (on && !s->hold && s->held_share == 0)
         s->held = s->last;
     s->hold = on;
 }
