@@ -105,3 +105,23 @@ def test_a_strip_that_is_held_again_while_it_lets_go_does_not_jump():
     u = np.concatenate(records)["u"][:, 0]
     assert np.abs(np.diff(u)).max() <= 1.0 / RAMP + 1e-15
     assert u[-1] == pytest.approx(0.5)
+
+
+def test_who_stands_by_adds_nothing_whatever_limits_did():
+    """Its own slew must not go on from an output that a held strip stood at."""
+    idle = static_package(np.zeros((OUTPUTS, SENSORS)), slew_rate=0.05)
+    with Supervisor(plain_settings(), still_article([0.0, 0.0, 0.0])) as engine:
+        assert engine.load(idle).done
+        engine.reset()
+        assert engine.command("standby").done
+        engine.set_strip("u0", "offset", 0.4)
+        records = [engine.run(300)]
+        engine.set_strip("u0", "hold", 1)
+        records.append(engine.run(300))
+        engine.set_strip("u0", "offset", 0.0)
+        records.append(engine.run(300))
+        engine.set_strip("u0", "hold", 0)
+        records.append(engine.run(300))
+    seen = np.concatenate(records)
+    assert not seen["added_0"].any()
+    assert seen["u"][-1].tolist() == [0.0, 0.0]

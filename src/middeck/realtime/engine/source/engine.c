@@ -329,7 +329,8 @@ static void run_laws(engine *e, real *sum, trip_cause *cause)
     }
 }
 
-/* Each law learns what of the output was the compensators'; its own slew goes on from what it has added itself. */
+/* Each law learns what of the output was the compensators'. Beside another, or without a say, its own slew goes on from what it
+   has added itself: who stands by adds nothing, whatever limits did to the hold. */
 static void commit_laws(engine *e, const real *asked, const real *sum)
 {
     const int both = e->slots[0].running && e->slots[1].running;
@@ -337,6 +338,7 @@ static void commit_laws(engine *e, const real *asked, const real *sum)
 
     for (k = 0; k < SLOTS; ++k) {
         slot *s = &e->slots[k];
+        const int own = both || !acts(s);
         real applied[CHANNELS];
 
         if (!s->running)
@@ -347,7 +349,7 @@ static void commit_laws(engine *e, const real *asked, const real *sum)
             applied[i] = e->u[o] == asked[o] ? sum[o] : e->u[o] - e->hold[o] - e->excitation[o] - e->strips[o].offset;
         }
         law_commit(&s->law, &s->p.law, applied);
-        for (i = 0; both && i < s->p.law.outputs; ++i)
+        for (i = 0; own && i < s->p.law.outputs; ++i)
             s->law.last[i] = e->added[k][s->output[i]];
     }
 }
