@@ -125,3 +125,52 @@ def test_who_stands_by_adds_nothing_whatever_limits_did():
     seen = np.concatenate(records)
     assert not seen["added_0"].any()
     assert seen["u"][-1].tolist() == [0.0, 0.0]
+
+
+LOSING = """#include "rig.h"
+
+static whole written;
+
+static enum rig_answer read_sensors(rig *r, real *y)
+{
+    whole i;
+
+    for (i = 0; i < r->set->inputs; ++i)
+        y[i] = 0.001 * (real)i;
+    return RIG_READ;
+}
+
+static enum rig_answer write_outputs(rig *r, const real *u, whole alive)
+{
+    (void)r;
+    (void)u;
+    (void)alive;
+    return ++written == 20 ? ANSWER : RIG_READ;
+}
+
+static void close_driver(rig *r)
+{
+    (void)r;
+}
+
+rig *open_driver(const settings *set)
+{
+    static rig driver = {read_sensors, write_outputs, close_driver, 0};
+
+    driver.set = set;
+    return &driver;
+}
+"""
+
+
+@pytest.mark.parametrize(("answer", "trip"), [("RIG_LOST", "rig dead"), ("RIG_MISSED", "no answer")])
+def test_outputs_that_do_not_arrive_trip(tmp_path, answer, trip):
+    driver = tmp_path / "losing.c"
+    driver.write_text(LOSING.replace("ANSWER", answer))
+    with Supervisor(plain_settings(), DriverRig(), program=build_engine(driver=driver)) as engine:
+        engine.reset()
+        engine.run(20, keep=False)
+        assert engine.state == "ready"
+        engine.run(1, keep=False)
+        assert engine.state == "safe"
+        assert kinds(engine) == ["reset done", trip]
