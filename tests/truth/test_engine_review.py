@@ -174,3 +174,15 @@ def test_outputs_that_do_not_arrive_trip(tmp_path, answer, trip):
         engine.run(1, keep=False)
         assert engine.state == "safe"
         assert kinds(engine) == ["reset done", trip]
+
+
+def test_commands_and_waiting_for_their_answers_are_beats():
+    """A reset after a pause, or a package that takes long to check, must not trip by the heartbeat."""
+    settings = plain_settings(heartbeat_s=0.2, late_s=1e3)
+    with Supervisor(settings, random_article(), real_time=True) as engine:
+        engine.run(20, keep=False)
+        time.sleep(0.5)
+        assert engine.reset().done
+        engine.run(50, keep=False)
+        assert engine.state == "ready"
+        assert kinds(engine) == ["reset done"]

@@ -218,6 +218,7 @@ class Supervisor:
             raise ConfigError(
                 f"no command {kind!r} of {len(values)} values", hint=f"one of {', '.join(COMMANDS)}"
             )
+        self._beat_by_the_clock()
         number = int(self.file.asks["written"]) + 1
         self._wait(lambda: number - int(self.file.status["acknowledged"]) < QUEUE)
         row = np.zeros((), layout("command"))
@@ -358,6 +359,7 @@ class Supervisor:
         began = time.monotonic()
         while not reached():  # type: ignore[operator]
             self._require_alive()
+            self._beat_by_the_clock()
             if time.monotonic() - began > PATIENCE_S:
                 raise DataError(
                     f"the engine does not answer for {PATIENCE_S:g} s",
@@ -365,6 +367,11 @@ class Supervisor:
                     hint="is its rig alive?",
                 )
             time.sleep(POLL_S)
+
+    def _beat_by_the_clock(self) -> None:
+        """Who commands or waits for an answer lives; time goes on meanwhile."""
+        if self.real_time:
+            self.beat()
 
     def _require_alive(self) -> None:
         if self.process.poll() is not None:
