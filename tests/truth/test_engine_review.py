@@ -186,3 +186,17 @@ def test_commands_and_waiting_for_their_answers_are_beats():
         engine.run(50, keep=False)
         assert engine.state == "ready"
         assert kinds(engine) == ["reset done"]
+
+
+def test_records_before_a_trip_are_whole_and_in_order():
+    """While an earlier trip held the loop none were kept: what stands in their places is no record of then."""
+    with Supervisor(plain_settings(), random_article(), pretrip_s=150 * PERIOD_S) as engine:
+        engine.reset()
+        engine.run(100, keep=False)
+        engine.stop()
+        engine.run(100, keep=False)
+        engine.reset()
+        engine.run(10, keep=False)
+        engine.stop()
+        engine.run(50, keep=False)
+        assert engine.pretrip()["sequence"].tolist() == [*range(62, 102), *range(201, 212)]

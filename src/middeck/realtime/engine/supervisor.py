@@ -331,7 +331,9 @@ class Supervisor:
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
         kept, end = self.file.pretrip, int(self.file.status["frozen_at"])
-        return kept[np.arange(max(0, end - len(kept)), end) % len(kept)]
+        samples = np.arange(max(0, end - len(kept)), end)
+        found = kept[samples % len(kept)]
+        return found[found["sequence"] == samples + 1]  # none was kept while an earlier trip held the loop
 
     def blacklist(self) -> tuple[str, ...]:
         """Hashes of packages that trips have refused."""
