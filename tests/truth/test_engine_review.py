@@ -200,3 +200,13 @@ def test_records_before_a_trip_are_whole_and_in_order():
         engine.stop()
         engine.run(50, keep=False)
         assert engine.pretrip()["sequence"].tolist() == [*range(62, 102), *range(201, 212)]
+
+
+def test_an_answer_that_a_later_one_has_replaced_is_not_given():
+    with Supervisor(plain_settings(), random_article()) as engine:
+        refused = engine.send("engage", values=[1.0])
+        for _ in range(256):
+            last = engine.send("silence")
+        assert engine.answer(last).done
+        with pytest.raises(DataError, match="answer to command 1 is gone"):
+            engine.answer(refused)

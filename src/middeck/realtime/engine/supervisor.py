@@ -229,9 +229,16 @@ class Supervisor:
         return number
 
     def answer(self, number: int) -> Answer:
-        """Wait until a command is answered. In lockstep one that is not due yet needs `run` first."""
+        """Wait until a command is answered. In lockstep one that is not due yet needs `run` first.
+
+        Raises `DataError` for one whose place a later answer has taken.
+        """
         self._wait(lambda: int(self.file.status["acknowledged"]) >= number)
-        row = self.file.acknowledgements[number % QUEUE]
+        row = self.file.acknowledgements[number % QUEUE].copy()
+        if int(row["number"]) != number:
+            raise DataError(
+                f"the answer to command {number} is gone", where="engine", hint=f"the last {QUEUE} are kept"
+            )
         return Answer(number, int(row["sample"]), ANSWERS[int(row["answer"])])
 
     def command(self, kind: str, *, slot: int = 0, values: Sequence[float] = ()) -> Answer:
