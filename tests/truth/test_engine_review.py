@@ -210,3 +210,15 @@ def test_an_answer_that_a_later_one_has_replaced_is_not_given():
         assert engine.answer(last).done
         with pytest.raises(DataError, match="answer to command 1 is gone"):
             engine.answer(refused)
+
+
+def test_who_cannot_be_ended_by_a_command_goes_through_safe():
+    """A command that is not due yet stands before the end: the engine is told by a signal."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        engine.reset()
+        engine.run(10, keep=False)
+        engine.send("silence", at=1 << 40)
+        status = engine.file.status
+    assert engine.process.returncode == 0
+    assert status["state"] == 0
+    assert status["trips"] == 1

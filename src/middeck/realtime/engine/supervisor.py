@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import tempfile
 import time
@@ -156,12 +157,20 @@ class Supervisor:
             try:
                 self.process.wait(5.0)
             except (subprocess.TimeoutExpired, TimeoutError):
-                self.process.kill()
+                self._end_in_safe()
         self.process.wait()
         if self.process.stderr is not None:
             self.process.stderr.close()
         self.end_recording()
         self._left.close()
+
+    def _end_in_safe(self) -> None:
+        """An engine that waits for another command first is told to go through SAFE, and ended if it does not."""
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.wait(5.0)
+        except (subprocess.TimeoutExpired, TimeoutError):
+            self.process.kill()
 
     def record(self, path: Path, *, start: str | None = None, resume: bool = False) -> Recorder:
         """Write all that is read from now on into a file, with events and what precedes a trip.
