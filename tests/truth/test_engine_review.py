@@ -189,7 +189,7 @@ def test_commands_and_waiting_for_their_answers_are_beats():
 
 
 def test_records_before_a_trip_are_whole_and_in_order():
-    """While an earlier trip held the loop none were kept: what stands in their places is no record of then."""
+    """While an earlier trip held the loop none were kept: what stands in their places is older."""
     with Supervisor(plain_settings(), random_article(), pretrip_s=150 * PERIOD_S) as engine:
         engine.reset()
         engine.run(100, keep=False)

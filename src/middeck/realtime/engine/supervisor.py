@@ -165,7 +165,7 @@ class Supervisor:
         self._left.close()
 
     def _end_in_safe(self) -> None:
-        """An engine that waits for another command first is told to go through SAFE, and ended if it does not."""
+        """An engine that waits for another command first is told to go through SAFE, else killed."""
         self.process.send_signal(signal.SIGTERM)
         try:
             self.process.wait(5.0)
