@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 
 import numpy as np
@@ -222,3 +223,18 @@ def test_who_cannot_be_ended_by_a_command_goes_through_safe():
     assert engine.process.returncode == 0
     assert status["state"] == 0
     assert status["trips"] == 1
+
+
+def test_who_is_told_to_go_takes_no_command_any_more():
+    """A reset on the way out would end in a step from what moves the article then."""
+    settings = plain_settings(safe_ramp_s=0.5, late_s=1e3)
+    with Supervisor(settings, random_article(), real_time=True) as engine:
+        engine.reset()
+        engine.set_strip("u0", "offset", 0.4)
+        engine.run(200, keep=False)
+        engine.process.send_signal(signal.SIGTERM)
+        while engine.state != "safe":
+            time.sleep(0.01)
+        engine.send("reset", values=[engine.trip])
+        engine.process.wait(5.0)
+        assert engine.state == "safe"
