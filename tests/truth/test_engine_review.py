@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import time
 
@@ -238,3 +240,19 @@ def test_who_is_told_to_go_takes_no_command_any_more():
         engine.send("reset", values=[engine.trip])
         engine.process.wait(5.0)
         assert engine.state == "safe"
+
+
+def test_the_shared_file_has_its_room_on_the_disk():
+    """A full disk must be refused at the start, not end the loop by a page that cannot be written."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        found = engine.file.path.stat()
+        assert found.st_blocks * 512 >= found.st_size
+
+
+def test_a_disk_without_room_is_said(monkeypatch, tmp_path):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(DataError, match="No space left"):
+        Supervisor(plain_settings(), random_article(), folder=tmp_path)
