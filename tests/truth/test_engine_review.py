@@ -13,7 +13,7 @@ import scipy.linalg
 
 from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article
 from middeck.control.law.compensator import Compensator
-from middeck.errors import DataError
+from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
 from middeck.realtime.engine.build import build_engine
 from middeck.realtime.engine.monitors import Monitor
@@ -256,3 +256,16 @@ def test_a_disk_without_room_is_said(monkeypatch, tmp_path):
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(DataError, match="No space left"):
         Supervisor(plain_settings(), random_article(), folder=tmp_path)
+
+
+def test_a_folder_in_which_an_engine_runs_is_refused(tmp_path):
+    """Its shared file would be cut to nothing under the loop."""
+    with Supervisor(plain_settings(), random_article(), folder=tmp_path) as engine:
+        engine.reset()
+        engine.run(10, keep=False)
+        with pytest.raises(ConfigError, match="an engine runs"):
+            Supervisor(plain_settings(), random_article(), folder=tmp_path)
+        assert len(engine.run(10)) == 20 - 10
+        assert engine.state == "ready"
+    with Supervisor(plain_settings(), random_article(), folder=tmp_path) as again:
+        assert len(again.run(10)) == 10

@@ -105,7 +105,8 @@ def make_shared_file(
     places["article_count"], places["stride"] = len(numbers), kind.itemsize
     places["ring_count"], places["pretrip_count"] = ring, pretrip
     places["waveform_samples"], places["staging_size"] = len(waveform), STAGING
-    with path.open("wb") as file:
+    path.unlink(missing_ok=True)  # who still reads an old one keeps it
+    with path.open("xb") as file:
         _take_room(file, end)
         for region, data in (
             (0, places),

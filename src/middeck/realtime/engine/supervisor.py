@@ -85,6 +85,7 @@ class Supervisor:
         where = folder or Path(
             self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
         )
+        _require_no_engine(where / "engine.shared")
         article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else no_article()
         played = (
             np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
@@ -399,6 +400,20 @@ class Supervisor:
                 where="engine",
                 hint="what it said; its records are still in the shared file",
             )
+
+
+def _require_no_engine(path: Path) -> None:
+    """A new shared file takes the place of an old one, not of one that a loop has mapped."""
+    try:
+        pid = int(open_shared_file(path).status["pid"])
+    except DataError:
+        return
+    if AdoptedEngine(pid, path).poll() is None:
+        raise ConfigError(
+            f"an engine runs there, process {pid}",
+            where=str(path),
+            hint="another folder, or Supervisor.attach",
+        )
 
 
 def kind_of_end(supervisor: Supervisor) -> bool:
