@@ -6,6 +6,7 @@ import errno
 import os
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -269,3 +270,13 @@ def test_a_folder_in_which_an_engine_runs_is_refused(tmp_path):
         assert engine.state == "ready"
     with Supervisor(plain_settings(), random_article(), folder=tmp_path) as again:
         assert len(again.run(10)) == 10
+
+
+def test_an_engine_in_a_relative_folder_is_found_again(tmp_path, monkeypatch):
+    """Its words must name the file as whoever takes it over knows it."""
+    monkeypatch.chdir(tmp_path)
+    settings = plain_settings(late_s=1e3)
+    with Supervisor(settings, random_article(), folder=Path(), real_time=True) as engine:
+        again = Supervisor.attach(Path("engine.shared"), settings)
+        assert again.process.poll() is None
+        assert engine.process.pid == again.process.pid

@@ -138,7 +138,7 @@ def open_shared_file(path: Path) -> SharedFile:
 
 
 def _take_room(file: BinaryIO, size: int) -> None:
-    """All of it now: where the disk is full, a page of a mapped file ends the process that first writes to it."""
+    """All of it now: on a full disk a page of a mapped file ends the process that first writes to it."""
     try:
         os.posix_fallocate(file.fileno(), 0, size)
     except OSError as error:

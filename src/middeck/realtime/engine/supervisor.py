@@ -101,7 +101,7 @@ class Supervisor:
         )
         self.file.asks["supervisor"] = os.getpid()
         self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
-            [str(program or build_engine()), str(self.file.path)],
+            [str(program or build_engine()), str(self.file.path.resolve())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
             stderr=subprocess.PIPE,
