@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import signal
+import threading
 import time
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
 from middeck.realtime.engine.build import build_engine
 from middeck.realtime.engine.monitors import Monitor
+from middeck.realtime.engine.shared_file import open_shared_file
 from middeck.realtime.engine.supervisor import DriverRig, Supervisor
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, static_gain
@@ -280,3 +282,24 @@ def test_an_engine_in_a_relative_folder_is_found_again(tmp_path, monkeypatch):
         again = Supervisor.attach(Path("engine.shared"), settings)
         assert again.process.poll() is None
         assert engine.process.pid == again.process.pid
+
+
+def test_a_stop_before_the_loop_begins_counts(tmp_path):
+    """A program that starts late: whoever says STOP meanwhile has said it, and a reset must name it."""
+    late = tmp_path / "late"
+    late.write_text(f'#!/bin/sh\nsleep 0.5\nexec {build_engine()} "$@"\n')
+    late.chmod(0o755)
+
+    def say_stop():
+        time.sleep(0.3)
+        open_shared_file(tmp_path / "engine.shared").asks["stop"] += 1
+
+    crew = threading.Thread(target=say_stop)
+    crew.start()
+    with Supervisor(
+        plain_settings(late_s=1e3), random_article(), folder=tmp_path, real_time=True, program=late
+    ) as engine:
+        crew.join()
+        engine.run(10, keep=False)
+        assert engine.trip == 1
+        assert engine.command("reset", values=[0.0]).word == "wrong trip"

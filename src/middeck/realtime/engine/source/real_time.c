@@ -72,7 +72,6 @@ void run_in_real_time(shared *f, engine *e, rig *r)
         return;
     }
     ask_for_real_time(f);
-    w.stop = word_get(&f->asks->stop);
     next = now_ns() + period;
     for (;;) {
         circumstances c = {0};
