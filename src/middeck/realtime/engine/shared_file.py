@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import mmap
+import os
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from jaxtyping import Float
@@ -103,8 +105,9 @@ def make_shared_file(
     places["article_count"], places["stride"] = len(numbers), kind.itemsize
     places["ring_count"], places["pretrip_count"] = ring, pretrip
     places["waveform_samples"], places["staging_size"] = len(waveform), STAGING
-    with path.open("wb") as file:
-        file.truncate(end)
+    path.unlink(missing_ok=True)  # who still reads an old one keeps it
+    with path.open("xb") as file:
+        _take_room(file, end)
         for region, data in (
             (0, places),
             (int(places["settings"]), settings),
@@ -132,6 +135,18 @@ def open_shared_file(path: Path) -> SharedFile:
     raise DataError(
         "no shared file of an engine, or of another version", where=str(path), hint="engine.shared"
     )
+
+
+def _take_room(file: BinaryIO, size: int) -> None:
+    """All of it now: on a full disk a page of a mapped file ends the process that first writes to it."""
+    try:
+        os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        raise DataError(
+            f"no room of {size} bytes: {error.strerror}",
+            where="shared file",
+            hint="another folder, a shorter pretrip_s",
+        ) from None
 
 
 def _aligned(size: int) -> int:

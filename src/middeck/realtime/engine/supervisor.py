@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import tempfile
 import time
@@ -84,6 +85,7 @@ class Supervisor:
         where = folder or Path(
             self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
         )
+        _require_no_engine(where / "engine.shared")
         article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else no_article()
         played = (
             np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
@@ -99,7 +101,7 @@ class Supervisor:
         )
         self.file.asks["supervisor"] = os.getpid()
         self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
-            [str(program or build_engine()), str(self.file.path)],
+            [str(program or build_engine()), str(self.file.path.resolve())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
             stderr=subprocess.PIPE,
@@ -156,12 +158,20 @@ class Supervisor:
             try:
                 self.process.wait(5.0)
             except (subprocess.TimeoutExpired, TimeoutError):
-                self.process.kill()
+                self._end_in_safe()
         self.process.wait()
         if self.process.stderr is not None:
             self.process.stderr.close()
         self.end_recording()
         self._left.close()
+
+    def _end_in_safe(self) -> None:
+        """An engine that waits for another command first is told to go through SAFE, else killed."""
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.wait(5.0)
+        except (subprocess.TimeoutExpired, TimeoutError):
+            self.process.kill()
 
     def record(self, path: Path, *, start: str | None = None, resume: bool = False) -> Recorder:
         """Write all that is read from now on into a file, with events and what precedes a trip.
@@ -218,6 +228,7 @@ class Supervisor:
             raise ConfigError(
                 f"no command {kind!r} of {len(values)} values", hint=f"one of {', '.join(COMMANDS)}"
             )
+        self._beat_by_the_clock()
         number = int(self.file.asks["written"]) + 1
         self._wait(lambda: number - int(self.file.status["acknowledged"]) < QUEUE)
         row = np.zeros((), layout("command"))
@@ -228,9 +239,16 @@ class Supervisor:
         return number
 
     def answer(self, number: int) -> Answer:
-        """Wait until a command is answered. In lockstep one that is not due yet needs `run` first."""
+        """Wait until a command is answered. In lockstep one that is not due yet needs `run` first.
+
+        Raises `DataError` for one whose place a later answer has taken.
+        """
         self._wait(lambda: int(self.file.status["acknowledged"]) >= number)
-        row = self.file.acknowledgements[number % QUEUE]
+        row = self.file.acknowledgements[number % QUEUE].copy()
+        if int(row["number"]) != number:
+            raise DataError(
+                f"the answer to command {number} is gone", where="engine", hint=f"the last {QUEUE} are kept"
+            )
         return Answer(number, int(row["sample"]), ANSWERS[int(row["answer"])])
 
     def command(self, kind: str, *, slot: int = 0, values: Sequence[float] = ()) -> Answer:
@@ -330,7 +348,9 @@ class Supervisor:
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
         kept, end = self.file.pretrip, int(self.file.status["frozen_at"])
-        return kept[np.arange(max(0, end - len(kept)), end) % len(kept)]
+        samples = np.arange(max(0, end - len(kept)), end)
+        found = kept[samples % len(kept)]
+        return found[found["sequence"] == samples + 1]  # none was kept while an earlier trip held the loop
 
     def blacklist(self) -> tuple[str, ...]:
         """Hashes of packages that trips have refused."""
@@ -358,6 +378,7 @@ class Supervisor:
         began = time.monotonic()
         while not reached():  # type: ignore[operator]
             self._require_alive()
+            self._beat_by_the_clock()
             if time.monotonic() - began > PATIENCE_S:
                 raise DataError(
                     f"the engine does not answer for {PATIENCE_S:g} s",
@@ -365,6 +386,11 @@ class Supervisor:
                     hint="is its rig alive?",
                 )
             time.sleep(POLL_S)
+
+    def _beat_by_the_clock(self) -> None:
+        """Who commands or waits for an answer lives; time goes on meanwhile."""
+        if self.real_time:
+            self.beat()
 
     def _require_alive(self) -> None:
         if self.process.poll() is not None:
@@ -374,6 +400,20 @@ class Supervisor:
                 where="engine",
                 hint="what it said; its records are still in the shared file",
             )
+
+
+def _require_no_engine(path: Path) -> None:
+    """A new shared file takes the place of an old one, not of one that a loop has mapped."""
+    try:
+        pid = int(open_shared_file(path).status["pid"])
+    except DataError:
+        return
+    if AdoptedEngine(pid, path).poll() is None:
+        raise ConfigError(
+            f"an engine runs there, process {pid}",
+            where=str(path),
+            hint="another folder, or Supervisor.attach",
+        )
 
 
 def kind_of_end(supervisor: Supervisor) -> bool:

@@ -14,6 +14,7 @@ extern volatile sig_atomic_t asked_to_end;
 /* What has been seen of the supervisor's words. */
 typedef struct {
     whole stop, heartbeat, silent, until;
+    enum rig_answer written; /* what the rig said to the last outputs */
 } watch;
 
 whole now_ns(void);

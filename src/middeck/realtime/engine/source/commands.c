@@ -169,17 +169,21 @@ static enum answer excite(engine *e, real periods)
     return DONE;
 }
 
+/* One that is still let go holds on to what it held: another value would be a step. */
 static void hold_strip(strip *s, int on)
 {
-    if (on && !s->hold)
+    if (on && !s->hold && s->held_share == 0)
         s->held = s->last;
     s->hold = on;
 }
 
+/* Not in SAFE, which knows no strip: an offset there would move what no reset has freed. */
 static enum answer set_strip(engine *e, whole output, const real value[4])
 {
     strip *s;
 
+    if (e->state == SAFE)
+        return NOT_READY;
     if (output < 0 || output >= e->set.outputs || !(value[1] - value[1] == 0))
         return OUT_OF_RANGE;
     s = &e->strips[output];

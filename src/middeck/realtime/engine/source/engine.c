@@ -329,7 +329,8 @@ static void run_laws(engine *e, real *sum, trip_cause *cause)
     }
 }
 
-/* Each law learns what of the output was the compensators'; its own slew goes on from what it has added itself. */
+/* Each law learns what of the output was the compensators'. Beside another, or without a say, its own slew goes on from what it
+   has added itself: who stands by adds nothing, whatever limits did to the hold. */
 static void commit_laws(engine *e, const real *asked, const real *sum)
 {
     const int both = e->slots[0].running && e->slots[1].running;
@@ -337,6 +338,7 @@ static void commit_laws(engine *e, const real *asked, const real *sum)
 
     for (k = 0; k < SLOTS; ++k) {
         slot *s = &e->slots[k];
+        const int own = both || !acts(s);
         real applied[CHANNELS];
 
         if (!s->running)
@@ -347,7 +349,7 @@ static void commit_laws(engine *e, const real *asked, const real *sum)
             applied[i] = e->u[o] == asked[o] ? sum[o] : e->u[o] - e->hold[o] - e->excitation[o] - e->strips[o].offset;
         }
         law_commit(&s->law, &s->p.law, applied);
-        for (i = 0; both && i < s->p.law.outputs; ++i)
+        for (i = 0; own && i < s->p.law.outputs; ++i)
             s->law.last[i] = e->added[k][s->output[i]];
     }
 }
@@ -405,19 +407,22 @@ static void look_around(engine *e, const circumstances *c, trip_cause *cause)
 }
 
 /* A trip in SAFE is none anew, but a STOP is, which no reset of an earlier one may undo. What grows there, or takes all effort,
-   while the hold holds is the hold's. */
-static void judge(engine *e, const trip_cause *cause)
+   while the hold holds is the hold's, whatever else is seen before it. */
+static void judge(engine *e, const trip_cause *cause, const trip_cause *growing)
 {
     if (cause->kind == NO_TRIP)
         return;
     if (e->state != SAFE) {
         go_safe(e, cause);
-    } else if (cause->kind == STOP) {
+        return;
+    }
+    if (cause->kind == STOP) {
         e->trip = ++e->trips;
         e->cause = *cause;
         engine_tell(e, STOP, -1, 0, 0, NULL);
-    } else if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && is_of_the_hold(cause)) {
-        lose_hold(e, cause);
+    }
+    if (hold_is_good(e) && e->since_trip > e->set.safe_ramp && is_of_the_hold(growing)) {
+        lose_hold(e, growing);
         e->hold_verified = 0;
     }
 }
@@ -494,21 +499,21 @@ static void verify_hold(engine *e)
 
 static void look(engine *e, const real *y, const circumstances *c)
 {
-    trip_cause cause = {NO_TRIP, -1, 0, 0};
+    trip_cause cause = {NO_TRIP, -1, 0, 0}, growing = {NO_TRIP, -1, 0, 0};
 
     look_around(e, c, &cause);
     if (c->no_answer || c->rig_dead)
         sensors_miss(&e->sensors);
     else
         sensors_look(&e->sensors, &e->set, y, &cause);
-    monitors_look(&e->monitors, &e->set, 0, e->sensors.value, &cause);
-    judge(e, &cause);
+    monitors_look(&e->monitors, &e->set, 0, e->sensors.value, &cause, &growing);
+    judge(e, &cause, &growing);
     watch_hold(e);
 }
 
 void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
 {
-    trip_cause cause = {NO_TRIP, -1, 0, 0}, after = {NO_TRIP, -1, 0, 0};
+    trip_cause cause = {NO_TRIP, -1, 0, 0}, after = {NO_TRIP, -1, 0, 0}, growing = {NO_TRIP, -1, 0, 0};
     real command[CHANNELS], sum[CHANNELS], share[CHANNELS];
     int i;
 
@@ -522,14 +527,14 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
         command[i] = e->hold[i] + sum[i] + e->excitation[i];
     if (e->state != SAFE && !all_finite(command, e->set.outputs))
         blame(&cause, COMMAND_NOT_FINITE, -1, 0, 0);
-    judge(e, &cause);
+    judge(e, &cause, &growing);
     if (e->state == SAFE)
         safe_command(e, command);
     through_strips(e, command, share);
     commit_laws(e, command, sum);
-    monitors_look(&e->monitors, &e->set, 1, e->u, &after);
-    monitors_effort(&e->monitors, &e->set, e->u, share, &after);
-    judge(e, &after);
+    monitors_look(&e->monitors, &e->set, 1, e->u, &after, &growing);
+    monitors_effort(&e->monitors, &e->set, e->u, share, &after, &growing);
+    judge(e, &after, &growing);
     engine_settle(e);
     verify_hold(e);
     e->since_trip += e->since_trip < INT64_MAX;

@@ -39,7 +39,7 @@ static void settle_monitor(monitor_states *m, const monitor *one, int k, real va
     m->settled[k] = 1;
 }
 
-static void look_for_growth(monitor_states *m, const monitor *set, int k, real square, trip_cause *cause)
+static void look_for_growth(monitor_states *m, const monitor *set, int k, real square, trip_cause *cause, trip_cause *growing)
 {
     real mean;
 
@@ -54,11 +54,13 @@ static void look_for_growth(monitor_states *m, const monitor *set, int k, real s
     m->before[k] = mean;
     m->sum[k] = 0;
     m->filled[k] = 0;
-    if (m->grown[k] >= set->times)
+    if (m->grown[k] >= set->times) {
         blame(cause, GROWTH, set->channel, sqrt(mean), set->floor);
+        blame(growing, GROWTH, set->channel, sqrt(mean), set->floor);
+    }
 }
 
-void monitors_look(monitor_states *m, const settings *set, int outputs, const real *v, trip_cause *cause)
+void monitors_look(monitor_states *m, const settings *set, int outputs, const real *v, trip_cause *cause, trip_cause *growing)
 {
     int k;
 
@@ -78,7 +80,7 @@ void monitors_look(monitor_states *m, const settings *set, int outputs, const re
         if (m->power[k] > one->limit * one->limit)
             blame(cause, BAND_POWER, one->channel, sqrt(m->power[k]), one->limit);
         if (one->factor > 0)
-            look_for_growth(m, one, k, square, cause);
+            look_for_growth(m, one, k, square, cause, growing);
     }
 }
 
@@ -87,7 +89,7 @@ int monitors_full(const monitor_states *m, const settings *set, int output, real
     return (m->momentum[output] > set->momentum[output] && u > 0) || (m->momentum[output] < -set->momentum[output] && u < 0);
 }
 
-void monitors_effort(monitor_states *m, const settings *set, const real *u, const real *share, trip_cause *cause)
+void monitors_effort(monitor_states *m, const settings *set, const real *u, const real *share, trip_cause *cause, trip_cause *growing)
 {
     int i;
 
@@ -96,7 +98,9 @@ void monitors_effort(monitor_states *m, const settings *set, const real *u, cons
         if (monitors_full(m, set, i, u[i]))
             blame(cause, MOMENTUM, set->inputs + i, m->momentum[i], set->momentum[i]);
         m->effort[i] += set->effort_forget * (share[i] * share[i] - m->effort[i]);
-        if (m->effort[i] > set->effort_share * set->effort_share)
+        if (m->effort[i] > set->effort_share * set->effort_share) {
             blame(cause, EFFORT, set->inputs + i, sqrt(m->effort[i]), set->effort_share);
+            blame(growing, EFFORT, set->inputs + i, sqrt(m->effort[i]), set->effort_share);
+        }
     }
 }

@@ -21,11 +21,12 @@ void monitors_start(monitor_states *m);
 /* Forget what has grown and how long limits have been reached; filters, power and momentum stay. */
 void monitors_forget(monitor_states *m);
 
-/* Monitors of sensors (outputs: 0) or of outputs (1), whose channels stand in v. */
-void monitors_look(monitor_states *m, const settings *set, int outputs, const real *v, trip_cause *cause);
+/* Monitors of sensors (outputs: 0) or of outputs (1), whose channels stand in v. "growing" is the first that grows, or takes all
+   effort, whatever else is seen before it. */
+void monitors_look(monitor_states *m, const settings *set, int outputs, const real *v, trip_cause *cause, trip_cause *growing);
 
 /* Outputs as written, and for each the share of its limit that it takes. */
-void monitors_effort(monitor_states *m, const settings *set, const real *u, const real *share, trip_cause *cause);
+void monitors_effort(monitor_states *m, const settings *set, const real *u, const real *share, trip_cause *cause, trip_cause *growing);
 
 /* Whether an output's integral is beyond what may be stored, and u would add to it. */
 int monitors_full(const monitor_states *m, const settings *set, int output, real u);

@@ -72,14 +72,13 @@ void run_in_real_time(shared *f, engine *e, rig *r)
         return;
     }
     ask_for_real_time(f);
-    w.stop = word_get(&f->asks->stop);
     next = now_ns() + period;
     for (;;) {
         circumstances c = {0};
 
         c.late_ns = sleep_to(&next, period, &missed);
         look_at_clock(f, missed, &in_row, &c);
-        if (take_commands(f, e) || (ending && ++ending > f->set.safe_ramp + 2))
+        if ((!ending && take_commands(f, e)) || (ending && ++ending > f->set.safe_ramp + 2))
             return;
         if (asked_to_end && !ending) { /* told to go: first to SAFE, then out */
             ending = 1;

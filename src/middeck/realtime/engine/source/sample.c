@@ -40,11 +40,11 @@ void one_sample(shared *f, engine *e, rig *r, watch *w, circumstances *c)
     look_at_asks(f, w, c);
     begun = timed ? now_ns() : 0;
     answer = r->read(r, y);
-    c->no_answer = answer == RIG_MISSED;
-    c->rig_dead = answer == RIG_LOST;
+    c->no_answer = answer == RIG_MISSED || w->written == RIG_MISSED;
+    c->rig_dead = answer == RIG_LOST || w->written == RIG_LOST;
     engine_sample(e, y, c, u);
-    if (r->write(r, u, f->alive) == RIG_LOST)
-        c->rig_dead = 1;
+    w->written = r->write(r, u, f->alive); /* outputs that did not arrive trip in the next sample */
+    c->rig_dead |= w->written == RIG_LOST;
     took = timed ? now_ns() - begun : 0;
     if (took > f->status->worst_step_ns)
         f->status->worst_step_ns = took;

@@ -1,0 +1,305 @@
+"""States of the engine from which a fault must still end in SAFE, and a torque must not jump."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article
+from middeck.control.law.compensator import Compensator
+from middeck.errors import ConfigError, DataError
+from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
+from middeck.realtime.engine.build import build_engine
+from middeck.realtime.engine.monitors import Monitor
+from middeck.realtime.engine.shared_file import open_shared_file
+from middeck.realtime.engine.supervisor import DriverRig, Supervisor
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.systems.statespace import SampledStateSpace
+from packaged_laws import PERIOD_S, ports
+
+pytestmark = pytest.mark.usefixtures("compiler")
+RAMP = 250
+
+
+def still_article(y) -> LinearArticle:
+    """Its sensors stand at ``y``, whatever the outputs do."""
+    n = len(y)
+    fixed = {"A": np.eye(n), "B": np.zeros((n, OUTPUTS)), "C": np.eye(n), "G": np.zeros((n, 1))}
+    return LinearArticle(**fixed, x=np.array(y, float), sensor_noise=np.zeros(n))
+
+
+def static_package(gain, **changes):
+    """u = gain y, without a state."""
+    y, u = ports(0, SENSORS, OUTPUTS)
+    system = SampledStateSpace(
+        np.zeros((0, 0)), np.zeros((0, SENSORS)), np.zeros((OUTPUTS, 0)), gain, period_s=PERIOD_S
+    )
+    return package_law(Compensator(system, y, u), "law", limit=0.5, **changes)
+
+
+def verified(engine):
+    """Reset, hold alone, and return when the hold is verified."""
+    assert engine.reset().done
+    engine.run(RAMP + 60, keep=False)
+    assert engine.file.status["hold_verified"] == 1
+
+
+def kinds(engine):
+    return [event.kind for event in engine.events()]
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_a_loud_band_does_not_hide_that_the_hold_takes_all_effort(watched):
+    """A drive that turns its sign makes the verified hold a limit cycle: in SAFE it must be let go."""
+    omega = 2 * np.pi * 20
+    turn = np.array([[0, 1, 0], [-(omega**2), -0.04 * omega, omega**2], [0, 0, 0]])
+    stepped = scipy.linalg.expm(turn * PERIOD_S)
+    article = LinearArticle(
+        A=stepped[:2, :2], B=np.hstack([0.01 * stepped[:2, 2:], np.zeros((2, 1))]),
+        C=np.array([[1, 0], [0, 1 / omega], [0, 0]]), G=np.zeros((2, 1)), x=np.zeros(2),
+        sensor_noise=np.full(SENSORS, 1e-4), seed=3,
+    )  # fmt: skip
+    loud = Monitor(channel="u0", side="output", band_hz=(0.0, np.inf), limit=0.2, seconds=0.1)
+    settings = plain_settings(
+        hold=(LoopPath(1, 0, static_gain(-40.0)),), verify_s=0.1, effort_s=0.5,
+        monitors=(loud,) if watched else (),
+    )  # fmt: skip
+    turned = with_faults(article, Fault(kind="output gain", start=1500, value=-1.0))
+    with Supervisor(settings, turned) as engine:
+        verified(engine)
+        engine.run(4000, keep=False)
+        assert engine.state == "safe"
+        assert engine.file.status["hold_verified"] == 0
+        assert "hold lost" in kinds(engine)
+        assert not engine.run(10)["u"].any()
+
+
+def test_no_strip_moves_an_output_in_safe():
+    """Nothing moves before a reset, nor by a strip while a trip holds the loop."""
+    with Supervisor(plain_settings(), still_article([0.5, -0.5, 0.0])) as engine:
+        assert engine.set_strip("u0", "offset", 0.5).word == "not ready"
+        assert not engine.run(300)["u"].any()
+        engine.reset()
+        engine.stop()
+        engine.run(1)
+        assert engine.set_strip("u0", "offset", 0.5).word == "not ready"
+        assert not engine.run(300)["u"].any()
+
+
+def test_a_strip_that_is_held_again_while_it_lets_go_does_not_jump():
+    with Supervisor(plain_settings(), still_article([0.0, 0.0, 0.0])) as engine:
+        engine.reset()
+        engine.set_strip("u0", "offset", 0.5)
+        engine.run(400, keep=False)
+        engine.set_strip("u0", "hold", 1)
+        engine.run(300, keep=False)
+        engine.set_strip("u0", "offset", -0.5)
+        engine.run(500, keep=False)
+        engine.set_strip("u0", "hold", 0)
+        records = [engine.run(75)]
+        engine.set_strip("u0", "hold", 1)
+        records.append(engine.run(300))
+    u = np.concatenate(records)["u"][:, 0]
+    assert np.abs(np.diff(u)).max() <= 1.0 / RAMP + 1e-15
+    assert u[-1] == pytest.approx(0.5)
+
+
+def test_who_stands_by_adds_nothing_whatever_limits_did():
+    """Its own slew must not go on from an output that a held strip stood at."""
+    idle = static_package(np.zeros((OUTPUTS, SENSORS)), slew_rate=0.05)
+    with Supervisor(plain_settings(), still_article([0.0, 0.0, 0.0])) as engine:
+        assert engine.load(idle).done
+        engine.reset()
+        assert engine.command("standby").done
+        engine.set_strip("u0", "offset", 0.4)
+        records = [engine.run(300)]
+        engine.set_strip("u0", "hold", 1)
+        records.append(engine.run(300))
+        engine.set_strip("u0", "offset", 0.0)
+        records.append(engine.run(300))
+        engine.set_strip("u0", "hold", 0)
+        records.append(engine.run(300))
+    seen = np.concatenate(records)
+    assert not seen["added_0"].any()
+    assert seen["u"][-1].tolist() == [0.0, 0.0]
+
+
+LOSING = """#include "rig.h"
+
+static whole written;
+
+static enum rig_answer read_sensors(rig *r, real *y)
+{
+    whole i;
+
+    for (i = 0; i < r->set->inputs; ++i)
+        y[i] = 0.001 * (real)i;
+    return RIG_READ;
+}
+
+static enum rig_answer write_outputs(rig *r, const real *u, whole alive)
+{
+    (void)r;
+    (void)u;
+    (void)alive;
+    return ++written == 20 ? ANSWER : RIG_READ;
+}
+
+static void close_driver(rig *r)
+{
+    (void)r;
+}
+
+rig *open_driver(const settings *set)
+{
+    static rig driver = {read_sensors, write_outputs, close_driver, 0};
+
+    driver.set = set;
+    return &driver;
+}
+"""
+
+
+@pytest.mark.parametrize(("answer", "trip"), [("RIG_LOST", "rig dead"), ("RIG_MISSED", "no answer")])
+def test_outputs_that_do_not_arrive_trip(tmp_path, answer, trip):
+    driver = tmp_path / "losing.c"
+    driver.write_text(LOSING.replace("ANSWER", answer))
+    with Supervisor(plain_settings(), DriverRig(), program=build_engine(driver=driver)) as engine:
+        engine.reset()
+        engine.run(20, keep=False)
+        assert engine.state == "ready"
+        engine.run(1, keep=False)
+        assert engine.state == "safe"
+        assert kinds(engine) == ["reset done", trip]
+
+
+def test_commands_and_waiting_for_their_answers_are_beats():
+    """A reset after a pause, or a package that takes long to check, must not trip by the heartbeat."""
+    settings = plain_settings(heartbeat_s=0.2, late_s=1e3)
+    with Supervisor(settings, random_article(), real_time=True) as engine:
+        engine.run(20, keep=False)
+        time.sleep(0.5)
+        assert engine.reset().done
+        engine.run(50, keep=False)
+        assert engine.state == "ready"
+        assert kinds(engine) == ["reset done"]
+
+
+def test_records_before_a_trip_are_whole_and_in_order():
+    """While an earlier trip held the loop none were kept: what stands in their places is older."""
+    with Supervisor(plain_settings(), random_article(), pretrip_s=150 * PERIOD_S) as engine:
+        engine.reset()
+        engine.run(100, keep=False)
+        engine.stop()
+        engine.run(100, keep=False)
+        engine.reset()
+        engine.run(10, keep=False)
+        engine.stop()
+        engine.run(50, keep=False)
+        assert engine.pretrip()["sequence"].tolist() == [*range(62, 102), *range(201, 212)]
+
+
+def test_an_answer_that_a_later_one_has_replaced_is_not_given():
+    with Supervisor(plain_settings(), random_article()) as engine:
+        refused = engine.send("engage", values=[1.0])
+        for _ in range(256):
+            last = engine.send("silence")
+        assert engine.answer(last).done
+        with pytest.raises(DataError, match="answer to command 1 is gone"):
+            engine.answer(refused)
+
+
+def test_who_cannot_be_ended_by_a_command_goes_through_safe():
+    """A command that is not due yet stands before the end: the engine is told by a signal."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        engine.reset()
+        engine.run(10, keep=False)
+        engine.send("silence", at=1 << 40)
+        status = engine.file.status
+    assert engine.process.returncode == 0
+    assert status["state"] == 0
+    assert status["trips"] == 1
+
+
+def test_who_is_told_to_go_takes_no_command_any_more():
+    """A reset on the way out would end in a step from what moves the article then."""
+    settings = plain_settings(safe_ramp_s=0.5, late_s=1e3)
+    with Supervisor(settings, random_article(), real_time=True) as engine:
+        engine.reset()
+        engine.set_strip("u0", "offset", 0.4)
+        engine.run(200, keep=False)
+        engine.process.send_signal(signal.SIGTERM)
+        while engine.state != "safe":
+            time.sleep(0.01)
+        engine.send("reset", values=[engine.trip])
+        engine.process.wait(5.0)
+        assert engine.state == "safe"
+
+
+def test_the_shared_file_has_its_room_on_the_disk():
+    """A full disk must be refused at the start, not end the loop by a page that cannot be written."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        found = engine.file.path.stat()
+        assert found.st_blocks * 512 >= found.st_size
+
+
+def test_a_disk_without_room_is_said(monkeypatch, tmp_path):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(DataError, match="No space left"):
+        Supervisor(plain_settings(), random_article(), folder=tmp_path)
+
+
+def test_a_folder_in_which_an_engine_runs_is_refused(tmp_path):
+    """Its shared file would be cut to nothing under the loop."""
+    with Supervisor(plain_settings(), random_article(), folder=tmp_path) as engine:
+        engine.reset()
+        engine.run(10, keep=False)
+        with pytest.raises(ConfigError, match="an engine runs"):
+            Supervisor(plain_settings(), random_article(), folder=tmp_path)
+        assert len(engine.run(10)) == 20 - 10
+        assert engine.state == "ready"
+    with Supervisor(plain_settings(), random_article(), folder=tmp_path) as again:
+        assert len(again.run(10)) == 10
+
+
+def test_an_engine_in_a_relative_folder_is_found_again(tmp_path, monkeypatch):
+    """Its words must name the file as whoever takes it over knows it."""
+    monkeypatch.chdir(tmp_path)
+    settings = plain_settings(late_s=1e3)
+    with Supervisor(settings, random_article(), folder=Path(), real_time=True) as engine:
+        again = Supervisor.attach(Path("engine.shared"), settings)
+        assert again.process.poll() is None
+        assert engine.process.pid == again.process.pid
+
+
+def test_a_stop_before_the_loop_begins_counts(tmp_path):
+    """A program that starts late: whoever says STOP meanwhile has said it, and a reset must name it."""
+    late = tmp_path / "late"
+    late.write_text(f'#!/bin/sh\nsleep 0.5\nexec {build_engine()} "$@"\n')
+    late.chmod(0o755)
+
+    def say_stop():
+        time.sleep(0.3)
+        open_shared_file(tmp_path / "engine.shared").asks["stop"] += 1
+
+    crew = threading.Thread(target=say_stop)
+    crew.start()
+    with Supervisor(
+        plain_settings(late_s=1e3), random_article(), folder=tmp_path, real_time=True, program=late
+    ) as engine:
+        crew.join()
+        engine.run(10, keep=False)
+        assert engine.trip == 1
+        assert engine.command("reset", values=[0.0]).word == "wrong trip"
