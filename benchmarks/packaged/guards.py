@@ -42,9 +42,9 @@ def _judged(seed: int, rigs: int, on_board_stable: bool) -> Outcome:
 def fault_rows(endings: Sequence[tuple[str, str, str]]) -> list[dict]:
     """From kind, state and complaint of each run."""
     wrong = [ending for ending in endings if ending[2]]
-    note = f"of {len(endings)} runs: {len(KINDS)} kinds, {len(STATES)} states"
+    runs = f"of {len(endings)} runs: {len(KINDS)} kinds, {len(STATES)} states, {SEEDS} seeds"
     return [
-        row(CASE, "faults that end neither in SAFE nor in correct completion", "", len(wrong), 0.0, note=note)
+        row(CASE, "faults that end neither in SAFE nor in correct completion", "", len(wrong), 0.0, note=runs)
     ]
 
 
