@@ -162,12 +162,12 @@ typedef struct {
 /* Written by the engine. */
 typedef struct {
     whole pid, format, size, running;
-    whole sample, state, trip, trips, trip_sample, trip_channel;
+    whole sample, state, trip, trips;
     whole acknowledged, events;
     whole alive; /* changes with every sample */
     whole late, worst_late_ns, worst_step_ns, lost; /* lost: records overwritten before they were read */
     whole hold_verified, frozen, frozen_at;
-    whole loaded[SLOTS], forgiven;
+    whole loaded[SLOTS];
     unsigned char slot_hash[SLOTS][32];
     whole blacklisted;
     unsigned char blacklist[HASHES][32];
