@@ -17,17 +17,11 @@ from hypothesis import strategies as st
 from middeck.errors import ConfigError
 from middeck.files.article_checks import article_findings
 from middeck.files.article_form import ArticleForm
-from middeck.files.documents import (
-    check,
-    find_document,
-    load_environment,
-    load_setup,
-    load_structure,
-    read_source,
-)
+from middeck.files.documents import find_document, load_environment, load_setup, load_structure
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm
 from middeck.files.faults import Fault
+from middeck.files.source import check, read_source
 from middeck.files.studies import load_study, study_rules
 from middeck.files.study_form import StudyForm
 from middeck.files.toml_lines import key_lines

@@ -18,13 +18,14 @@ from middeck.cli.advice import on_command_line
 from middeck.cli.app import VERBS, verb_options
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.article_form import ArticleForm
-from middeck.files.documents import load_environment, load_structure, read_source
+from middeck.files.documents import load_environment, load_structure
 from middeck.files.environment_form import EnvironmentForm
 from middeck.files.form import Form, bare, is_form
 from middeck.files.looks import KEYS, looks_like
 from middeck.files.measured_modes import load_measured_modes
 from middeck.files.models import load_model
 from middeck.files.records import load_record, write_record
+from middeck.files.source import read_source
 from middeck.files.studies import load_study
 from middeck.files.study_form import StudyForm
 from middeck.signals.ports import Port

@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.documents import Source, check
 from middeck.files.faults import raise_faults
 from middeck.files.form import Form, Positive, whole, within
 from middeck.files.overrides import Target, apply_overrides
+from middeck.files.source import Source, check
 from middeck.files.study_form import Band
 
 F = TypeVar("F", bound=Form)

@@ -33,6 +33,7 @@ from middeck.structure.model.article import (
     Structure,
     Wheel,
 )
+from middeck.structure.model.member_axes import default_up
 from middeck.structure.model.section import MemberMass, Section, coupled_section, shifted_section
 
 HERE = Path()
@@ -234,15 +235,6 @@ def _member(
         start_offset=start,
         end_offset=end,
     )
-
-
-def default_up(along: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """World y, or world x for a member within eight degrees of upright.
-
-    >>> default_up(np.array([0.0, 2.0, 0.0])).tolist()
-    [1.0, 0.0, 0.0]
-    """
-    return AXES["x"] if abs(along[1]) > 0.99 * np.linalg.norm(along) else AXES["y"]
 
 
 def _gimbal(form: forms.GimbalForm) -> tuple[Joint, Joint]:

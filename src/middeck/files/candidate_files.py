@@ -9,12 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.documents import check, find_document, load_setup, load_structure, read_source
+from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.faults import Finding, finding, raise_faults
 from middeck.files.form import Finite, Form, NotNegative, Positive, whole
 from middeck.files.gauge_form import PlannedStaticForm, build_case, build_gauge, planned_findings
 from middeck.files.promised_loads import PromisedLoads, load_promised_loads
 from middeck.files.refinements import Refinement, load_refinement
+from middeck.files.source import check, read_source
 from middeck.files.tables import tables
 from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
 from middeck.structure.model.article import Structure

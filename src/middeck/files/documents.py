@@ -1,16 +1,10 @@
-"""Read articles, environments and studies; every configuration error of all of them at once."""
+"""Read articles and environments; every configuration error of all of them at once."""
 
 from __future__ import annotations
 
-import hashlib
-import re
-import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Generic, Literal, NoReturn, TypeVar, cast
-
-from pydantic import ValidationError
+from typing import Any, cast
 
 from middeck.errors import ConfigError
 from middeck.files import looks
@@ -20,138 +14,17 @@ from middeck.files.article_form import ArticleForm
 from middeck.files.article_names import attach_names, hanging_names, node_names, wheel_names
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
-from middeck.files.faults import Fault, Finding, finding, form_findings, nearest, raise_fault, raise_faults
+from middeck.files.faults import Fault, finding, nearest, raise_faults
 from middeck.files.form import Form
 from middeck.files.overrides import Target, apply_overrides
-from middeck.files.toml_lines import Path as KeyPath
-from middeck.files.toml_lines import key_lines, line_of
-from middeck.files.toml_trouble import explain
+from middeck.files.source import Checked, Kind, Source, check, read_source, read_sources, refuse, with_article
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.sensitivity.parameters import scale_parameters
-from middeck.values import record
 
-F = TypeVar("F", bound=Form)
-Kind = Literal["article", "environment", "study"]
 # What ``--environment orbit`` means far from any environments/: it is the same everywhere.
 BUILT_IN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("orbit", "lab")}
-DOCUMENTS = (looks.ARTICLE, looks.ENVIRONMENT, looks.STUDY)
 FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
-
-
-@record
-class Source:
-    """A parsed document: its tables and where their keys stand, which nobody asks of a valid one."""
-
-    file: str
-    data: Any
-    lines: Callable[[], dict[KeyPath, int]]
-
-
-@record(kw_only=True)
-class Checked(Generic[F]):
-    """A document after its checks: its file, the form (None if it is broken), its data and its faults."""
-
-    file: str
-    form: F | None
-    data: Any
-    faults: tuple[Fault, ...]
-    place: Callable[[Finding], Fault]
-
-
-def read_source(path: str | Path, kind: Kind | None = None) -> Source:
-    """Parse a TOML file.
-
-    Raises `ConfigError` if it is missing, empty, not UTF-8, not TOML, or looks like another than ``kind``.
-    """
-    file = str(path)
-    try:
-        raw = Path(path).read_bytes()
-    except IsADirectoryError:
-        _refuse(file, "is a folder, not a file", f"one of the files in {file}")
-    except OSError as error:
-        _refuse(file, f"cannot be read: {error.strerror}", "check the path")
-    wanted = looks.CHANNELS if kind is None else _a(kind)
-    strange = looks.stray(
-        path, wanted, (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8, *([] if kind else DOCUMENTS))
-    )
-    if strange:
-        _refuse(file, strange, f"{wanted} in this place")
-    try:
-        text = raw.decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        _refuse(file, "not UTF-8 text", "save the file as UTF-8", line=line)
-    if "BEGIN BULK" in text.upper():
-        _refuse(file, "a Nastran deck", f"middeck convert {file} makes an article of it", line=1)
-    if not text.strip():
-        _refuse(file, "the file is empty", f"{wanted} in this place", line=1)
-    try:
-        return Source(file, tomllib.loads(text), cache(partial(key_lines, text)))
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r"line (\d+)", str(error))
-        line = int(found.group(1)) if found else text.rstrip().count("\n") + 1
-        line, what, cure = explain(text, line, str(error))
-        _refuse(file, f"not valid TOML: {what}", cure, line=line)
-
-
-def _refuse(file: str, message: str, hint: str, *, line: int = 0) -> NoReturn:
-    raise_fault(Fault(file=file, line=line, key="", message=message, hint=hint))
-
-
-def _a(kind: Kind) -> str:
-    """The kind with its article."""
-    return f"an {kind}" if kind[0] in "ae" else f"a {kind}"
-
-
-def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Source]:
-    """`read_source` of each path; the errors of all are raised together."""
-    sources: list[Source] = []
-    faults: list[Fault] = []
-    for path, kind in zip(paths, kinds, strict=True):
-        try:
-            sources.append(read_source(path, kind))
-        except ConfigError as error:
-            faults += error.data["faults"]
-    raise_faults(list(dict.fromkeys(faults)))
-    return sources
-
-
-def sha256_of(path: str | Path) -> str:
-    """SHA-256 of a file's bytes, for provenance."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -> Fault:
-    """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
-    file, line = source.file, line_of(source.lines(), finding.path)
-    for end in range(1, len(finding.path) + 1):
-        if setter := changed.get(finding.path[:end]):
-            file, line = f"--set {setter}", 0
-    key, value = ".".join(map(str, finding.path)), finding.value
-    return Fault(file=file, line=line, key=key, message=finding.message, value=value, hint=finding.hint)
-
-
-def check(
-    source: Source,
-    data: Any,
-    changed: dict[KeyPath, str],
-    form: type[F],
-    more: Callable[[Any], list[Finding]],
-) -> Checked[F]:
-    """Check ``data`` (the source with overrides) against its form and its further rules."""
-
-    place = partial(place_in, source, changed)
-    findings, valid = [], None
-    try:
-        valid = form.model_validate(data)
-    except ValidationError as error:
-        findings = form_findings(error, form)
-    findings = [*findings, *more(data)]
-    first = {f.path: f for f in reversed(findings)}  # one finding per key; the form speaks first
-    faults = sorted((place(f) for f in first.values()), key=lambda f: (f.file, f.line))
-    return Checked(file=source.file, form=valid, data=data, faults=tuple(faults), place=place)
 
 
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
@@ -201,7 +74,7 @@ def _check_case(article: str | Path, environment: str | Path, overrides: Sequenc
     """The article, then the environment."""
     around = _environment_file(environment)
     if (looks.looks_like(article), looks.looks_like(around)) == (looks.ENVIRONMENT, looks.ARTICLE):
-        _refuse(f"{article}, {around}", "environment and article are swapped", "the article first")
+        refuse(f"{article}, {around}", "environment and article are swapped", "the article first")
     body, surroundings = read_sources([article, around], ["article", "environment"])
     return _check_all(
         [(body, ArticleForm, article_findings), (surroundings, EnvironmentForm, environment_findings)],
@@ -274,8 +147,9 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     given = Path(name)
     if given.is_file():
         return given
+    wanted = with_article(kind)
     if given.is_dir():
-        raise ConfigError(f"{name} is a folder, not {_a(kind)}", hint=f"the path of {_a(kind)} file")
+        raise ConfigError(f"{name} is a folder, not {wanted}", hint=f"the path of {wanted} file")
     own = [] if beside is None else [Path(beside).resolve().parent]
     folders = [*(root / FOLDERS[kind] for root in (Path(), *(folder.parent for folder in own))), *own]
     for folder in folders:
@@ -285,5 +159,5 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
         return BUILT_IN[name]
     built_in = BUILT_IN if kind == "environment" else ()
     known = sorted({*built_in, *(p.stem for folder in folders for p in folder.glob("*.toml"))})
-    advice = nearest(name, known) or f"give the path of {_a(kind)} file"
+    advice = nearest(name, known) or f"give the path of {wanted} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)

@@ -10,12 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from middeck.errors import DataError
-from middeck.files.documents import check, read_source, sha256_of
+from middeck.files.digest import sha256_of
 from middeck.files.faults import Finding, finding, raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.measured_modes import load_measured_modes
 from middeck.files.promises import few, versions
 from middeck.files.sealed import SEAL, seal
+from middeck.files.source import check, read_source
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.pairing import (
     MeasuredMode,

@@ -11,10 +11,11 @@ from pydantic import Field
 from middeck.control.law.classical import PDLoops
 from middeck.errors import ConfigError
 from middeck.files.compensators import load_compensator
-from middeck.files.documents import check, find_document, load_setup, load_structure, read_source
+from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.faults import raise_faults
 from middeck.files.form import Form, Log10Authority, NotNegative, Positive, whole
 from middeck.files.refinements import Refinement, load_refinement
+from middeck.files.source import check, read_source
 from middeck.structure.model.article import Structure
 from middeck.systems.mode_dispersion import Dispersion
 from middeck.updating.draws import LoopSpread

@@ -8,11 +8,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.files.boundary_form import LoadCaseForm, build_load_cases
-from middeck.files.documents import check, find_document, load_setup, load_structure, read_source
+from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.faults import raise_faults
 from middeck.files.form import Form, whole
 from middeck.files.gauge_form import GaugeForm, build_gauge
 from middeck.files.refinements import Refinement, load_refinement
+from middeck.files.source import check, read_source
 from middeck.structure.model.article import LoadCase, Structure
 from middeck.structure.model.environment import Environment
 from middeck.updating.gauges import Gauge

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from middeck import __version__
-from middeck.files.documents import sha256_of
+from middeck.files.digest import sha256_of
 from middeck.files.promise_form import PROMISE
 from middeck.files.sealed import seal
 from middeck.updating.bound import Bound

@@ -11,11 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from middeck.files.atomic import replacing
-from middeck.files.documents import check, find_document, load_setup, read_source
+from middeck.files.documents import find_document, load_setup
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.gauge_form import StaticForm, build_case, build_gauge, static_findings, value_of
 from middeck.files.response_form import AntiResonanceForm, ResponseForm, build_response
+from middeck.files.source import check, read_source
 from middeck.files.survey_files import load_survey_modes
 from middeck.files.unknown_form import UnknownForm
 from middeck.updating.posterior import USUAL

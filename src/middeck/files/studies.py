@@ -12,23 +12,14 @@ from middeck.files import study_form
 from middeck.files.article_checks import article_findings
 from middeck.files.article_form import ArticleForm
 from middeck.files.article_names import attach_names
-from middeck.files.documents import (
-    Checked,
-    Kind,
-    Source,
-    build_article,
-    check,
-    join_findings,
-    place_in,
-    read_source,
-    read_sources,
-    sha256_of,
-)
+from middeck.files.digest import sha256_of
+from middeck.files.documents import build_article, join_findings
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment
 from middeck.files.faults import Fault, Finding, finding, raise_faults
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.rig_build import build_loop_test, build_rig_settings
+from middeck.files.source import Checked, Kind, Source, check, place_in, read_source, read_sources
 from middeck.files.study_checks import fixed_axes, signal_findings
 from middeck.files.study_promise import PromiseForm
 from middeck.files.toml_lines import Path as KeyPath

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from middeck.files.article_build import default_up
 from middeck.files.faults import Fault
 from middeck.files.nastran.coordinates import Places
 from middeck.files.nastran.entries import Entries, Entry
 from middeck.files.nastran.formats import PLACES
 from middeck.files.nastran.sections_of_bars import BarSection, Sections
+from middeck.structure.model.member_axes import default_up
 
 RODS = ("CROD", "CONROD")
 NAMES = ("CBAR", "CBEAM", *RODS)
