@@ -6,7 +6,7 @@ import scipy.linalg
 
 import middeck as md
 from middeck.files.article_toml import document_text
-from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.units import parse_units
 from middeck.structure.summary.summary import summarise

@@ -6,7 +6,7 @@ import scipy.linalg
 
 from middeck.files.article_toml import document_text
 from middeck.files.documents import load_structure
-from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.shapes import section_shape
 from middeck.files.nastran.units import parse_units

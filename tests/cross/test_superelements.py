@@ -13,8 +13,9 @@ import middeck as md
 from cli_runner import middeck
 from middeck.errors import MiddeckError
 from middeck.files.article_toml import document_text
+from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.assembly import read_assembly
-from middeck.files.nastran.convert import convert_deck, read_deck
+from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.external import read_external
 from middeck.files.nastran.units import parse_units
 from middeck.structure.model.component import body_of, component_doubts

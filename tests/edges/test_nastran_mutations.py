@@ -7,7 +7,7 @@ from decimal import Decimal
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.units import parse_units
 

@@ -4,7 +4,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import ConfigError, MiddeckError
-from middeck.files.nastran.convert import convert_deck
+from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck import read_deck
 from middeck.files.nastran.units import parse_units
 
@@ -338,3 +338,14 @@ def test_the_superelement_of_a_grid_is_listed(tmp_path):
     plain = convert(write(tmp_path, "GRID,9,,3.", bar))
     assert ("GRID SEID", 1, "which superelement they are in: the article is not divided") in made.left_out
     assert str(made.document) == str(plain.document)
+
+
+@pytest.mark.parametrize(
+    ("card", "hint"), [("CBUR,20,1", "did you mean 'CBAR'?"), ("ZZZZ,20,1", "one of GRID, GRDSET, ")]
+)
+def test_an_unknown_card_is_told_the_same_way_in_every_process(tmp_path, card, hint):
+    with pytest.raises(ConfigError) as caught:
+        convert(write(tmp_path, card))
+    (fault,) = caught.value.data["faults"]
+    assert fault.hint.startswith(hint)
+    assert "TABRNDG" not in fault.hint  # cards that are passed over, in the order of a set

@@ -50,8 +50,8 @@ def test_there_and_back_as_a_superelement(tmp_path, component):
         "CONM2,5,2,,0.25\nINCLUDE 'part.pch'\nENDDATA\n"
     )
     (tmp_path / "join.dat").write_text(deck.replace("CONM2,5,2,,0.25\n", ""))
+    from middeck.files.nastran.article.convert import convert_deck
     from middeck.files.nastran.assembly import read_assembly
-    from middeck.files.nastran.convert import convert_deck
 
     deck, parts = read_assembly(tmp_path / "join.dat", SI, "join")
     made = convert_deck(deck, SI, "consistent", "join", parts)

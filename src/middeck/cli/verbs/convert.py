@@ -13,7 +13,8 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.files.nastran.convert import Conversion, Deck
+    from middeck.files.nastran.article.convert import Conversion
+    from middeck.files.nastran.deck import Deck
     from middeck.files.nastran.units import Units
 
 EPILOG = """\
@@ -69,8 +70,9 @@ def verb(
     """
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.files.nastran.article.convert import convert_deck
     from middeck.files.nastran.assembly import has_superelements, read_assembly
-    from middeck.files.nastran.convert import convert_deck, read_deck
+    from middeck.files.nastran.deck import read_deck
     from middeck.files.nastran.units import parse_units
 
     if target and held_target and Path(target).resolve() == Path(held_target).resolve():
@@ -141,7 +143,7 @@ def _no_units_of_superelements(deck: str) -> Exception:
 
 def _no_units(source: Deck) -> Exception:
     from middeck.errors import ConfigError
-    from middeck.files.nastran.convert import likely_units
+    from middeck.files.nastran.article.convert import likely_units
 
     found = [units.name for units in likely_units(source)]
     if not found:

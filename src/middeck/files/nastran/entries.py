@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import math
 import re
 from collections import Counter
@@ -10,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from itertools import repeat, zip_longest
 from typing import Any, NamedTuple
 
-from middeck.files.faults import Fault, nearest, raise_faults
+from middeck.files.faults import Fault, raise_faults
 from middeck.files.nastran.cards import Card
 from middeck.files.nastran.formats import (
     CONTINUA,
@@ -302,8 +303,14 @@ def _refusal(name: str, found: list[Card]) -> Fault:
     elif name in NOT_YET:
         message, hint = f"not converted yet, and without it the modes would be others ({count})", ""
     else:
-        message, hint = (
-            f"no card of this name ({count})",
-            nearest(name, [*PARSED, *IDLE]) if name.isalnum() else "columns of eight, or commas",
-        )
+        message, hint = f"no card of this name ({count})", _likely(name)
     return Fault(file=line[1], line=line[2], key=name, message=message, hint=hint)
+
+
+def _likely(name: str) -> str:
+    """What a card of an unknown name may have been meant to be."""
+    if not name.isalnum():
+        return "columns of eight, or commas"
+    known = sorted((*PARSED, *IDLE))
+    close = difflib.get_close_matches(name, known, 1, 0.6)
+    return f"did you mean {close[0]!r}?" if close else f"one of {', '.join(PARSED)}, or leave it out"

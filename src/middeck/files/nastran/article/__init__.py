@@ -1,0 +1,1 @@
+"""From the parts of a deck to the documents of an article and of what holds it."""

@@ -1,0 +1,87 @@
+"""What became of the cards: which were converted, which left out and why, and what is doubtful."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
+from middeck.files.nastran.article.standing import Standing
+from middeck.files.nastran.deck import asked_formulation
+from middeck.files.nastran.formats import DIVIDING
+from middeck.files.nastran.members import NAMES
+from middeck.files.nastran.scalars import MASSES
+from middeck.files.nastran.units import doubt_modulus
+
+REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
+# Cards that an article has no place for, and what that means for its modes: nothing.
+NO_PART = {
+    "sets of a reduction: the article is not reduced": REDUCTION,
+    "an article that is free needs none": ("SUPORT", "SUPORT1"),
+    "how to solve": ("EIGR", "EIGRL"),
+}
+NOT_SELECTED = "not selected by case control"
+
+
+def count_converted(basis: Basis, parts: Parts, standing: Standing) -> dict[str, int]:
+    """Cards by name that the article has, and its grids by what became of them."""
+    converted = Counter(bar.entry.name for bar in parts.bars)
+    converted.update(entry.name for entry in basis.entries.of("CONM1", "CONM2", *MASSES))
+    converted.update(element.entry.name for element in parts.scalars if not element.is_mass)
+    converted.update(tie.entry.name for tie in parts.ties)
+    converted["components"] = len(standing.joined)
+    alone = {id(element.entry) for element in parts.scalars}
+    converted.update(c.entry.name for c in standing.tied if id(c.entry) not in alone)
+    converted["grids that are nodes"] = len(standing.kept)
+    converted["grids that ride rigidly"] = sum(
+        standing.carrier(g) in standing.kept for g in standing.carriers
+    )
+    return dict(converted)
+
+
+def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[LeftOut]:
+    """Cards that changed nothing, with the reason: rows (card, how many, why)."""
+    entries, deck, direct = basis.entries, basis.deck, parts.direct
+    rows = [(name, len(entries.of(name)), why) for why, names in NO_PART.items() for name in names]
+    if not parts.scalars and (direct is None or not direct.modal):  # else its modal coordinates
+        rows.append(("SPOINT", len(entries.of("SPOINT")), "nothing stands on these scalar points"))
+    divides = "which superelement something is in: the article is not divided"
+    rows += [
+        (name, count, divides if name in DIVIDING else "no part in stiffness and mass")
+        for name, count in sorted(entries.idle.items())
+    ]
+    inside = [e for e in entries.of("GRID") if e["seid"]]
+    rows.append(("GRID SEID", len(inside), "which superelement they are in: the article is not divided"))
+    idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
+    rows.append(("DMIG", len(idle), NOT_SELECTED))
+    bare = {*basis.places.grids} - standing.account - {*standing.carriers, *standing.carriers.values()}
+    rows.append(("GRID", len(bare), "nothing stands on them: points of orientation, for instance"))
+    damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
+    rows.append(("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]"))
+    return [row for row in rows if row[1] > 0]
+
+
+def note_doubts(basis: Basis) -> list[str]:
+    """What case control selects in vain, what is missing, and what the deck's own program does otherwise."""
+    entries, deck, selection = basis.entries, basis.deck, basis.deck.selection
+    notes: list[str] = []
+    for command, names in (("SPC", ("SPC", "SPC1", "SPCADD")), ("MPC", ("MPC", "MPCADD"))):
+        absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
+        notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
+    notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
+    stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
+    if stiff:
+        notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")
+    if deck.bulk_only:
+        notes.append("bulk data only: no case control, nothing is selected")
+    if entries.of("ASET", "ASET1"):
+        notes.append("the deck reduces to its ASET: the article keeps all degrees of freedom")
+    for card in entries.of("MAT1"):
+        if doubt := doubt_modulus(basis.units, card["e"] or 0.0):
+            notes.append(f"{card.label} has {doubt}: are the units {basis.units.name}?")
+    asked = asked_formulation(deck)
+    if asked != basis.formulation and entries.of(*NAMES):
+        notes.append(
+            f"the deck's own program would give its bars {asked} mass (PARAM COUPMASS), "
+            f"the article has {basis.formulation} mass: with {asked} it compares with that program"
+        )
+    return notes

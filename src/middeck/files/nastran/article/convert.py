@@ -1,0 +1,151 @@
+"""From a deck to the document of an article: nodes, members, bodies and rigid links, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from middeck.files.faults import Fault
+from middeck.files.nastran.article.account import account_left_out, count_converted, note_doubts
+from middeck.files.nastran.article.holds import ground_clamps, loose_clamps
+from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
+from middeck.files.nastran.article.parts import LeftOut, read_parts, set_out
+from middeck.files.nastran.article.sections import Formulation
+from middeck.files.nastran.article.springs import scalar_tables, spring_tables
+from middeck.files.nastran.article.standing import Standing, find_standing
+from middeck.files.nastran.article.struts import pin_tables, strut_tables
+from middeck.files.nastran.article.wholeness import check_whole
+from middeck.files.nastran.coordinates import place_grids
+from middeck.files.nastran.deck import Deck, real_parameter
+from middeck.files.nastran.direct_input import NAME
+from middeck.files.nastran.entries import raise_some
+from middeck.files.nastran.loads import LoadSets
+from middeck.files.nastran.sections_of_bars import read_material
+from middeck.files.nastran.units import Units, guess_units
+from middeck.structure.model.component import Component
+
+
+class Conversion(NamedTuple):
+    """An article's document, and what became of the cards.
+
+    ``environment`` is the document of an environment: what holds the deck, if anything does, and its gravity.
+    ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
+    ``notes`` are sentences for the report, ``components`` what the document names, by file.
+    """
+
+    document: dict[str, Any]
+    read: dict[str, int]
+    converted: dict[str, int]
+    left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...]
+    environment: dict[str, Any]
+    components: dict[str, Component] = {}  # noqa: RUF012 -- of a frozen tuple, never changed
+
+    @property
+    def holds(self) -> bool:
+        """Whether the ground holds the deck anywhere."""
+        return "clamp" in self.environment or "bushing" in self.environment
+
+
+def likely_units(deck: Deck) -> list[Units]:
+    """Units in which the materials and the size of ``deck`` are plausible, the likeliest first."""
+    places = place_grids(deck.entries).grids
+    factor = real_parameter(deck, "WTMASS", 1.0)
+    x = np.array(list(places.values())).reshape(-1, 3)
+    size = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) else 0.0
+    materials: list[tuple[float, float]] = []
+    for card in deck.entries.of("MAT1"):
+        try:
+            material = read_material(card)
+        except ValueError:
+            continue
+        materials.append((material.E, factor * material.rho))
+    return guess_units(materials, size)
+
+
+def convert_deck(
+    deck: Deck,
+    units: Units,
+    formulation: Formulation,
+    name: str,
+    components: Mapping[str, Component] | None = None,
+) -> Conversion:
+    """The article that ``deck`` describes, in SI units, its members' mass by ``formulation``.
+
+    ``components`` stand on its grids, see `read_assembly`, by the names of the files that they will be in.
+
+    ``consistent`` is middeck's own (with rotary inertia), ``coupled`` the coupled bar mass of MSC and NX
+    Nastran (`MemberMass.COUPLED`, no rotary nor torsional inertia), ``lumped`` halves at the ends of each
+    member. Raises `ConfigError` with all that cannot be represented and would change the modes.
+    """
+    basis = set_out(deck, units, formulation)
+    parts = read_parts(basis)
+    components = dict(components or {})
+    components |= {} if parts.direct is None else {f"{name}-{NAME}.npz": parts.direct}
+    left_out: list[LeftOut] = []
+    standing = find_standing(basis, parts, list(components.values()), left_out)
+    check_whole(basis, parts, standing)
+    sets = LoadSets(deck, basis.places, standing.carriers, standing.kept)
+    faults: list[Fault] = []
+    cases = sets.cases(units, faults)
+    raise_some(faults)
+
+    sections, struts, tapers = strut_tables(basis, parts, standing)
+    pinned, pins = pin_tables(basis, parts, standing)
+    nodes, rotors = node_tables(basis, standing)
+    points, bushings, grounds = spring_tables(basis, parts, standing)
+    single, scalars = scalar_tables(basis, parts)
+    clamps = ground_clamps(basis, parts, standing)
+    loose, unheld = loose_clamps(basis, parts, standing)
+    constants, gravity = sets.constants(bool(clamps or grounds or single.grounds))
+
+    left_out += account_left_out(basis, parts, standing)
+    if idle := len(parts.held) - len(clamps):
+        left_out.append(("SPC, PS", idle, "at grids on which nothing stands"))
+    left_out += sets.refused
+    converted = count_converted(basis, parts, standing)
+    converted |= {"clamped grids": len(clamps), "load cases": len(cases), "gravity": min(len(constants), 1)}
+    document = {
+        "schema": 1,
+        "name": name,
+        "title": f"{name} (from {deck.path.rsplit('/', 1)[-1]})",
+        "mesh": {"elements_per_strut": 1},
+        "section": sections,
+        "node": nodes + pinned + single.nodes,
+        "strut": struts,
+        "attach": carried_points(basis, standing) + points + single.attach,
+        "bushing": bushings + single.bushings,
+        "component": _component_tables(components),
+        "link": rider_links(standing) + _tables(standing, "link") + pins,
+        "interpolation": _tables(standing, "interpolation"),
+        "equation": _tables(standing, "equation"),
+        "load_case": cases,
+    }
+    environment = {"schema": 1, "name": f"{name}-supports", **({"constants": constants} if constants else {})}
+    environment |= {"clamp": clamps + loose + single.clamps, "bushing": grounds + single.grounds}
+    return Conversion(
+        document=_filled(document),
+        read={card: len(found) for card, found in deck.entries.by_name.items()},
+        converted=converted,
+        left_out=tuple(left_out),
+        notes=(*note_doubts(basis), *tapers, *scalars, *unheld, *rotors, *gravity),
+        environment=_filled(environment),
+        components=components,
+    )
+
+
+def _component_tables(components: Mapping[str, Component]) -> list[dict[str, Any]]:
+    return [
+        {"name": part.name, "file": file, "nodes": dict(zip(part.grids, part.frames, strict=True))}
+        for file, part in components.items()
+    ]
+
+
+def _tables(standing: Standing, kind: str) -> list[dict[str, Any]]:
+    return [c.table for c in standing.tied if c.kind == kind]
+
+
+def _filled(document: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in document.items() if value != []}

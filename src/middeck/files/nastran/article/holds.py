@@ -1,0 +1,57 @@
+"""What holds grids: the ground, and the environment in motions that nothing in the deck holds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from middeck.files.nastran.article.parts import Basis, Parts, turns
+from middeck.files.nastran.article.standing import Standing
+from middeck.files.nastran.constraints import joined_components
+from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
+from middeck.files.nastran.restraints import clamp
+from middeck.files.nastran.rigid_links import ALL
+from middeck.structure.model.connectivity import some_names
+
+Tables = list[dict[str, Any]]
+
+
+def ground_clamps(basis: Basis, parts: Parts, standing: Standing) -> Tables:
+    """Clamps of the nodes that the ground holds."""
+    grids = basis.places.grids
+    return [clamp(g, parts.held[g], basis.places) for g in grids if g in parts.held and g in standing.kept]
+
+
+def loose_clamps(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, list[str]]:
+    """Clamps of shifts and rotations that nothing holds, as PARAM AUTOSPC does, and notes that name them."""
+    grids = basis.places.grids
+    joins = _joins(standing)
+    taken = {grid: parts.held.get(grid, "") + joins.get(grid, "") for grid in standing.kept}
+    # What constraints join is not loose; of grids on which nothing else stands all other motions are.
+    shifts = {
+        grid: "".join(sorted(set("123") - set(taken[grid])))
+        for grid in grids
+        if grid in standing.linked - standing.borne
+    }
+    shifts = {grid: components for grid, components in shifts.items() if components}
+    turning = {grid for grid, body in standing.bodies.items() if turns(body)}
+    turning |= {grid for grid, components in joins.items() if not set(components).isdisjoint("456")}
+    found = loose_turns(
+        standing.kept, parts.bars, parts.ties, turning, taken, standing.carriers, basis.places
+    )
+    loose = {grid: found[grid] for grid in grids if grid in found}
+    clamps = [clamp(grid, components, basis.places) for grid, components in shifts.items()]
+    clamps += [turn_clamp(grid, directions) for grid, directions in loose.items()]
+    notes = [
+        f"nothing holds {what} of grid {some_names([f'{g}' for g in which])}: the environment holds them, "
+        "as PARAM AUTOSPC does"
+        for what, which in (("rotations", loose), ("shifts", shifts))
+        if which
+    ]
+    return clamps, notes
+
+
+def _joins(standing: Standing) -> dict[str, str] | dict[int, str]:
+    """Components of each grid that constraints, rigid links and components join."""
+    components = {grid for grids in standing.joined for grid in grids}
+    whole = dict.fromkeys({*components, *standing.riders, *standing.riders.values()}, ALL)
+    return joined_components(standing.tied) | whole

@@ -1,0 +1,155 @@
+"""The parts of a deck that an article can have, in units of the deck and basic axes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from middeck.files.faults import Fault
+from middeck.files.nastran.article.sections import Formulation
+from middeck.files.nastran.bodies import Mass, read_masses, read_scalar_masses, scalar_masses
+from middeck.files.nastran.constraints import Constraint, read_constraints, term_rows
+from middeck.files.nastran.coordinates import Places, place_grids
+from middeck.files.nastran.deck import Deck, real_parameter
+from middeck.files.nastran.direct_input import direct_component
+from middeck.files.nastran.entries import Entries, Entry, raise_some
+from middeck.files.nastran.members import Bar, read_bars
+from middeck.files.nastran.numbers import integer
+from middeck.files.nastran.restraints import read_restraints
+from middeck.files.nastran.scalars import WAY, Element, held_points, read_elements, scalar_points, tie_terms
+from middeck.files.nastran.ties import Tie, read_ties
+from middeck.files.nastran.units import Units
+from middeck.structure.model.component import Component
+
+LeftOut = tuple[str, int, str]
+
+
+class Basis(NamedTuple):
+    """What every step of a conversion stands on: the deck, its units and places, the mass of its members."""
+
+    deck: Deck
+    units: Units
+    formulation: Formulation
+    places: Places
+
+    @property
+    def entries(self) -> Entries:
+        """The cards of the deck."""
+        return self.deck.entries
+
+    @property
+    def mass_unit(self) -> float:
+        """Kilograms of one unit of mass, after the deck's factor of weights."""
+        return self.units.mass * real_parameter(self.deck, "WTMASS", 1.0)
+
+
+class Parts(NamedTuple):
+    """What was read of a deck; ``held`` are the components of grids that the ground holds."""
+
+    bars: list[Bar]
+    masses: list[Mass]
+    ties: list[Tie]
+    scalars: list[Element]
+    constraints: list[Constraint]
+    held: dict[int, str]
+    direct: Component | None
+
+
+def set_out(deck: Deck, units: Units, formulation: Formulation) -> Basis:
+    """The basis of a conversion; raises `ConfigError` if a grid names a system that is not there."""
+    basis = Basis(deck, units, formulation, place_grids(deck.entries))
+    unknown = (
+        entry.fault(f"there is no coordinate system {entry['cd']}", "cd")
+        for entry in deck.entries.of("GRDSET", "GRID")
+        if (entry["cd"] or 0) > 0 and entry["cd"] not in basis.places.systems
+    )
+    raise_some(list(unknown))
+    return basis
+
+
+def read_parts(basis: Basis) -> Parts:
+    """Every part of the deck; raises `ConfigError` with all that is wrong in any."""
+    deck, places, entries = basis.deck, basis.places, basis.entries
+    faults: list[Fault] = []
+    bars = read_bars(entries, places, faults)
+    masses = read_masses(entries, places, faults)
+    points = scalar_points(entries, places, faults)
+    held = read_restraints(deck, places, points, faults)
+    properties = scalar_masses(entries, faults)
+    scalars = _scalars(basis, points, properties, held, faults)
+    direct = direct_component(deck, basis.units, faults)
+    constraints = [_in_metres(c, basis.units) for c in read_constraints(deck, places, faults)]
+    ties = read_ties(entries, places, points, held, faults)
+    masses += read_scalar_masses(entries, places, points, held, linked_grids(entries), properties, faults)
+    if direct is not None and direct.modal and scalars:
+        what = "matrices by direct input have scalar points of their own: not converted yet beside them"
+        faults.append(scalars[0].entry.fault(what))
+    raise_some(faults)
+    constraints += [_tied(element, basis) for element in scalars if element.has_node]
+    return Parts(bars, masses, ties, scalars, constraints, held, direct)
+
+
+def linked_grids(entries: Entries) -> set[int]:
+    """Grids that rigid links name."""
+    return {grid for entry in entries.of("RBE2", "RBAR") for grid in grids_named(entry)}
+
+
+def grids_named(entry: Entry) -> list[int]:
+    """Grids that one rigid link names."""
+    if entry.name == "RBAR":
+        return [entry["ga"], entry["gb"]]
+    return [entry["gn"], *(n for n in map(integer, filter(None, entry["gm"])) if n)]
+
+
+# Of a place, from sums of such places.
+ROUNDING = 1e-12
+
+
+def turns(body: Mass) -> bool:
+    """Whether it has inertia beyond the rounding of its place."""
+    return bool(np.abs(body.inertia).max() > body.mass * reach(body) ** 2)
+
+
+def reach(body: Mass) -> float:
+    """Rounding of the place of its centre."""
+    return ROUNDING * float(np.linalg.norm(body.centre))
+
+
+def _scalars(
+    basis: Basis,
+    points: dict[int, Entry],
+    masses: dict[int, float],
+    held: dict[int, str],
+    faults: list[Fault],
+) -> list[Element]:
+    """Springs and masses with scalar points that are free to move."""
+    values = {"PELAS": {e.id: e["k"] for e in basis.entries.of("PELAS")}, "PMASS": masses}
+    still = held_points(basis.deck, points, faults)
+    return read_elements(basis.entries, points, basis.places, values, (held, still), faults)
+
+
+def _tied(element: Element, basis: Basis) -> Constraint:
+    """The equation that moves an element's own node as what it sees of grids and scalar points."""
+    terms: list[dict[str, Any]] = []
+    for node, end, factor in tie_terms(element):
+        if end is None:
+            terms.append({"frame": node, "direction": WAY, "coefficient": factor})
+        else:
+            terms += _scaled(term_rows(basis.places, [(end[0], f"{end[1]}", factor)]), basis.units)
+    moves = tuple((grid, f"{component}") for grid, component in element.grids)
+    return Constraint("equation", {"name": element.name, "term": terms}, element.entry, "g1", moves, (), ())
+
+
+def _in_metres(constraint: Constraint, units: Units) -> Constraint:
+    if constraint.kind != "equation" or not constraint.table:
+        return constraint
+    return constraint._replace(table=constraint.table | {"term": _scaled(constraint.table["term"], units)})
+
+
+def _scaled(terms: list[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
+    """Factors of turns times the length unit: shifts are in metres."""
+    return [
+        term | {"coefficient": term["coefficient"] * (units.length if term["direction"][0] == "r" else 1.0)}
+        for term in terms
+    ]

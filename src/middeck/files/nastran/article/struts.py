@@ -1,0 +1,118 @@
+"""Bars, beams and rods as struts of an article: their sections, their ends, and the pins that part these."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.article.sections import ArticleSections, article_sections, taper_notes
+from middeck.files.nastran.article.standing import Standing
+from middeck.files.nastran.entries import Entry
+from middeck.files.nastran.members import RODS, Bar, own_axes
+
+Tables = list[dict[str, Any]]
+
+
+def strut_tables(
+    basis: Basis, parts: Parts, standing: Standing
+) -> tuple[dict[str, dict[str, Any]], Tables, list[str]]:
+    """Sections by name, struts, and notes on tapers."""
+    made: dict[str, ArticleSections] = {}
+    struts: Tables = []
+    for bar in parts.bars:
+        section = _section_name(bar.entry)
+        if section not in made:
+            rod = bar.entry.name in RODS
+            made[section] = article_sections(
+                bar.section, rod, basis.units, basis.mass_unit, basis.formulation
+            )
+        along = _along(section, made[section])
+        struts.append(_strut(bar, standing) | along | _ends(basis, bar, standing))
+    sections = {
+        name: table
+        for section, found in made.items()
+        for name, table in zip(_names(section, found), found.tables, strict=True)
+    }
+    return sections, struts, taper_notes(made)
+
+
+def pin_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, Tables]:
+    """Nodes of the ends that pins part from their grids, and the links that leave them free to move."""
+    nodes: Tables = []
+    links: Tables = []
+    for bar in parts.bars:
+        for k, (grid, end) in enumerate(zip(bar.grids, bar.ends, strict=True)):
+            released = bar.released(k)
+            if not released:
+                continue
+            name = _pin_name(bar, k)
+            x, y, z = end * basis.units.length
+            axes = own_axes(bar.ends[1] - bar.ends[0], bar.up)
+            nodes.append({"name": name, "x_m": x, "y_m": y, "z_m": z})
+            links.append(
+                {
+                    "name": f"pin_{name}",
+                    "from": f"g{standing.carrier(grid)}",
+                    "to": name,
+                    "along": "".join(a for a, c in zip("xyz", "123", strict=True) if c not in released),
+                    "about": "".join(a for a, c in zip("xyz", "456", strict=True) if c not in released),
+                    "x_axis": axes[:, 0],
+                    "y_axis": axes[:, 1],
+                }
+            )
+    return nodes, links
+
+
+def _section_name(entry: Entry) -> str:
+    if entry.name == "CONROD":
+        return f"conrod{entry.id}"
+    return f"{entry.name.replace('C', 'p', 1).lower()}{entry['pid']}"
+
+
+def _names(section: str, made: ArticleSections) -> list[str]:
+    """Names of a property's sections: its own, numbered along a taper."""
+    count = len(made.tables)
+    return [section] if count == 1 else [f"{section}_{k}" for k in range(1, count + 1)]
+
+
+def _along(section: str, made: ArticleSections) -> dict[str, Any]:
+    """What struts of one property share."""
+    names, count = _names(section, made), len(made.tables)
+    if count == 1:
+        return {"section": section}
+    places = [*((k + 0.5) / count for k in range(count)), 1.0]
+    stations = [{"at": at, "section": name} for at, name in zip(places, [*names, names[-1]], strict=True)]
+    return {"section": names[0], "elements": count, "stations": stations}
+
+
+def _strut(bar: Bar, standing: Standing) -> dict[str, Any]:
+    return {
+        "name": _strut_name(bar),
+        "from": f"g{standing.carrier(bar.grids[0])}",
+        "to": f"g{standing.carrier(bar.grids[1])}",
+        "up": bar.up / np.linalg.norm(bar.up),
+    }
+
+
+def _ends(basis: Basis, bar: Bar, standing: Standing) -> dict[str, Any]:
+    """What is particular of a strut's ends: pinned to a node of their own, or off the node."""
+    found: dict[str, Any] = {}
+    if bar.entry.name in RODS:
+        found["elements"] = 1  # two rods in line are a mechanism
+    for k, (side, grid, end) in enumerate(zip(("from", "to"), bar.grids, bar.ends, strict=True)):
+        offset = end - basis.places.grids[standing.carrier(grid)]
+        if bar.released(k):
+            found[side] = _pin_name(bar, k)
+        elif np.any(offset):
+            found[f"{side}_offset_m"] = offset * basis.units.length
+    return found
+
+
+def _strut_name(bar: Bar) -> str:
+    return f"{bar.entry.name[1:].lower()}{bar.entry.id}"
+
+
+def _pin_name(bar: Bar, end: int) -> str:
+    return f"{_strut_name(bar)}{'ab'[end]}"

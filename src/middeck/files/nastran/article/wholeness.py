@@ -1,0 +1,53 @@
+"""Parts of a deck that nothing joins to the rest: each would float beside it."""
+
+from __future__ import annotations
+
+from middeck.files.faults import Fault
+from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.article.standing import Standing
+from middeck.files.nastran.entries import raise_some
+from middeck.structure.model.connectivity import separate_parts, some_names
+
+
+def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
+    """Raise `ConfigError` if the deck has no structure, or more than one."""
+    single = {f"s{point}": element.entry for element in parts.scalars for point in element.points}
+    names = [f"{g}" for g in basis.places.grids if g in standing.kept]
+    if not names and not single:
+        message = "there is no bar, beam or rod in this deck, and no spring or mass"
+        raise_some([Fault(file=basis.deck.path, line=0, key="", message=message)])
+    separate = separate_parts([*names, *single], _pairs(parts, standing))
+    grid = basis.entries.numbered("GRID")
+    raise_some(
+        [
+            (single[part[0]] if part[0] in single else grid[int(part[0])]).fault(
+                f"no member, spring or rigid link joins {_points(part)} to the rest",
+                hint="one structure in a deck",
+            )
+            for part in separate[1:]
+        ]
+    )
+
+
+def _pairs(parts: Parts, standing: Standing) -> list[tuple[str, str]]:
+    """What joins what, by the names of grids and scalar points."""
+    on = standing.carrier
+    pairs = [
+        (f"{on(part.grids[0])}", f"{on(part.grids[1])}")
+        for part in (*parts.bars, *parts.ties)
+        if len(part.grids) > 1
+    ]
+    links = [*(c.grids for c in standing.tied), *standing.riders.items(), *standing.joined]
+    pairs += [(f"{grids[0]}", f"{g}") for grids in links for g in grids[1:]]
+    for element in parts.scalars:
+        ends = [f"{on(point)}" if component else f"s{point}" for point, component in element.ends]
+        pairs += [(ends[0], end) for end in ends[1:]]
+    return pairs
+
+
+def _points(names: list[str]) -> str:
+    """Grids and scalar points by number."""
+    scalars = [name[1:] for name in names if name[0] == "s"]
+    grids = [name for name in names if name[0] != "s"]
+    said = [f"grid {some_names(grids)}"] if grids else []
+    return " and ".join([*said, *([f"scalar point {some_names(scalars)}"] if scalars else [])])
