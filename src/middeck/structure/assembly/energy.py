@@ -256,11 +256,70 @@ class _Total(NamedTuple):
     apart: list[BeamState]
 
 
+class _Members(NamedTuple):
+    """Elements of members at their poses, with their weight, and the weight of bodies.
+
+    ``apart`` are states of the elements inside carried parts.
+    """
+
+    energy: float
+    gradient: np.ndarray
+    excess: np.ndarray
+    material: np.ndarray
+    geometric: np.ndarray
+    force: np.ndarray
+    apart: list[BeamState]
+
+
 def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None = None) -> _Total:
     """All elements at their poses; ``inner`` takes the place of the forces inside them.
 
     Of those ``inside`` carried parts only the weight counts.
     """
+    members = _gather_members(model, at, loads, inner, inside)
+    energy, gradient, excess = members.energy, members.gradient, members.excess
+    own = _own_springs(model, at, (gradient, excess), None if inner is None else inner.spring)
+    drawn, change = device_span(model, at, loads)
+    device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
+    np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
+    np.add.at(excess[:, :3], loads.attach_point, device.excess)
+    held = at_attach_points(model, loads, device.material + device.geometric)
+    between, ground = own_bushings(model, at, inner), grounded(model, at, loads, inner)
+    if inside is not None:
+        for part in between:
+            part[inside.bushings.rows] = 0.0
+    np.add.at(gradient, model.bushing_ends, between.gradient.reshape(-1, 2, 6))
+    np.add.at(excess, model.bushing_ends, between.excess.reshape(-1, 2, 6))
+    if len(loads.ground.point):
+        np.add.at(gradient, loads.ground.point, ground.gradient[:, 6:])
+        np.add.at(excess, loads.ground.point, ground.excess[:, 6:])
+        held = held + at_poses(model, loads.ground.point, (ground.material + ground.geometric)[:, 6:, 6:])
+    energy += np.sum(own.energy) + np.sum(device.energy)
+    energy += np.sum(between.energy) + np.sum(ground.energy) + _push(model, at, loads, gradient)
+    modal, parts = np.zeros(model.tree.size, gradient.dtype), component_states_at(model, at, loads)
+    for part, (state, _) in zip(model.components, parts, strict=True):
+        grids = 6 * len(part.point)
+        energy += state.energy
+        np.add.at(gradient, part.point, state.gradient[:grids].reshape(-1, 6))
+        modal[6 * model.tree.roots + part.joint] += state.gradient[grids:]
+    return _Total(
+        energy,
+        gradient,
+        excess,
+        modal,
+        parts,
+        Inner(members.force, own.tension, device.tension, between.force, ground.force),
+        device.tension,
+        {"element": members.material, "spring": _between(own.material), "bushing": between.material},
+        {"element": members.geometric, "spring": _between(own.geometric), "bushing": between.geometric},
+        held,
+        members.apart,
+    )
+
+
+def _gather_members(
+    model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None
+) -> _Members:
     dtype = np.result_type(
         *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.stiffness, loads.law.stiffness),
         *(loads.push, loads.ground.stiffness, *(b.stiffness for b in model.structure.bushings)),
@@ -289,50 +348,13 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
         geometric.append(strain.geometric + weight.hessian)
     energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
     gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
-    own = _own_springs(model, at, (gradient, excess), None if inner is None else inner.spring)
-    drawn, change = device_span(model, at, loads)
-    device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
-    np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
-    np.add.at(excess[:, :3], loads.attach_point, device.excess)
-    held = at_attach_points(model, loads, device.material + device.geometric)
-    between, ground = own_bushings(model, at, inner), grounded(model, at, loads, inner)
-    if inside is not None:
-        for part in between:
-            part[inside.bushings.rows] = 0.0
-    np.add.at(gradient, model.bushing_ends, between.gradient.reshape(-1, 2, 6))
-    np.add.at(excess, model.bushing_ends, between.excess.reshape(-1, 2, 6))
-    if len(loads.ground.point):
-        np.add.at(gradient, loads.ground.point, ground.gradient[:, 6:])
-        np.add.at(excess, loads.ground.point, ground.excess[:, 6:])
-        held = held + at_poses(model, loads.ground.point, (ground.material + ground.geometric)[:, 6:, 6:])
-    energy += np.sum(own.energy) + np.sum(device.energy)
-    energy += np.sum(between.energy) + np.sum(ground.energy) + _push(model, at, loads, gradient)
-    forces_inside = Inner(np.concatenate(forces), own.tension, device.tension, between.force, ground.force)
-    modal, parts = np.zeros(model.tree.size, gradient.dtype), component_states_at(model, at, loads)
-    for part, (state, _) in zip(model.components, parts, strict=True):
-        grids = 6 * len(part.point)
-        energy += state.energy
-        np.add.at(gradient, part.point, state.gradient[:grids].reshape(-1, 6))
-        modal[6 * model.tree.roots + part.joint] += state.gradient[grids:]
-    return _Total(
+    return _Members(
         energy,
         gradient,
         excess,
-        modal,
-        parts,
-        forces_inside,
-        device.tension,
-        {
-            "element": np.concatenate(material),
-            "spring": _between(own.material),
-            "bushing": between.material,
-        },
-        {
-            "element": np.concatenate(geometric),
-            "spring": _between(own.geometric),
-            "bushing": between.geometric,
-        },
-        held,
+        np.concatenate(material),
+        np.concatenate(geometric),
+        np.concatenate(forces),
         apart,
     )
 
