@@ -13,48 +13,27 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article
-from middeck.control.law.compensator import Compensator
+from engine_cases import (
+    OUTPUTS,
+    SENSORS,
+    kinds,
+    plain_settings,
+    random_article,
+    static_package,
+    still_article,
+    verified,
+)
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
 from middeck.realtime.engine.build import build_engine
 from middeck.realtime.engine.monitors import Monitor
 from middeck.realtime.engine.shared_file import open_shared_file
 from middeck.realtime.engine.supervisor import DriverRig, Supervisor
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, static_gain
-from middeck.systems.statespace import SampledStateSpace
-from packaged_laws import PERIOD_S, ports
+from packaged_laws import PERIOD_S
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RAMP = 250
-
-
-def still_article(y) -> LinearArticle:
-    """Its sensors stand at ``y``, whatever the outputs do."""
-    n = len(y)
-    fixed = {"A": np.eye(n), "B": np.zeros((n, OUTPUTS)), "C": np.eye(n), "G": np.zeros((n, 1))}
-    return LinearArticle(**fixed, x=np.array(y, float), sensor_noise=np.zeros(n))
-
-
-def static_package(gain, **changes):
-    """u = gain y, without a state."""
-    y, u = ports(0, SENSORS, OUTPUTS)
-    system = SampledStateSpace(
-        np.zeros((0, 0)), np.zeros((0, SENSORS)), np.zeros((OUTPUTS, 0)), gain, period_s=PERIOD_S
-    )
-    return package_law(Compensator(system, y, u), "law", limit=0.5, **changes)
-
-
-def verified(engine):
-    """Reset, hold alone, and return when the hold is verified."""
-    assert engine.reset().done
-    engine.run(RAMP + 60, keep=False)
-    assert engine.file.status["hold_verified"] == 1
-
-
-def kinds(engine):
-    return [event.kind for event in engine.events()]
 
 
 @pytest.mark.parametrize("watched", [False, True])

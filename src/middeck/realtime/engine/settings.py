@@ -224,6 +224,12 @@ class EngineSettings:
         return _place(name, "output", self.outputs)
 
 
+def time_to_rest(settings: EngineSettings) -> float:
+    """Longest time [s] in which SAFE, the fall of the hold and the slew limits bring all outputs to zero."""
+    turn = max((drive.upper - drive.lower) / drive.slew_rate for drive in settings.drives)
+    return settings.safe_ramp_s + max(settings.ramp_s, LEAST_RAMP * settings.period_s) + turn
+
+
 def encode_settings(settings: EngineSettings) -> np.ndarray:
     """The shared record of ``settings``; clock, rig and port of the rig are left to who starts it."""
     words = np.zeros((), layout("settings"))

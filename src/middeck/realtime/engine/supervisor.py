@@ -30,6 +30,7 @@ from middeck.realtime.engine.commands import (
     TRIPS,
     Answer,
     Event,
+    check_of,
     read_event,
 )
 from middeck.realtime.engine.header import layout
@@ -44,7 +45,7 @@ from middeck.realtime.engine.launch import (
 )
 from middeck.realtime.engine.recorder import Recorder
 from middeck.realtime.engine.run_head import run_head
-from middeck.realtime.engine.settings import EngineSettings
+from middeck.realtime.engine.settings import EngineSettings, time_to_rest
 from middeck.realtime.engine.shared_file import SharedFile, make_shared_file, open_shared_file
 from middeck.realtime.package.package import ControllerPackage
 
@@ -53,6 +54,7 @@ __all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
 POLL_S = 5e-5
 BEAT_S = 0.05
 PATIENCE_S = 60.0
+PATIENCE_AT_END_S = 5.0
 
 
 class Supervisor:
@@ -153,10 +155,10 @@ class Supervisor:
         self.close()
 
     def close(self) -> None:
-        """End the engine, its outputs at zero, then the recording, and remove a temporary shared file."""
+        """End the engine through SAFE, its outputs at zero, then the recording, and remove a temporary file."""
         if self.process.poll() is None and kind_of_end(self):
             try:
-                self.process.wait(5.0)
+                self.process.wait(PATIENCE_AT_END_S + time_to_rest(self.settings))
             except (subprocess.TimeoutExpired, TimeoutError):
                 self._end_in_safe()
         self.process.wait()
@@ -166,10 +168,10 @@ class Supervisor:
         self._left.close()
 
     def _end_in_safe(self) -> None:
-        """An engine that waits for another command first is told to go through SAFE, else killed."""
+        """An engine that takes no command is told by a signal, else killed."""
         self.process.send_signal(signal.SIGTERM)
         try:
-            self.process.wait(5.0)
+            self.process.wait(PATIENCE_AT_END_S + time_to_rest(self.settings))
         except (subprocess.TimeoutExpired, TimeoutError):
             self.process.kill()
 
@@ -219,7 +221,9 @@ class Supervisor:
         return int(self.file.status["trip"])
 
     def send(self, kind: str, *, slot: int = 0, values: Sequence[float] = (), at: int = 0) -> int:
-        """Queue a command, not before sample ``at``; its number. Commands are taken in order.
+        """Queue a command, not before sample ``at``; its number. Commands are taken in order, but for
+        "disengage", "silence" and "end": what makes safe waits for none, and an "engage" or "excite" before
+        it that has not been carried out is withdrawn.
 
         Raises `ConfigError` for a word that is no command and for more than four values; waits while the
         queue is full.
@@ -234,6 +238,7 @@ class Supervisor:
         row = np.zeros((), layout("command"))
         row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
         row["value"][: len(values)] = values
+        row["check"] = check_of(row)
         self.file.commands[number % QUEUE] = row
         self.file.asks["written"] = number
         return number
@@ -243,8 +248,9 @@ class Supervisor:
 
         Raises `DataError` for one whose place a later answer has taken.
         """
-        self._wait(lambda: int(self.file.status["acknowledged"]) >= number)
-        row = self.file.acknowledgements[number % QUEUE].copy()
+        place = self.file.acknowledgements[number % QUEUE]
+        self._wait(lambda: int(self.file.status["acknowledged"]) >= number or int(place["number"]) == number)
+        row = place.copy()
         if int(row["number"]) != number:
             raise DataError(
                 f"the answer to command {number} is gone", where="engine", hint=f"the last {QUEUE} are kept"

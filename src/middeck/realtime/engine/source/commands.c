@@ -51,7 +51,6 @@ enum answer engine_load(engine *e, int which, size_t count)
     const unsigned char *text;
     enum answer found;
 
-    s->loaded = 0;
     found = package_read(&s->p, s->bytes, count);
     if (found != DONE)
         return found;
@@ -107,21 +106,22 @@ static enum answer engage(engine *e, slot *s, real share)
     found = stand_by(e, s);
     if (found != DONE)
         return found;
-    for (k = 0; k < SLOTS; ++k) {
-        e->slots[k].law.engaged = &e->slots[k] == s;
-        e->slots[k].in_control = &e->slots[k] == s;
-    }
+    for (k = 0; k < SLOTS; ++k)
+        if (e->slots[k].running)
+            e->slots[k].law.engaged = e->slots[k].in_control = &e->slots[k] == s;
     s->law.top = (long)ceil(share * (real)s->p.law.ramp);
     engine_tell(e, ENGAGED, -1, share, 0, s->p.hash);
     return DONE;
 }
 
-/* Fade out, then stop: a slot that stands by stops at once, and may be loaded again. */
+/* Fade out, then stop: a slot that stands by stops at once, and may be loaded again. One that does not run may be the loader's. */
 static void leave(slot *s)
 {
+    if (!s->running)
+        return;
     s->in_control = s->law.engaged = 0;
     s->leaving = s->law.level > 0;
-    s->running = s->running && s->leaving;
+    s->running = s->leaving;
 }
 
 static enum answer disengage(engine *e)
@@ -162,10 +162,21 @@ static enum answer excite(engine *e, real periods)
         return NO_WAVEFORM;
     if (!(periods >= 0 && periods < 1e9) || (real)(whole)periods != periods)
         return OUT_OF_RANGE;
+    if (e->playing)
+        return BUSY; /* to begin anew would be a step */
     e->playing = 1;
+    e->silencing = 0;
     e->playing_at = 0;
     e->periods_left = (whole)periods;
     engine_tell(e, EXCITED, -1, periods, 0, NULL);
+    return DONE;
+}
+
+static enum answer silence(engine *e)
+{
+    if (!e->silencing)
+        e->loud_level = e->set.ramp;
+    e->silencing = 1;
     return DONE;
 }
 
@@ -242,8 +253,7 @@ static enum answer carry_out(engine *e, const command *c)
     case EXCITE:
         return excite(e, c->value[0]);
     case SILENCE:
-        e->playing = 0;
-        return DONE;
+        return silence(e);
     case STRIP:
         return set_strip(e, c->slot, c->value);
     case ADAPT:

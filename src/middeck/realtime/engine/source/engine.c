@@ -204,12 +204,21 @@ static real left(const engine *e)
     return e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
 }
 
-/* In SAFE all or nothing; after a reset it rises, if it did not hold already. */
+/* In SAFE all or nothing; after a reset it rises, if it did not hold already, and at the end it falls as it rose. */
 static real hold_share(const engine *e)
 {
-    if (e->state == SAFE)
+    if (e->state == SAFE && !(e->ending && hold_is_good(e)))
         return hold_is_good(e);
     return e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
+}
+
+/* In SAFE a push that fills a store of momentum fades as room goes: within a safe ramp it takes no more than is left. */
+static real kept_from_full(const engine *e, int i, real push)
+{
+    const real room = e->set.momentum[i] - (push > 0 ? 1 : -1) * e->monitors.momentum[i];
+    const real most = larger(room, 0) / (larger((real)e->set.safe_ramp, 1) * e->set.period_s);
+
+    return push > most ? most : push < -most ? -most : push;
 }
 
 static void fade_hold(engine *e)
@@ -217,8 +226,11 @@ static void fade_hold(engine *e)
     const real share = hold_share(e), rest = left(e);
     int i;
 
-    for (i = 0; i < e->set.outputs; ++i)
-        e->hold[i] = share < 1 || rest > 0 ? rest * e->from[i] + (1 - rest) * share * e->whole_hold[i] : e->whole_hold[i];
+    for (i = 0; i < e->set.outputs; ++i) {
+        const real whole_hold = e->state == SAFE ? kept_from_full(e, i, e->whole_hold[i]) : e->whole_hold[i];
+
+        e->hold[i] = share < 1 || rest > 0 ? rest * e->from[i] + (1 - rest) * share * whole_hold : whole_hold;
+    }
 }
 
 static void compute_hold(engine *e)
@@ -232,36 +244,43 @@ static void compute_hold(engine *e)
         e->whole_hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
     }
     fade_hold(e);
-    if (e->state != SAFE)
+    if (e->ending)
+        e->hold_level -= e->hold_level > 0;
+    else if (e->state != SAFE)
         e->hold_level += e->hold_level < e->set.ramp;
 }
 
-/* The hold, or what is left on the way to zero; no further push where the store of momentum is full. */
+/* The hold, or what is left on the way to zero. */
 static void safe_command(engine *e, real *u)
 {
-    int i;
-
     fade_hold(e); /* anew: SAFE may be as young as this sample's compensators */
-    for (i = 0; i < e->set.outputs; ++i)
-        u[i] = monitors_full(&e->monitors, &e->set, i, e->hold[i]) ? 0 : e->hold[i];
+    memcpy(u, e->hold, (size_t)e->set.outputs * sizeof *u);
+}
+
+/* How much of the waveform sounds: it falls along the ramp while it is silenced. */
+static real loudness(engine *e)
+{
+    if (!e->silencing)
+        return 1;
+    e->loud_level -= e->loud_level > 0;
+    return e->loud_level > 0 ? fade_at((long)e->loud_level, (long)e->set.ramp) : 0;
 }
 
 static void play(engine *e)
 {
+    const real share = e->playing ? loudness(e) : 0;
     int i;
 
     memset(e->excitation, 0, sizeof e->excitation);
     if (!e->playing)
         return;
-    for (i = 0; i < e->set.outputs; ++i)
-        e->excitation[i] = e->waveform[e->playing_at * e->set.outputs + i];
-    if (++e->playing_at < e->waveform_samples)
+    for (i = 0; share > 0 && i < e->set.outputs; ++i)
+        e->excitation[i] = share * e->waveform[e->playing_at * e->set.outputs + i];
+    e->playing_at = (e->playing_at + 1) % e->waveform_samples;
+    if (share > 0 && !(e->playing_at == 0 && e->periods_left && --e->periods_left == 0))
         return;
-    e->playing_at = 0;
-    if (e->periods_left && --e->periods_left == 0) {
-        e->playing = 0;
-        engine_tell(e, QUIET, -1, 0, 0, NULL);
-    }
+    e->playing = 0;
+    engine_tell(e, QUIET, -1, 0, 0, NULL);
 }
 
 /* Share of the limit on u's side, or of the slew: what saturates is at one. */
@@ -532,14 +551,34 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
         safe_command(e, command);
     through_strips(e, command, share);
     commit_laws(e, command, sum);
+    e->since_trip += e->since_trip < INT64_MAX;
     monitors_look(&e->monitors, &e->set, 1, e->u, &after, &growing);
     monitors_effort(&e->monitors, &e->set, e->u, share, &after, &growing);
     judge(e, &after, &growing);
     engine_settle(e);
     verify_hold(e);
-    e->since_trip += e->since_trip < INT64_MAX;
     memcpy(u, e->u, (size_t)e->set.outputs * sizeof *u);
     ++e->sample;
+}
+
+void engine_end(engine *e)
+{
+    const trip_cause told = {STOP, -1, 0, 0};
+
+    if (e->state != SAFE)
+        go_safe(e, &told);
+    e->ending = 1;
+    e->hold_level = e->set.ramp;
+}
+
+int engine_at_rest(const engine *e)
+{
+    int i;
+
+    for (i = 0; i < e->set.outputs; ++i)
+        if (e->strips[i].last != 0)
+            return 0;
+    return e->since_trip >= e->set.safe_ramp && hold_share(e) == 0;
 }
 
 void engine_record(const engine *e, const real *y, real *numbers)

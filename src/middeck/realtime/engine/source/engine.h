@@ -52,7 +52,9 @@ typedef struct {
     strip strips[CHANNELS];
     const real *waveform;
     whole waveform_samples, periods_left, playing_at; /* playing_at: next sample of it */
-    int playing;
+    int playing, silencing;
+    whole loud_level;            /* of the ramp along which it is silenced */
+    int ending;                  /* on the way out: the hold falls */
     real gain;                   /* adaptive */
     int adaptive_on;
     unsigned char blacklist[HASHES][32];
@@ -76,11 +78,15 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u);
 enum answer engine_command(engine *e, const command *c);
 
 /* Check ``count`` bytes that stand in a slot that does not run, and map its ports: DONE, or why not. Takes long, and touches
-   nothing but the slot: it may run beside the loop. */
+   nothing but the slot, which the loop then leaves alone: it may run beside it. */
 enum answer engine_load(engine *e, int which, size_t count);
 
 /* The loop learns what `engine_load` has found, and gives its own answer. */
 enum answer engine_loaded(engine *e, int which, enum answer found);
+
+/* On the way out: to SAFE, and from there along the ramp to outputs of zero, where the engine is at rest. */
+void engine_end(engine *e);
+int engine_at_rest(const engine *e);
 
 /* The state that slots and excitation make, where it is not SAFE. */
 void engine_settle(engine *e);

@@ -45,6 +45,7 @@ static void run(shared *f, engine *e, rig *r)
     r->close(r);
     engine_tell(e, ENDED, -1, 0, 0, NULL);
     publish_events(f, e);
+    publish_status(f, e);
     word_set(&f->status->running, 0);
 }
 

@@ -34,7 +34,7 @@ enum strip_word { STRIP_GAIN, STRIP_OFFSET, STRIP_LIMIT, STRIP_HOLD };
 /* Why a command was not carried out; text in commands.py. */
 enum answer {
     DONE, UNKNOWN_COMMAND, WRONG_SLOT, NOT_LOADED, NOT_READY, WRONG_TRIP, STILL_UNHEALTHY, BUSY, OUT_OF_RANGE, ON_BLACKLIST,
-    NO_WAVEFORM, NOT_ADAPTIVE, BAD_HASH = 50, BAD_MAGIC, BAD_FORMAT, BAD_SIZE, BAD_LENGTH, BAD_NUMBER, BAD_LIMIT, BAD_PLACE,
+    NO_WAVEFORM, NOT_ADAPTIVE, WITHDRAWN, BAD_HASH = 50, BAD_MAGIC, BAD_FORMAT, BAD_SIZE, BAD_LENGTH, BAD_NUMBER, BAD_LIMIT, BAD_PLACE,
     BAD_TEXT, BAD_PADDING, SINGLE_PRECISION, INNER_LOOP, OTHER_RATE, UNKNOWN_PORT, BAD_VECTORS, NO_BYTES, OTHER_BYTE_ORDER,
     NAME_TWICE, UNDECLARED_POLE
 };
@@ -128,6 +128,7 @@ enum fault_kind {
 typedef struct {
     whole number, at, kind, slot;
     real value[4];
+    whole check; /* of the words before it: FNV-1a, a word at a time */
 } command;
 
 typedef struct {
