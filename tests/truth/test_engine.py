@@ -75,8 +75,8 @@ def test_the_engine_calls_no_allocator(tmp_path):
     for name, text in sources.items():
         (tmp_path / name).write_text(text)
     loop = [
-        "commands.c", "engine.c", "fit.c", "law.c", "monitors.c", "package.c", "poles.c", "publish.c", "queue.c",
-        "sample.c", "sensors.c", "sha256.c", "text.c",
+        "commands.c", "engine.c", "fit.c", "law.c", "monitors.c", "package.c", "poles.c", "publish.c",
+        "queue.c", "sample.c", "sensors.c", "sha256.c", "text.c",
     ]  # fmt: skip
     build = ["cc", "-std=c99", "-O2", "-ffp-contract=off", "-c"]
     subprocess.run([*build, *loop], cwd=tmp_path, check=True)

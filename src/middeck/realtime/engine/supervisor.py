@@ -155,7 +155,7 @@ class Supervisor:
         self.close()
 
     def close(self) -> None:
-        """End the engine through SAFE, its outputs at zero, then the recording, and remove a temporary file."""
+        """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
         if self.process.poll() is None and kind_of_end(self):
             try:
                 self.process.wait(PATIENCE_AT_END_S + time_to_rest(self.settings))

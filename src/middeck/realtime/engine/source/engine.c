@@ -578,7 +578,7 @@ int engine_at_rest(const engine *e)
     for (i = 0; i < e->set.outputs; ++i)
         if (e->strips[i].last != 0)
             return 0;
-    return e->since_trip >= e->set.safe_ramp && hold_share(e) == 0;
+    return hold_share(e) == 0;
 }
 
 void engine_record(const engine *e, const real *y, real *numbers)
