@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.adopted import AdoptedEngine, is_alive
+from middeck.realtime.engine.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.article import LinearArticle, encode_article
 from middeck.realtime.engine.build import build_engine
 from middeck.realtime.engine.commands import (
@@ -84,6 +84,22 @@ class Supervisor:
         program: Path | None = None,
     ) -> None:
         self._begin(settings, real_time)
+        try:
+            self._start(rig, waveform, folder, ring, pretrip_s, program)
+        except BaseException:
+            self._left.close()
+            raise
+
+    def _start(
+        self,
+        rig: RigChoice,
+        waveform: np.ndarray | None,
+        folder: Path | None,
+        ring: int,
+        pretrip_s: float,
+        program: Path | None,
+    ) -> None:
+        settings = self.settings
         where = folder or Path(
             self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
         )
@@ -94,14 +110,14 @@ class Supervisor:
         )
         self.file = make_shared_file(
             where / "engine.shared",
-            started_settings(settings, rig, real_time),
+            started_settings(settings, rig, self.real_time),
             article,
             numbers,
             played,
             ring=ring,
             pretrip=max(1, settings.samples(pretrip_s)),
         )
-        self.file.asks["supervisor"] = os.getpid()
+        self._sign()
         self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
             [str(program or build_engine()), str(self.file.path.resolve())],
             stdin=subprocess.DEVNULL,
@@ -115,6 +131,11 @@ class Supervisor:
             self.close()
             raise
 
+    def _sign(self) -> None:
+        """Say who supervises: a process, and when it began."""
+        self.file.asks["supervisor_born"] = when_born(os.getpid())
+        self.file.asks["supervisor"] = os.getpid()
+
     @classmethod
     def attach(cls, path: Path, settings: EngineSettings) -> Supervisor:
         """Take over an engine whose supervisor is gone, by its shared file ("engine.shared" in its folder).
@@ -127,15 +148,15 @@ class Supervisor:
         if not is_run_by(settings, file.settings):
             raise ConfigError("is run with other settings", where=str(path), hint="those it was started with")
         other = int(file.asks["supervisor"])
-        if other != os.getpid() and is_alive(other):
+        if other != os.getpid() and when_born(other) == int(file.asks["supervisor_born"]) > 0:
             raise ConfigError(
                 f"has a supervisor that lives, process {other}", where=str(path), hint="end that one first"
             )
         made = cls.__new__(cls)
         made._begin(settings, bool(file.settings["clock"]))
         made.file = file
-        made.process = AdoptedEngine(int(file.status["pid"]), path)
-        file.asks["supervisor"] = os.getpid()
+        made.process = AdoptedEngine(file)
+        made._sign()
         made.beat()
         return made
 
@@ -319,10 +340,12 @@ class Supervisor:
         found = ring[np.arange(begin, last) % len(ring)]
         # The engine may be in the midst of the record after the last that it has told of.
         safe = self.sample - len(ring) + (2 if self.real_time else 0)
-        found = found[max(0, safe - begin) :]
-        self._record(found)
+        kept = found[max(0, safe - begin) :]
+        whole = kept["sequence"] == np.arange(last - len(kept), last) + 1
+        kept = kept[len(whole) - int(np.argmin(whole[::-1])) :] if not whole.all() else kept
+        self._record(kept)
         self.file.asks["taken"] = last
-        return found, last - first - len(found)
+        return kept, last - first - len(kept)
 
     def _record(self, records: np.ndarray) -> None:
         if self.recorder is None:
@@ -344,12 +367,21 @@ class Supervisor:
     def events(self) -> list[Event]:
         """Events that have not been read yet, in order."""
         rows = self._event_rows(self.seen_events)
-        self.seen_events = int(self.file.status["events"])
+        lost = int(rows["sequence"][0]) - self.seen_events - 1 if len(rows) else 0
+        self.seen_events += lost + len(rows)
+        if lost:
+            warnings.warn(
+                f"{lost} events were lost: overwritten before they were read; read them more often",
+                UserWarning, stacklevel=2,
+            )  # fmt: skip
         return [read_event(row, self.settings.inputs, self.settings.outputs, KINDS) for row in rows]
 
     def _event_rows(self, seen: int) -> np.ndarray:
+        """Those after ``seen`` that are still there, without a gap."""
         count, most = int(self.file.status["events"]), len(self.file.events)
-        return self.file.events[np.arange(max(seen, count - most), count) % most]
+        numbers = np.arange(max(seen, count - most), count) + 1
+        rows = self.file.events[(numbers - 1) % most]
+        return rows[rows["sequence"] == numbers]
 
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
@@ -411,12 +443,12 @@ class Supervisor:
 def _require_no_engine(path: Path) -> None:
     """A new shared file takes the place of an old one, not of one that a loop has mapped."""
     try:
-        pid = int(open_shared_file(path).status["pid"])
+        found = AdoptedEngine(open_shared_file(path))
     except DataError:
         return
-    if AdoptedEngine(pid, path).poll() is None:
+    if found.poll() is None:
         raise ConfigError(
-            f"an engine runs there, process {pid}",
+            f"an engine runs there, process {found.pid}",
             where=str(path),
             hint="another folder, or Supervisor.attach",
         )

@@ -38,6 +38,8 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     e->gain = 1;
     sensors_start(&e->sensors);
     monitors_start(&e->monitors);
+    e->outward.begun = 1;
+    outward_forget(&e->outward);
     e->take_over = RAMPS * set->safe_ramp;
     for (i = 0; i < set->inputs; ++i)
         if (COASTS * set->coast[i] / set->period_s > (real)e->take_over)
@@ -80,8 +82,9 @@ static int of_a_law(const engine *e, const trip_cause *cause)
     case BAND_POWER:
     case EFFORT:
     case MOMENTUM:
-    case COMMAND_NOT_FINITE:
         return 1;
+    case COMMAND_NOT_FINITE:
+        return cause->channel >= 0; /* else the hold's */
     case RANGE:
         return fabs(e->sensors.value[cause->channel]) > e->set.range[cause->channel] / 2;
     default:
@@ -233,6 +236,28 @@ static void fade_hold(engine *e)
     }
 }
 
+static int all_finite(const real *v, whole count)
+{
+    whole i;
+
+    for (i = 0; i < count; ++i)
+        if (!(v[i] - v[i] == 0))
+            return 0;
+    return 1;
+}
+
+/* Numbers of the hold that have overflowed: it adds nothing any more, and is none. */
+static void overflow_hold(engine *e)
+{
+    const trip_cause why = {COMMAND_NOT_FINITE, -1, 0, 0};
+
+    memset(e->whole_hold, 0, sizeof e->whole_hold);
+    e->hold_spoilt = 1;
+    e->hold_verified = 0;
+    if (e->state == SAFE && !e->hold_off)
+        lose_hold(e, &why);
+}
+
 static void compute_hold(engine *e)
 {
     int i;
@@ -243,6 +268,8 @@ static void compute_hold(engine *e)
 
         e->whole_hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
     }
+    if (!all_finite(e->whole_hold, e->set.outputs))
+        overflow_hold(e);
     fade_hold(e);
     if (e->ending)
         e->hold_level -= e->hold_level > 0;
@@ -291,16 +318,6 @@ static real share_taken(real u, real last, real slew, real least, real most)
     return larger(size, fabs(u - last) / slew);
 }
 
-static int all_finite(const real *v, whole count)
-{
-    whole i;
-
-    for (i = 0; i < count; ++i)
-        if (!(v[i] - v[i] == 0))
-            return 0;
-    return 1;
-}
-
 /* A compensator whose numbers overflow adds nothing any more: it trips where it has a say, and stops standing by. */
 static void refuse_overflow(engine *e, slot *s, trip_cause *cause)
 {
@@ -346,6 +363,8 @@ static void run_laws(engine *e, real *sum, trip_cause *cause)
         if (e->slots[k].running)
             run_law(e, k, sum, cause);
     }
+    if (!all_finite(sum, e->set.outputs))
+        blame(cause, COMMAND_NOT_FINITE, e->set.inputs, sum[0], 0);
 }
 
 /* Each law learns what of the output was the compensators'. Beside another, or without a say, its own slew goes on from what it
@@ -505,15 +524,41 @@ static int strips_are_neutral(const engine *e)
     return 1;
 }
 
-/* The hold is verified by holding: alone, whole, as SAFE would have it, and without a trip. */
+/* Whether nothing but the hold is at work, whole, as SAFE would have it. */
+static int holds_alone(const engine *e)
+{
+    return e->state == READY && e->set.paths && e->set.verify && e->hold_level >= e->set.ramp && strips_are_neutral(e);
+}
+
+/* The first sensor of the hold whose motion grows; -1 for none. The shortest window lets four of them fit into the verification. */
+static int moves_out(engine *e)
+{
+    const whole shortest = (e->set.verify + 3) / 4;
+    int i, found = -1;
+
+    for (i = 0; i < e->set.inputs; ++i)
+        if (e->hold_needs >> i & 1 && outward_look(&e->outward, i, shortest, e->sensors.value[i]) && found < 0)
+            found = i;
+    return found;
+}
+
+/* The hold is verified by holding, alone and without a trip, and no longer where what it holds moves out from window to window. */
 static void verify_hold(engine *e)
 {
-    if (e->state != READY || e->hold_verified || !e->set.paths || !e->set.verify || e->hold_level < e->set.ramp || !strips_are_neutral(e))
+    int out;
+
+    if (!holds_alone(e)) {
+        outward_forget(&e->outward);
         e->quiet = 0;
-    else if (++e->quiet >= e->set.verify) {
-        e->hold_verified = 1;
-        engine_tell(e, HOLD_VERIFIED, -1, 0, 0, NULL);
+        return;
     }
+    out = moves_out(e);
+    e->quiet = out < 0 ? e->quiet + 1 : 0;
+    if (out >= 0 && e->hold_verified)
+        engine_tell(e, HOLD_LOST, out, e->sensors.value[out], 0, NULL);
+    else if (!e->hold_verified && e->quiet >= e->set.verify)
+        engine_tell(e, HOLD_VERIFIED, -1, 0, 0, NULL);
+    e->hold_verified = out < 0 && (e->hold_verified || e->quiet >= e->set.verify);
 }
 
 static void look(engine *e, const real *y, const circumstances *c)
@@ -544,7 +589,7 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
     run_laws(e, sum, &cause);
     for (i = 0; i < e->set.outputs; ++i)
         command[i] = e->hold[i] + sum[i] + e->excitation[i];
-    if (e->state != SAFE && !all_finite(command, e->set.outputs))
+    if (e->state != SAFE && (e->hold_spoilt || !all_finite(command, e->set.outputs)))
         blame(&cause, COMMAND_NOT_FINITE, -1, 0, 0);
     judge(e, &cause, &growing);
     if (e->state == SAFE)

@@ -3,6 +3,7 @@
 #define MIDDECK_ENGINE_H
 
 #include "monitors.h"
+#include "outward.h"
 #include "package.h"
 #include "sensors.h"
 
@@ -42,9 +43,11 @@ typedef struct {
     real hold_state[SECTIONS][2];
     uint64_t hold_needs;         /* sensors that the hold reads */
     int hold_verified, hold_off; /* off: lost in SAFE, until a reset */
+    int hold_spoilt;             /* its numbers have overflowed, once and for all */
     whole hold_level;            /* of the ramp on which the hold rises after a reset */
     whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
+    outward_states outward;
     whole since_trip;            /* or since the hold was lost */
     whole take_over;             /* samples until the safe state has taken over */
     real taken_over;             /* largest amplitude over its envelope, squared, when the safe state took over */

@@ -53,9 +53,10 @@ void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_caus
     for (i = 0; i < set->inputs; ++i) {
         const real ahead = set->rate[i] < 0 ? 0 : set->coast[i] * s->value[set->rate[i]];
         const real square = s->value[i] * s->value[i] + ahead * ahead;
-        const real share = square / (set->envelope[i] * set->envelope[i]);
+        const real reach = set->envelope[i] < HUGE_VAL ? set->envelope[i] : set->range[i] / 2;
+        const real share = square / (reach * reach);
 
-        if (share > 1)
+        if (square > set->envelope[i] * set->envelope[i])
             blame(cause, ENVELOPE, i, sqrt(square), set->envelope[i]);
         if (share > s->worst) {
             s->worst = share;

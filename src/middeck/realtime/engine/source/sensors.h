@@ -10,7 +10,7 @@ typedef struct {
     whole same[CHANNELS]; /* samples of one value */
     whole apart[SPREADS]; /* samples of disagreement */
     uint64_t unhealthy;   /* a bit for each sensor */
-    real worst;           /* largest amplitude over its envelope, squared */
+    real worst;           /* largest amplitude over its envelope, or over half of its range where it has none, squared */
     whole worst_at;
 } sensor_tests;
 

@@ -158,15 +158,16 @@ typedef struct {
     whole written;   /* commands given */
     whole taken;     /* records read */
     whole supervisor; /* its process: a lockstep engine ends with it */
+    whole supervisor_born; /* when that began, in ticks of the system */
 } asks;
 
 /* Written by the engine. */
 typedef struct {
-    whole pid, format, size, running;
+    whole pid, born, format, size, running; /* born: when the process began, in ticks of the system */
     whole sample, state, trip, trips;
     whole acknowledged, events;
     whole alive; /* changes with every sample */
-    whole late, worst_late_ns, worst_step_ns, lost; /* lost: records overwritten before they were read */
+    whole late, worst_late_ns, worst_step_ns, lost, missed; /* lost: records overwritten before they were read; missed: samples that did not come */
     whole hold_verified, frozen, frozen_at;
     whole loaded[SLOTS];
     unsigned char slot_hash[SLOTS][32];
