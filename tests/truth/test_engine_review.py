@@ -5,6 +5,9 @@ from __future__ import annotations
 import errno
 import os
 import signal
+import subprocess
+import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -282,3 +285,35 @@ def test_a_stop_before_the_loop_begins_counts(tmp_path):
         engine.run(10, keep=False)
         assert engine.trip == 1
         assert engine.command("reset", values=[0.0]).word == "wrong trip"
+
+
+def test_events_that_were_overwritten_are_said():
+    """The ring of events is shorter than what happened: how many are gone is a warning, not a silence."""
+    with Supervisor(plain_settings(), still_article([0.0] * SENSORS), waveform=np.zeros((1, 2))) as engine:
+        engine.reset()
+        assert [event.number for event in engine.events()] == [1]
+        for _ in range(600):
+            engine.command("excite", values=[1.0])
+            engine.run(1, keep=False)
+        with pytest.warns(UserWarning, match="176 events were lost"):
+            found = engine.events()
+        assert [event.number for event in found] == list(range(178, 1202))
+        assert engine.events() == []
+
+
+def test_a_start_that_fails_leaves_no_folder(monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    broken = tmp_path / "broken"
+    broken.write_text("#!/bin/sh\nexit 3\n")
+    broken.chmod(0o755)
+    for wrong in ({"waveform": np.zeros((2, 9))}, {"program": broken}, {"program": tmp_path / "none"}):
+        with pytest.raises((ConfigError, DataError, OSError)):
+            Supervisor(plain_settings(), random_article(), **wrong)
+        assert [path.name for path in tmp_path.iterdir()] == ["broken"]
+
+
+def test_settings_are_read_without_a_library_of_filters():
+    """Whoever only commands an engine does not wait a second for one."""
+    said = "import sys, middeck.realtime.engine.supervisor; print('scipy.signal' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"
