@@ -60,7 +60,7 @@ def test_a_package_that_trips_on_the_rig_is_refused_for_good(files, capfd):
         document = json.loads(Path("verdict.json").read_text())
         assert [s["name"] for s in document["steps"] if not s["passed"]] == ["engagement"]
         assert document["tripped"].startswith("envelope way")
-        assert load_blacklist("black.json") == {document["package"]: document["tripped"]}
+        assert load_blacklist("black.json") == {document["law"]: document["tripped"]}
     again = middeck(capfd, "gate", *files, "--blacklist", "black.json", "--json")
     assert again.code == 1
     (step,) = json.loads(again.out)["steps"]

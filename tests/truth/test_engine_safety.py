@@ -20,14 +20,16 @@ from engine_cases import (
     verified,
 )
 from middeck.errors import ConfigError
+from middeck.files.blacklists import load_blacklist, write_blacklist
 from middeck.realtime.engine.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.article import Fault, encode_article, linear_article, with_faults
 from middeck.realtime.engine.monitors import Monitor
 from middeck.realtime.engine.settings import Drive, SensorTest, Spread
 from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.realtime.package.section import InputFilter, LoopPath, static_gain
 from middeck.signals.ports import Port
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import SampledStateSpace
@@ -149,7 +151,8 @@ def test_a_compensator_that_overflows_trips_and_is_banned():
         trip = next(event for event in engine.events() if event.trips)
         assert trip.kind == "command not finite"
         assert trip.side == "output"
-        assert engine.blacklist() == (trip.sha256,)
+        assert trip.sha256 == hash_package(package)
+        assert engine.blacklist() == (hash_law(package),)
         assert np.isfinite(records["u"]).all()
         assert engine.load(package).word == "on blacklist"
     with Supervisor(settings, random_article()) as engine:  # in the shadow it only stops
@@ -368,20 +371,56 @@ def test_the_law_beside_a_hold_has_the_bits_of_the_reference():
 
 def test_a_full_blacklist_refuses_what_it_does_not_know():
     """Nothing drops out of it to make room."""
-    settings = plain_settings(effort_s=0.5)
+    settings, known = plain_settings(effort_s=0.5), [f"{k:064x}" for k in range(1022)]
+    with Supervisor(settings, still_article([0.5, 0.5, 0.5]), blacklist=known) as engine:
+        package = static_package(np.full((OUTPUTS, SENSORS), 0.3), limit=1e-3)
+        assert engine.load(package).done
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.run(600, keep=False)
+        assert engine.state == "safe"
+        assert engine.blacklist() == (*known, hash_law(package))
+        assert engine.load(random_package()).word == "on blacklist"
+    with pytest.raises(ConfigError, match="1022 at most"):
+        Supervisor(settings, random_article(), blacklist=[*known, "f" * 64])
+    with pytest.raises(ConfigError, match="no SHA-256"):
+        Supervisor(settings, random_article(), blacklist=["nobody"])
+
+
+def test_another_name_and_other_limits_are_the_same_law(tmp_path):
+    """What tripped is what computes; and the next engine knows it from the gate's file."""
+    settings, gain = plain_settings(effort_s=0.5), np.full((OUTPUTS, SENSORS), 0.3)
+    guilty = static_package(gain, limit=1e-3)
+    others = [
+        static_package(gain, limit=1e-3, name="innocent"),
+        static_package(gain, limit=0.4, slew_rate=9.0, input_range=7.0, ramp_s=0.7),
+        guilty,
+    ]
+    assert len({hash_package(package) for package in others}) == 3
+    assert {hash_law(package) for package in others} == {hash_law(guilty)}
+    assert hash_law(static_package(1.0001 * gain)) != hash_law(guilty)
     with Supervisor(settings, still_article([0.5, 0.5, 0.5])) as engine:
-        answer = ""
-        for k in range(64):
-            package = static_package(np.full((OUTPUTS, SENSORS), 0.3 + 0.001 * k), limit=1e-3)
-            answer = engine.load(package).word
-            if answer != "done":
-                break
-            engine.reset()
-            engine.command("engage", values=[1.0])
-            engine.run(600, keep=False)
-            assert engine.state == "safe"
-        assert (answer, k) == ("on blacklist", 63)
-        assert len(set(engine.blacklist())) == 63
+        engine.load(guilty)
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.run(600, keep=False)
+        assert [engine.load(package).word for package in others] == 3 * ["on blacklist"]
+        write_blacklist(tmp_path / "black.json", dict.fromkeys(engine.blacklist(), "effort u0"))
+    listed = load_blacklist(tmp_path / "black.json")
+    with Supervisor(settings, still_article([0.5, 0.5, 0.5]), blacklist=listed) as engine:
+        assert [engine.load(package).word for package in others] == 3 * ["on blacklist"]
+        assert engine.command("forgive", slot=0).done
+        assert engine.load(others[0]).done
+        assert engine.blacklist() == ()
+
+
+@pytest.mark.parametrize("form", ["modal", "dense"])
+def test_both_sides_know_a_law_by_the_same_hash(form):
+    """Filters, a path of applied commands and blocks of states included."""
+    package = random_package(form=form, filters=(InputFilter(1, static_gain(0.5)),))
+    with Supervisor(plain_settings(), random_article(), blacklist=[hash_law(package)]) as engine:
+        assert engine.load(package).word == "on blacklist"
+        assert engine.load(random_package(form=form)).done
 
 
 def test_sensors_that_read_one_thing_must_agree():

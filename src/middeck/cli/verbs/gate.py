@@ -91,7 +91,7 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
     "blacklist_file",
     endings=(".json",),
     metavar="BLACKLIST.json",
-    help="Packages that have tripped: consulted first; one that trips when engaged is added.",
+    help="Laws that have tripped: consulted first; one that trips when engaged is added.",
 )
 @click.option(
     "--adaptive",
@@ -179,7 +179,7 @@ def verb(
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
     if blacklist_file is not None and verdict.tripped:
-        write_blacklist(blacklist_file, {**blacklist, verdict.sha256: verdict.tripped})
+        write_blacklist(blacklist_file, {**blacklist, verdict.law: verdict.tripped})
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)
@@ -228,8 +228,9 @@ def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
 def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     """The JSON document."""
     return {
-        "schema": "middeck.gate/2",
+        "schema": "middeck.gate/3",
         "package": verdict.sha256,
+        "law": verdict.law,
         "name": verdict.name,
         "models": verdict.models,
         "least": margins,

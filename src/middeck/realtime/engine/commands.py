@@ -20,10 +20,12 @@ REASONS = {
     "still unhealthy": "a sensor is still out of order",
     "busy": "the slot runs, or the excitation plays",
     "out of range": "a value outside its range",
-    "on blacklist": "a trip has put this package on the blacklist",
+    "on blacklist": "a trip has put the law of this package on the blacklist",
     "no waveform": "the engine was started without an excitation",
     "not adaptive": "the settings have no adaptive gain",
     "withdrawn": "a disengage, a silence or the end that came after it went first",
+    "not proved": "no proof of this package, beside this hold, covers the adaptive gain of the settings",
+    "bad proof": "a proof that was changed, or is of another package or another hold",
     "bad hash": "the package was changed or cut short: its hash does not fit",
     "bad magic": "no controller package: it begins otherwise",
     "bad format": "a package of another format or byte order",
@@ -75,7 +77,8 @@ class Event:
         kind: A trip ("envelope", "stop" ...) or another happening ("engaged", "loaded" ...).
         channel, side: Name of the sensor or output, where there is one, and which of both it is.
         value, limit: What was seen, and what it is compared with.
-        sha256: Of the package in control, where there is one.
+        sha256: Of the package in control, where there is one; of the law that goes on the blacklist
+            (`hash_law`).
     """
 
     number: int

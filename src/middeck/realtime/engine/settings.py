@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 import numpy as np
@@ -222,6 +223,16 @@ class EngineSettings:
     def drive(self, name: str) -> int:
         """Place of an output, which may have the name of a sensor; raises `ConfigError` for another name."""
         return _place(name, "output", self.outputs)
+
+
+def hash_hold(settings: EngineSettings) -> str:
+    """SHA-256 of the hold: names and coefficients of its paths, in order; that of nothing without one."""
+    longest, found = constants()["NAME"], b""
+    for path in settings.hold:
+        for port in (settings.inputs[path.input], settings.outputs[path.output]):
+            found += port.name.encode().ljust(longest, b"\0")
+        found += np.concatenate([path.section.b, path.section.a]).astype("<f8").tobytes()
+    return hashlib.sha256(found).hexdigest()
 
 
 def time_to_rest(settings: EngineSettings) -> float:

@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
+from middeck.realtime.engine.adaptive_gain import ProvedGain, encode_proof
 from middeck.realtime.engine.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.article import LinearArticle, encode_article
 from middeck.realtime.engine.build import build_engine
@@ -38,6 +39,7 @@ from middeck.realtime.engine.launch import (
     DriverRig,
     RigChoice,
     UdpRig,
+    banned_hashes,
     checked_waveform,
     is_run_by,
     no_article,
@@ -69,6 +71,7 @@ class Supervisor:
         ring: Records kept for reading.
         pretrip_s: Time before a trip that is kept until its reset.
         program: The compiled engine; that of `build_engine` if it is left out.
+        blacklist: Laws that it refuses from the start, by their `hash_law`: what `load_blacklist` reads.
     """
 
     def __init__(
@@ -82,10 +85,12 @@ class Supervisor:
         ring: int = 8192,
         pretrip_s: float = 30.0,
         program: Path | None = None,
+        blacklist: Collection[str] = (),
     ) -> None:
         self._begin(settings, real_time)
+        banned = banned_hashes(blacklist)
         try:
-            self._start(rig, waveform, folder, ring, pretrip_s, program)
+            self._start(rig, waveform, folder, ring, pretrip_s, program, banned)
         except BaseException:
             self._left.close()
             raise
@@ -98,6 +103,7 @@ class Supervisor:
         ring: int,
         pretrip_s: float,
         program: Path | None,
+        banned: bytes,
     ) -> None:
         settings = self.settings
         where = folder or Path(
@@ -114,6 +120,7 @@ class Supervisor:
             article,
             numbers,
             played,
+            banned,
             ring=ring,
             pretrip=max(1, settings.samples(pretrip_s)),
         )
@@ -282,9 +289,15 @@ class Supervisor:
         """Send a command and wait for its answer."""
         return self.answer(self.send(kind, slot=slot, values=values))
 
-    def load(self, package: ControllerPackage | bytes, slot: int = 0) -> Answer:
-        """Put a package into a slot that does not run: it is checked there, its test vectors replayed."""
-        return self.command("load", slot=slot, values=[self.file.stage(package)])
+    def load(
+        self, package: ControllerPackage | bytes, slot: int = 0, *, proof: ProvedGain | None = None
+    ) -> Answer:
+        """Put a package into a slot that does not run: it is checked there, its test vectors replayed.
+
+        ``proof`` is what the gate has proved of the adaptive gain: without it "adapt" is refused.
+        """
+        sealed = b"" if proof is None else encode_proof(proof)
+        return self.command("load", slot=slot, values=[self.file.stage(package, sealed), bool(sealed)])
 
     def set_strip(self, output: str, word: str, value: float) -> Answer:
         """Gain, offset, limit (a share) or hold (1 or 0) of an output's strip."""
@@ -391,7 +404,7 @@ class Supervisor:
         return found[found["sequence"] == samples + 1]  # none was kept while an earlier trip held the loop
 
     def blacklist(self) -> tuple[str, ...]:
-        """Hashes of packages that trips have refused."""
+        """Laws that are refused, by their `hash_law`: those of the start, then those that tripped."""
         count = int(self.file.status["blacklisted"])
         return tuple(bytes(row).hex() for row in self.file.status["blacklist"][:count])
 

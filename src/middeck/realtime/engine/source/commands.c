@@ -44,16 +44,19 @@ static int on_blacklist(const engine *e, const unsigned char *hash)
     return e->blacklisted > HASHES - SLOTS; /* no room for who trips next */
 }
 
-enum answer engine_load(engine *e, int which, size_t count)
+enum answer engine_load(engine *e, int which, size_t count, int with_proof)
 {
     slot *s = &e->slots[which];
     const settings *set = &e->set;
     const unsigned char *text;
     enum answer found;
 
+    s->proof.proved = 0;
     found = package_read(&s->p, s->bytes, count);
     if (found != DONE)
         return found;
+    if (with_proof && !proof_read(&s->proof, s->proof_bytes, s->p.hash, e->hold_hash))
+        return BAD_PROOF;
     if (fabs(s->p.period_s - set->period_s) > 1e-9 * set->period_s)
         return OTHER_RATE;
     text = map_ports(after(s->p.texts), s->p.law.inputs, s->sensor, set->sensor, set->sensor_unit, set->inputs);
@@ -71,7 +74,7 @@ enum answer engine_loaded(engine *e, int which, enum answer found)
 {
     slot *s = &e->slots[which];
 
-    if (found == DONE && on_blacklist(e, s->p.hash))
+    if (found == DONE && on_blacklist(e, s->p.law_hash))
         found = ON_BLACKLIST;
     s->loaded = found == DONE;
     engine_tell(e, s->loaded ? LOADED : REFUSED, -1, (real)which, 0, s->p.hash);
@@ -82,7 +85,7 @@ static enum answer stand_by(engine *e, slot *s)
 {
     if (!s->loaded)
         return NOT_LOADED;
-    if (on_blacklist(e, s->p.hash))
+    if (on_blacklist(e, s->p.law_hash))
         return ON_BLACKLIST;
     if (!s->running) {
         law_reset(&s->law, &s->p.law);
@@ -103,6 +106,8 @@ static enum answer engage(engine *e, slot *s, real share)
         return NOT_READY;
     if (!(share > 0 && share <= 1))
         return OUT_OF_RANGE;
+    if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set))
+        return NOT_PROVED;
     found = stand_by(e, s);
     if (found != DONE)
         return found;
@@ -211,12 +216,19 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
     return DONE;
 }
 
+/* Only beside a package of which it is proved, and then only such a one engages. */
 static enum answer adapt(engine *e, int on)
 {
+    int k, covered = 0;
+
+    for (k = 0; k < SLOTS; ++k)
+        covered |= e->slots[k].loaded && proof_covers(&e->slots[k].proof, &e->set);
     if (e->set.adaptive.monitor < 0)
         return NOT_ADAPTIVE;
     if (e->state != SAFE && e->state != READY) /* else its gain would jump */
         return NOT_READY;
+    if (on && !covered)
+        return NOT_PROVED;
     e->adaptive_on = on;
     e->gain = on ? e->set.adaptive.least : 1;
     return DONE;
@@ -229,7 +241,7 @@ static enum answer forgive(engine *e, const slot *s)
     if (e->state != SAFE && e->state != READY)
         return NOT_READY;
     for (k = 0; k < e->blacklisted; ++k)
-        if (memcmp(e->blacklist[k], s->p.hash, 32) != 0)
+        if (memcmp(e->blacklist[k], s->p.law_hash, 32) != 0)
             memcpy(e->blacklist[kept++], e->blacklist[k], 32);
     e->blacklisted = kept;
     return DONE;

@@ -48,6 +48,13 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
         make_neutral(&e->strips[i]);
     for (i = 0; i < set->paths; ++i)
         e->hold_needs |= (uint64_t)1 << set->path[i].sensor;
+    hash_hold(set, e->hold_hash);
+}
+
+void engine_ban(engine *e, const unsigned char *hashes, whole count)
+{
+    memcpy(e->blacklist, hashes, 32 * (size_t)count);
+    e->blacklisted = count;
 }
 
 void engine_tell(engine *e, whole kind, whole channel, real value, real limit, const unsigned char *hash)
@@ -159,7 +166,7 @@ static void go_safe(engine *e, const trip_cause *cause)
         make_neutral(&e->strips[i]);
     for (k = 0; k < SLOTS; ++k) {
         if (lawful && acts(&e->slots[k]))
-            put_on_blacklist(e, e->slots[k].p.hash);
+            put_on_blacklist(e, e->slots[k].p.law_hash);
         stop_slot(&e->slots[k]);
     }
     if (alone && e->hold_verified && is_of_the_hold(cause)) {
@@ -322,7 +329,7 @@ static real share_taken(real u, real last, real slew, real least, real most)
 static void refuse_overflow(engine *e, slot *s, trip_cause *cause)
 {
     if (!acts(s))
-        put_on_blacklist(e, s->p.hash);
+        put_on_blacklist(e, s->p.law_hash);
     if (acts(s) || s->in_control)
         blame(cause, COMMAND_NOT_FINITE, e->set.inputs + s->output[0], s->law.wanted[0], 0);
     else

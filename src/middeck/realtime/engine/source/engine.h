@@ -5,12 +5,15 @@
 #include "monitors.h"
 #include "outward.h"
 #include "package.h"
+#include "proof.h"
 #include "sensors.h"
 
 /* A place for a package, and the law that runs from it. */
 typedef struct {
     unsigned char bytes[LARGEST_PACKAGE];
+    unsigned char proof_bytes[PROOF];
     package p;
+    gain_proof proof;
     law_state law;
     int sensor[CHANNELS], output[CHANNELS]; /* of the engine, for each port of the package */
     int loaded, running, in_control;
@@ -41,6 +44,7 @@ typedef struct {
     monitor_states monitors;
     slot slots[SLOTS];
     real hold_state[SECTIONS][2];
+    unsigned char hold_hash[32];
     uint64_t hold_needs;         /* sensors that the hold reads */
     int hold_verified, hold_off; /* off: lost in SAFE, until a reset */
     int hold_spoilt;             /* its numbers have overflowed, once and for all */
@@ -60,7 +64,7 @@ typedef struct {
     int ending;                  /* on the way out: the hold falls */
     real gain;                   /* adaptive */
     int adaptive_on;
-    unsigned char blacklist[HASHES][32];
+    unsigned char blacklist[HASHES][32]; /* of laws */
     whole blacklisted;
     /* of the last sample, for the record */
     real whole_hold[CHANNELS], hold[CHANNELS]; /* the latter as it rises and falls */
@@ -72,6 +76,9 @@ typedef struct {
     int happenings;
 } engine;
 
+/* Hashes of laws that are refused from the start. */
+void engine_ban(engine *e, const unsigned char *hashes, whole count);
+
 void engine_start(engine *e, const settings *set, const real *waveform, whole waveform_samples);
 
 /* One sample: sensors y to outputs u. */
@@ -80,9 +87,10 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u);
 /* Carry out a command between two samples: all but LOAD and END. */
 enum answer engine_command(engine *e, const command *c);
 
-/* Check ``count`` bytes that stand in a slot that does not run, and map its ports: DONE, or why not. Takes long, and touches
+/* Check ``count`` bytes that stand in a slot that does not run, and the proof beside them if there is one, and map its ports:
+   DONE, or why not. Takes long, and touches
    nothing but the slot, which the loop then leaves alone: it may run beside it. */
-enum answer engine_load(engine *e, int which, size_t count);
+enum answer engine_load(engine *e, int which, size_t count, int with_proof);
 
 /* The loop learns what `engine_load` has found, and gives its own answer. */
 enum answer engine_loaded(engine *e, int which, enum answer found);

@@ -7,12 +7,16 @@
 
 #include "words.h"
 
-enum answer load_package(const shared *f, engine *e, whole slot, whole size)
+enum answer load_package(const shared *f, engine *e, whole slot, whole size, int with_proof)
 {
-    if (size < 0 || size > LARGEST_PACKAGE || size > f->at.staging_size)
+    const unsigned char *from = f->start + f->at.staging;
+
+    if (size < 0 || size > LARGEST_PACKAGE || size + (with_proof ? PROOF : 0) > f->at.staging_size)
         return BAD_LENGTH;
-    memcpy(e->slots[slot].bytes, f->start + f->at.staging, (size_t)size);
-    return engine_load(e, (int)slot, (size_t)size);
+    memcpy(e->slots[slot].bytes, from, (size_t)size);
+    if (with_proof)
+        memcpy(e->slots[slot].proof_bytes, from + size, PROOF);
+    return engine_load(e, (int)slot, (size_t)size, with_proof);
 }
 
 static void *load_beside(void *given)
@@ -24,7 +28,7 @@ static void *load_beside(void *given)
         while (!word_get(&l->wanted))
             nanosleep(&pause, NULL);
         word_set(&l->wanted, 0);
-        l->found = load_package(l->file, l->engine, l->slot, l->size);
+        l->found = load_package(l->file, l->engine, l->slot, l->size, l->with_proof);
         word_set(&l->done, 1);
     }
     return NULL;

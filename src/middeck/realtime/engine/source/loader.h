@@ -8,14 +8,15 @@
 /* A package on its way into a slot. */
 typedef struct {
     int wanted, done; /* words that both sides read */
-    whole slot, size, proof;
+    whole slot, size;
+    int with_proof;
     enum answer found;
     const shared *file;
     engine *engine;
 } loading;
 
 /* Copy what waits to be loaded, then check the copy: what is checked is what will run. */
-enum answer load_package(const shared *f, engine *e, whole slot, whole size);
+enum answer load_package(const shared *f, engine *e, whole slot, whole size, int with_proof);
 
 /* Start the thread, which looks at "wanted" again and again; 0 where there is none. */
 int start_loader(loading *l);

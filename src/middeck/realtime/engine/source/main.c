@@ -85,6 +85,7 @@ int main(int count, char **words)
     signal(SIGINT, SIG_IGN); /* of the terminal: the supervisor decides */
     signal(SIGPIPE, SIG_IGN); /* nobody may read the standard error any more */
     engine_start(&the_engine, &the_file.set, the_file.waveform, the_file.at.waveform_samples);
+    engine_ban(&the_engine, the_file.start + the_file.at.blacklist, the_file.at.blacklist_count);
     r = open_rig(&the_file);
     if (!r)
         return 3;

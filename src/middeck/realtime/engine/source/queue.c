@@ -30,11 +30,12 @@ static int load(queue *q, const shared *f, engine *e, const command *c, enum ans
     }
     e->slots[c->slot].loaded = 0;
     if (f->set.clock == LOCKSTEP) {
-        *answer = engine_loaded(e, (int)c->slot, load_package(f, e, c->slot, size_asked(c)));
+        *answer = engine_loaded(e, (int)c->slot, load_package(f, e, c->slot, size_asked(c), c->value[1] != 0));
         return 1;
     }
     q->load.slot = c->slot;
     q->load.size = size_asked(c);
+    q->load.with_proof = c->value[1] != 0;
     q->load.done = 0;
     q->under_way = 1;
     word_set(&q->load.wanted, 1);
