@@ -103,7 +103,7 @@ def examine_package(
         trials: Dry runs on every model too; and on a ``rig`` a shadow run, then engagement at a share of full
             authority and at all of it. Without them the gate is on paper.
         blacklist: Reasons by SHA-256 (`hash_law`) of laws that have tripped.
-        settings: Of the engine that is to run it, those of the ``rig`` if they are left out: its hold is
+        settings: Of the engine that is to run it; if left out, those of a ``rig`` with a hold: the hold is
             closed on every model, and what it does not run is not passed. Without them the package is for any
             computer, and is tried alone.
 
@@ -111,7 +111,7 @@ def examine_package(
     """
     if not models:
         raise ConfigError("no model to try the package on", hint="plants by name, as on board")
-    engine = settings if settings is not None or rig is None else rig.settings
+    engine = rig.settings if settings is None and rig is not None and rig.settings.hold else settings
     held, unfit = _beside_hold(package, engine)
     steps, tripped = [check_blacklist(hash_law(package), blacklist or {})], ""
     if steps[0].passed:
