@@ -107,7 +107,7 @@ def test_a_blacklist_that_was_changed_is_refused(tmp_path):
 
 @pytest.mark.usefixtures("compiler")
 def test_a_hold_is_closed_beside_the_package(files, capfd):
-    """One that pushes the mode out is refused where nothing else acts; one of a port that is not there is told."""
+    """One that turns the spring over is refused where nothing else acts; one of no port is told."""
     held = middeck(capfd, "gate", *files, "--hold", "way", "push", "-0.05", "-o", "verdict.json")
     assert held.code == 0, held.out
     plain = middeck(capfd, "gate", *files, "--paper", "--json")

@@ -109,7 +109,7 @@ def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):
 def test_a_killed_supervisor_ends_a_lockstep_engine(seeds):
     """By itself, through its safe state; all that it ran can still be read."""
     for seed in seeds:
-        with supervised("lockstep") as (process, pid, folder):
+        with supervised("lockstep") as (process, _, folder):
             synced = killed(process, seed)
             orphan = AdoptedEngine(open_shared_file(folder / "engine.shared"))
             orphan.wait(PATIENCE_S)

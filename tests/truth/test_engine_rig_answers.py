@@ -11,6 +11,7 @@ import pytest
 
 from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article
 from middeck.errors import DataError
+from middeck.realtime.engine.rig_server import LOOPBACK
 from middeck.realtime.engine.rig_session import REPLY, REQUEST
 from middeck.realtime.engine.supervisor import Supervisor, UdpRig
 
@@ -21,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("compiler")
 def answering(reply):
     """A rig whose ``reply(magic, sample)`` gives the datagrams for a request."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
+        opened.bind((LOOPBACK, 0))
         opened.settimeout(0.1)
         ended = threading.Event()
 
