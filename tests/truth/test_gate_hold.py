@@ -17,7 +17,7 @@ from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.held import with_hold
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.gate.steps import GateMargins
-from middeck.realtime.gate.trials import GateTrials, check_dry_run
+from middeck.realtime.gate.trials import GateRig, GateTrials, check_dry_run, check_engagement
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, Section, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
@@ -151,7 +151,7 @@ def test_what_the_engine_does_not_run_does_not_pass():
 def test_a_verdict_with_its_proof_lets_the_gain_adapt_and_no_other_does():
     """From the gate to the engine: what the proof is of is what the engine has."""
     gain = AdaptiveGain(
-        maximum=1.5, minimum=0.5, rate=0.05, sensor="way", band_hz=(1.0, 9.0), quiet_rms=0.1, loud_rms=0.2
+        maximum=1.1, minimum=0.9, rate=0.05, sensor="way", band_hz=(1.0, 9.0), quiet_rms=0.1, loud_rms=0.2
     )
     engine, models = engine_of((WAY, RATE), (PUSH,), SPRING, adaptive=gain), {"mass": mass(-20.0)}
     verdict = examine_package(damper(), models, MARGINS, gain=gain, settings=engine)
@@ -171,3 +171,20 @@ def test_a_verdict_with_its_proof_lets_the_gain_adapt_and_no_other_does():
     with Supervisor(faster, rig) as loop:
         assert loop.load(damper(), proof=verdict.proved_gain).done
         assert loop.command("adapt", values=[1.0]).word == "not proved"
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_package_engages_on_a_rig_beside_a_verified_hold(monkeypatch):
+    """So that a trip of the package falls back on what has held, and not on nothing."""
+    engine = engine_of((WAY, RATE), (PUSH,), SPRING)
+    rig = linear_article(mass(-20.0), PERIOD_S, ["push"], ["way", "rate"], sensor_noise=1e-5)
+    seen, command = [], Supervisor.command
+
+    def watched(loop, kind, **given):
+        seen.append((kind, int(loop.file.status["hold_verified"])))
+        return command(loop, kind, **given)
+
+    monkeypatch.setattr(Supervisor, "command", watched)
+    step, _ = check_engagement(damper(), GateRig(rig, engine), GateTrials(engage_s=1.0))
+    assert step.passed, step.said
+    assert seen[-2:] == [("engage", 1), ("engage", 1)]

@@ -186,7 +186,7 @@ class Supervisor:
         """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
         if self.process.poll() is None and kind_of_end(self):
             try:
-                self.process.wait(PATIENCE_AT_END_S + time_to_rest(self.settings))
+                self.process.wait(self._patience_at_end())
             except (subprocess.TimeoutExpired, TimeoutError):
                 self._end_in_safe()
         self.process.wait()
@@ -199,9 +199,13 @@ class Supervisor:
         """An engine that takes no command is told by a signal, else killed."""
         self.process.send_signal(signal.SIGTERM)
         try:
-            self.process.wait(PATIENCE_AT_END_S + time_to_rest(self.settings))
+            self.process.wait(self._patience_at_end())
         except (subprocess.TimeoutExpired, TimeoutError):
             self.process.kill()
+
+    def _patience_at_end(self) -> float:
+        rest = time_to_rest(self.settings) if self.real_time else self.settings.answer_s
+        return PATIENCE_AT_END_S + rest
 
     def record(self, path: Path, *, start: str | None = None, resume: bool = False) -> Recorder:
         """Write all that is read from now on into a file, with events and what precedes a trip.

@@ -21,6 +21,8 @@ from middeck.systems.plant import Plant
 from middeck.values import record
 
 ENVELOPE = 0.9
+SETTLE_S = 1.0
+"""Beyond the rise of a hold and its verification, before a package engages on a rig."""
 NOT_DECIDED = (ConfigError, DataError, NumericalError)
 
 
@@ -192,6 +194,8 @@ def check_shadow_run(package: ControllerPackage, bench: GateRig, trials: GateTri
 def check_engagement(package: ControllerPackage, bench: GateRig, trials: GateTrials) -> tuple[GateStep, str]:
     """Engaged on a rig at a share, then fully, without a trip; and the trip that is the package's fault."""
     stages = Stage("engage", trials.engage_s, trials.share), Stage("engage", trials.engage_s)
+    if bench.settings.hold:  # SAFE is to have one that is verified to fall back on
+        stages = (Stage("standby", bench.settings.verify_s + bench.settings.ramp_s + SETTLE_S), *stages)
     try:
         trial = _on(bench, package, stages)
     except NOT_DECIDED as error:

@@ -36,7 +36,6 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     e->cause.kind = POWER_UP;
     e->since_trip = set->safe_ramp;
     e->gain = 1;
-    sensors_start(&e->sensors);
     monitors_start(&e->monitors);
     e->outward.begun = 1;
     outward_forget(&e->outward);
@@ -48,6 +47,7 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
         make_neutral(&e->strips[i]);
     for (i = 0; i < set->paths; ++i)
         e->hold_needs |= (uint64_t)1 << set->path[i].sensor;
+    sensors_start(&e->sensors, set, e->hold_needs);
     hash_hold(set, e->hold_hash);
 }
 

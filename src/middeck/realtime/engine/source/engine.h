@@ -54,7 +54,7 @@ typedef struct {
     outward_states outward;
     whole since_trip;            /* or since the hold was lost */
     whole take_over;             /* samples until the safe state has taken over */
-    real taken_over;             /* largest amplitude over its envelope, squared, when the safe state took over */
+    real taken_over;             /* largest amplitude over its reach, squared, when the safe state took over */
     real from[CHANNELS];         /* outputs at the last trip or loss of the hold */
     strip strips[CHANNELS];
     const real *waveform;

@@ -29,11 +29,12 @@ static int wait_for_leave(const queue *q, const shared *f, const engine *e, pid_
 /* As far as the rig still answers. */
 static void end_in_safe(shared *f, engine *e, rig *r, watch *w)
 {
-    circumstances c = {0};
-
     engine_end(e);
-    while (!engine_at_rest(e) && !c.rig_dead)
+    while (!engine_at_rest(e) && !w->lost) {
+        circumstances c = {0};
+
         one_sample(f, e, r, w, &c);
+    }
 }
 
 void run_in_lockstep(shared *f, engine *e, rig *r)

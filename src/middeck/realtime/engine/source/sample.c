@@ -66,6 +66,7 @@ void one_sample(shared *f, engine *e, rig *r, watch *w, circumstances *c)
     engine_sample(e, y, c, u);
     w->written = r->write(r, u, f->alive); /* outputs that did not arrive trip in the next sample */
     c->rig_dead |= w->written == RIG_LOST;
+    w->lost = c->rig_dead;
     took = timed ? now_ns() - begun : 0;
     if (took > f->status->worst_step_ns)
         f->status->worst_step_ns = took;
