@@ -6,10 +6,12 @@ import functools
 
 import numpy as np
 
+from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.article import LinearArticle
 from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.package import ControllerPackage
+from middeck.systems.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports, random_law
 
 SENSORS, OUTPUTS = 3, 2
@@ -50,3 +52,31 @@ def random_package(seed: int = 1, states: int = 20, form: str = "auto", **change
     law = random_law(np.random.default_rng(seed), states, SENSORS, OUTPUTS, radii=(0.9, 0.99))
     given = {"input_range": 0.1, "limit": 0.5, "ramp_s": 0.5}
     return package_law(law, "law", form=form, **{**given, **changes})
+
+
+def still_article(y, **changes) -> LinearArticle:
+    """Its sensors stand at ``y``, whatever the outputs do."""
+    n = len(y)
+    fixed = {"A": np.eye(n), "B": np.zeros((n, OUTPUTS)), "C": np.eye(n), "G": np.zeros((n, 1))}
+    return LinearArticle(**{**fixed, "x": np.array(y, float), "sensor_noise": np.zeros(n), **changes})
+
+
+def static_package(gain, limit=0.5, slew_rate=np.inf, **changes) -> ControllerPackage:
+    """u = gain y, without a state."""
+    y, u = ports(0, SENSORS, OUTPUTS)
+    system = SampledStateSpace(
+        np.zeros((0, 0)), np.zeros((0, SENSORS)), np.zeros((OUTPUTS, 0)), gain, period_s=PERIOD_S
+    )
+    name = changes.pop("name", "law")
+    return package_law(Compensator(system, y, u), name, limit=limit, slew_rate=slew_rate, **changes)
+
+
+def verified(engine):
+    """Reset, hold alone, and return when the hold is verified."""
+    assert engine.reset().done
+    engine.run(engine.settings.samples(0.5) + 60, keep=False)
+    assert engine.file.status["hold_verified"] == 1
+
+
+def kinds(engine):
+    return [event.kind for event in engine.events()]

@@ -287,8 +287,8 @@ def settings_of(article: str = "simple", environment: str = "lab") -> EngineSett
         records = [engine.run(count)]
         engine.command("engage", values=[1.0])
         records.append(engine.run(count))
+        assert engine.state == "control"
     whole = np.concatenate(records)
-    assert engine.state == "control"
     return guard(settings, rig, whole["y"], whole["u"])
 
 

@@ -60,7 +60,7 @@ def test_a_package_that_trips_on_the_rig_is_refused_for_good(files, capfd):
         document = json.loads(Path("verdict.json").read_text())
         assert [s["name"] for s in document["steps"] if not s["passed"]] == ["engagement"]
         assert document["tripped"].startswith("envelope way")
-        assert load_blacklist("black.json") == {document["package"]: document["tripped"]}
+        assert load_blacklist("black.json") == {document["law"]: document["tripped"]}
     again = middeck(capfd, "gate", *files, "--blacklist", "black.json", "--json")
     assert again.code == 1
     (step,) = json.loads(again.out)["steps"]
@@ -103,3 +103,18 @@ def test_a_blacklist_that_was_changed_is_refused(tmp_path):
     path.write_text("{}")
     with pytest.raises(DataError):
         load_blacklist(path)
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_hold_is_closed_beside_the_package(files, capfd):
+    """One that turns the spring over is refused where nothing else acts; one of no port is told."""
+    held = middeck(capfd, "gate", *files, "--hold", "way", "push", "-0.05", "-o", "verdict.json")
+    assert held.code == 0, held.out
+    plain = middeck(capfd, "gate", *files, "--paper", "--json")
+    assert json.loads(Path("verdict.json").read_text())["hold"] != json.loads(plain.out)["hold"]
+    outward = middeck(capfd, "gate", *files, "--paper", "--json", "--hold", "way", "push", "40")
+    (step,) = [step for step in json.loads(outward.out)["steps"] if not step["passed"]]
+    assert step["said"].startswith("at a fade of 0: a root at 0 Hz grows")  # its spring is turned over
+    wrong = middeck(capfd, "gate", *files, "--hold", "nose", "push", "1")
+    assert wrong.code == 2
+    assert "no sensor 'nose'" in wrong.err

@@ -19,7 +19,7 @@ import pytest
 from engine_cases import plain_settings, random_article, random_package
 from engine_supervised import settings
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.adopted import AdoptedEngine
+from middeck.realtime.engine.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.run_file import read_run
 from middeck.realtime.engine.shared_file import open_shared_file
 from middeck.realtime.engine.supervisor import Supervisor
@@ -46,7 +46,7 @@ def supervised(clock):
         if process.stdout is not None:
             process.stdout.close()
         if pid:
-            AdoptedEngine(pid, folder / "engine.shared").kill()
+            AdoptedEngine(open_shared_file(folder / "engine.shared")).kill()
         shutil.rmtree(folder)
 
 
@@ -109,9 +109,9 @@ def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):
 def test_a_killed_supervisor_ends_a_lockstep_engine(seeds):
     """By itself, through its safe state; all that it ran can still be read."""
     for seed in seeds:
-        with supervised("lockstep") as (process, pid, folder):
+        with supervised("lockstep") as (process, _, folder):
             synced = killed(process, seed)
-            orphan = AdoptedEngine(pid, folder / "engine.shared")
+            orphan = AdoptedEngine(open_shared_file(folder / "engine.shared"))
             orphan.wait(PATIENCE_S)
             check_file(folder / "loop.mdr", synced)
             with Supervisor.attach(folder / "engine.shared", settings(False)) as engine:
@@ -166,12 +166,17 @@ def test_who_may_take_over(tmp_path):
         path = engine.file.path
         with pytest.raises(ConfigError, match="other settings"):
             Supervisor.attach(path, plain_settings(ramp_s=3.0))
-        engine.file.asks["supervisor"] = 1
+        engine.file.asks["supervisor"], engine.file.asks["supervisor_born"] = 1, when_born(1)
         with pytest.raises(ConfigError, match="supervisor that lives, process 1"):
             Supervisor.attach(path, plain_settings())
-        engine.file.asks["supervisor"] = os.getpid()
+        engine.file.asks["supervisor_born"] = when_born(1) + 1  # another that had its number
+        Supervisor.attach(path, plain_settings())
         (tmp_path / "text").write_text("x" * 1000)
         for other, reason in (("text", "no shared file"), ("none", "cannot be read")):
             with pytest.raises(DataError, match=reason):
                 Supervisor.attach(tmp_path / other, plain_settings())
-        assert AdoptedEngine(os.getpid(), path).poll() == -1  # another program of that number
+        file = open_shared_file(path)
+        assert AdoptedEngine(file).poll() is None
+        for number, born in ((os.getpid(), when_born(os.getpid())), (engine.process.pid, 1), (0, 0)):
+            file.status["pid"], file.status["born"] = number, born
+            assert AdoptedEngine(file).poll() == -1  # another program of that number, or of an earlier one

@@ -184,7 +184,7 @@ def test_what_is_no_run_is_refused(data, reason, tmp_path):
 
 
 def test_records_that_were_overwritten_are_a_gap(tmp_path):
-    """What a trip froze fills the gap, as far as it reaches."""
+    """What a trip froze fills the gap, as far as it reaches; so does the end, which goes through SAFE."""
     file = tmp_path / "loop.mdr"
     with Supervisor(plain_settings(), random_article(), ring=100, pretrip_s=0.5) as engine:
         engine.reset()
@@ -197,8 +197,8 @@ def test_records_that_were_overwritten_are_a_gap(tmp_path):
         assert int(engine.file.status["lost"]) > 0
     run = read_run(file)
     (gap,) = [fault for fault in run.faults if fault.kind == "gap"]
-    assert gap.samples == (51, 951)
-    assert np.isnan(load_partial(file)[50:950]).all()
+    assert gap.samples == (51, 801)  # the ring before a trip has 250
+    assert np.isnan(load_partial(file)[50:800]).all()
 
     file = tmp_path / "tripped.mdr"
     with Supervisor(plain_settings(), random_article(), ring=100, pretrip_s=0.5) as engine:

@@ -9,9 +9,10 @@ import pytest
 import scipy.signal
 
 from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, random_package
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain, move_gain
-from middeck.realtime.engine.settings import LEAST_RAMP, Drive
+from middeck.realtime.engine.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof, move_gain
+from middeck.realtime.engine.settings import LEAST_RAMP, Drive, hash_hold
 from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import LoopPath, Section
 from packaged_laws import ports
@@ -172,7 +173,9 @@ def test_the_adaptive_gain_moves_as_it_is_written():
         maximum=0.02, minimum=0.004, rate=0.01, sensor="y0", band_hz=(1.0, 100.0), quiet_rms=9e-3,
         loud_rms=1.1e-2, seconds=0.1,
     )  # fmt: skip
-    with started(settings=plain_settings(adaptive=gain), package=package, waveform=wave) as engine:
+    settings = plain_settings(adaptive=gain)
+    with started(settings=settings, waveform=wave) as engine:
+        assert engine.load(package, proof=proof_of(package, settings)).done
         assert engine.command("adapt", values=[1.0]).done
         engine.command("excite", values=[1.0])
         engine.command("engage", values=[1.0])
@@ -183,6 +186,56 @@ def test_the_adaptive_gain_moves_as_it_is_written():
     free = (np.abs(records["added_0"]) < 0.5) & (np.arange(3000) > 300)[:, None]
     both = np.column_stack([records["gain"]] * OUTPUTS)
     assert np.allclose((records["added_0"] / records["wanted_0"])[free], both[free], rtol=1e-9)
+
+
+def proof_of(package, settings, **changes):
+    """As if the gate had proved what the settings allow."""
+    gain = settings.adaptive
+    bounds = {"minimum": gain.minimum, "maximum": gain.maximum, "rate": gain.rate}
+    given = {"package": hash_package(package), "hold": hash_hold(settings), **bounds}
+    return ProvedGain(**{**given, **changes})
+
+
+def test_no_gain_adapts_beyond_what_is_proved_of_the_package():
+    """The proof is of these bytes, beside this hold, and of every gain and move that the settings allow."""
+    gain = AdaptiveGain(
+        maximum=2.0, minimum=0.5, rate=0.1, sensor="y0", band_hz=(1.0, 9.0), quiet_rms=1e-3, loud_rms=2e-3
+    )
+    first, second = random_package(seed=1), random_package(seed=7)
+    settings = plain_settings(adaptive=gain, hold=HOLD)
+    other = dataclasses.replace(settings, hold=HOLD[:2])
+    with started(settings=settings) as engine:
+        for wrong in (
+            proof_of(second, settings), proof_of(first, other), proof_of(first, plain_settings(adaptive=gain))
+        ):  # fmt: skip
+            assert engine.load(first, proof=wrong).word == "bad proof"
+        for less in ({"maximum": 1.9}, {"minimum": 0.6}, {"rate": 0.09}, {"rate": np.nan}):
+            assert engine.load(first, proof=proof_of(first, settings, **less)).done
+            assert engine.command("adapt", values=[1.0]).word == "not proved"
+        assert engine.load(first).done
+        assert engine.command("adapt", values=[1.0]).word == "not proved"
+        assert engine.load(first, proof=proof_of(first, settings)).done
+        assert engine.load(second, slot=1).done
+        assert engine.command("adapt", values=[1.0]).done
+        assert engine.command("engage", slot=1, values=[1.0]).word == "not proved"
+        assert engine.command("engage", slot=0, values=[1.0]).done
+        engine.command("disengage")
+        engine.run(300)
+        assert engine.command("adapt", values=[0.0]).done
+        assert engine.command("engage", slot=1, values=[1.0]).done
+
+
+def test_a_proof_that_was_changed_is_none():
+    gain = AdaptiveGain(maximum=2.0, rate=0.1, sensor="y0", band_hz=(1.0, 9.0), quiet_rms=1e-3, loud_rms=2e-3)
+    settings, package = plain_settings(adaptive=gain), random_package()
+    sealed = encode_proof(proof_of(package, settings))
+    rng = np.random.default_rng(1)
+    with started(settings=settings) as engine:
+        for _ in range(20):
+            spoilt = bytearray(sealed)
+            spoilt[int(rng.integers(len(spoilt)))] ^= 1 << int(rng.integers(8))
+            size = engine.file.stage(package, bytes(spoilt))
+            assert engine.command("load", values=[size, 1.0]).word == "bad proof"
 
 
 def moved(gain, y):

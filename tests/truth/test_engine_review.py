@@ -5,6 +5,9 @@ from __future__ import annotations
 import errno
 import os
 import signal
+import subprocess
+import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -13,48 +16,27 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article
-from middeck.control.law.compensator import Compensator
+from engine_cases import (
+    OUTPUTS,
+    SENSORS,
+    kinds,
+    plain_settings,
+    random_article,
+    static_package,
+    still_article,
+    verified,
+)
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
 from middeck.realtime.engine.build import build_engine
 from middeck.realtime.engine.monitors import Monitor
 from middeck.realtime.engine.shared_file import open_shared_file
 from middeck.realtime.engine.supervisor import DriverRig, Supervisor
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, static_gain
-from middeck.systems.statespace import SampledStateSpace
-from packaged_laws import PERIOD_S, ports
+from packaged_laws import PERIOD_S
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RAMP = 250
-
-
-def still_article(y) -> LinearArticle:
-    """Its sensors stand at ``y``, whatever the outputs do."""
-    n = len(y)
-    fixed = {"A": np.eye(n), "B": np.zeros((n, OUTPUTS)), "C": np.eye(n), "G": np.zeros((n, 1))}
-    return LinearArticle(**fixed, x=np.array(y, float), sensor_noise=np.zeros(n))
-
-
-def static_package(gain, **changes):
-    """u = gain y, without a state."""
-    y, u = ports(0, SENSORS, OUTPUTS)
-    system = SampledStateSpace(
-        np.zeros((0, 0)), np.zeros((0, SENSORS)), np.zeros((OUTPUTS, 0)), gain, period_s=PERIOD_S
-    )
-    return package_law(Compensator(system, y, u), "law", limit=0.5, **changes)
-
-
-def verified(engine):
-    """Reset, hold alone, and return when the hold is verified."""
-    assert engine.reset().done
-    engine.run(RAMP + 60, keep=False)
-    assert engine.file.status["hold_verified"] == 1
-
-
-def kinds(engine):
-    return [event.kind for event in engine.events()]
 
 
 @pytest.mark.parametrize("watched", [False, True])
@@ -303,3 +285,35 @@ def test_a_stop_before_the_loop_begins_counts(tmp_path):
         engine.run(10, keep=False)
         assert engine.trip == 1
         assert engine.command("reset", values=[0.0]).word == "wrong trip"
+
+
+def test_events_that_were_overwritten_are_said():
+    """The ring of events is shorter than what happened: how many are gone is a warning, not a silence."""
+    with Supervisor(plain_settings(), still_article([0.0] * SENSORS), waveform=np.zeros((1, 2))) as engine:
+        engine.reset()
+        assert [event.number for event in engine.events()] == [1]
+        for _ in range(600):
+            engine.command("excite", values=[1.0])
+            engine.run(1, keep=False)
+        with pytest.warns(UserWarning, match="176 events were lost"):
+            found = engine.events()
+        assert [event.number for event in found] == list(range(178, 1202))
+        assert engine.events() == []
+
+
+def test_a_start_that_fails_leaves_no_folder(monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    broken = tmp_path / "broken"
+    broken.write_text("#!/bin/sh\nexit 3\n")
+    broken.chmod(0o755)
+    for wrong in ({"waveform": np.zeros((2, 9))}, {"program": broken}, {"program": tmp_path / "none"}):
+        with pytest.raises((ConfigError, DataError, OSError)):
+            Supervisor(plain_settings(), random_article(), **wrong)
+        assert [path.name for path in tmp_path.iterdir()] == ["broken"]
+
+
+def test_settings_are_read_without_a_library_of_filters():
+    """Whoever only commands an engine does not wait a second for one."""
+    said = "import sys, middeck.realtime.engine.supervisor; print('scipy.signal' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"

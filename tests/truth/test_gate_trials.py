@@ -94,7 +94,7 @@ def test_a_trip_when_engaged_goes_on_the_blacklist_for_good():
     verdict = examine_package(package, models, MARGINS, trials=TRIALS, rig=rig)
     assert [step.name for step in verdict.steps if not step.passed] == ["engagement"]
     assert verdict.tripped.startswith("envelope way at")
-    blacklist = {verdict.sha256: verdict.tripped}
+    blacklist = {verdict.law: verdict.tripped}
     again = examine_package(package, models, MARGINS, trials=TRIALS, rig=rig, blacklist=blacklist)
     assert [step.name for step in again.steps] == ["blacklist"]
     assert "it has tripped: envelope way" in again.steps[0].said

@@ -1,4 +1,4 @@
-"""Controller packages that have tripped, as a sealed file that a gate consults first."""
+"""Laws of packages that have tripped, as a sealed file that gate and engine consult first."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from middeck.errors import DataError
 from middeck.files.json_output import write_json
 from middeck.files.sealed import read_sealed, seal
 
-BLACKLIST = "middeck.blacklist/1"
+BLACKLIST = "middeck.blacklist/2"
 HASH = 64
 """Hexadecimal digits of a SHA-256."""
 
 
 def load_blacklist(path: str | Path) -> dict[str, str]:
-    """Reasons by SHA-256 of the packages in file ``path``; none where there is no such file yet.
+    """Reasons by SHA-256 (`hash_law`) of the laws in file ``path``; none where there is no such file yet.
 
     Raises `DataError` for another file, for one that was changed, and for entries that are no hashes with
     reasons.
     """
     if not Path(path).exists():
         return {}
-    listed = read_sealed(path, BLACKLIST).get("packages")
+    listed = read_sealed(path, BLACKLIST).get("laws")
     if not isinstance(listed, dict) or not all(map(_is_entry, listed.items())):
         raise DataError(
-            "packages is no table of reasons by SHA-256", where=str(path), hint="the file as it was written"
+            "laws is no table of reasons by SHA-256", where=str(path), hint="the file as it was written"
         )
     return {str(sha256): str(reason) for sha256, reason in listed.items()}
 
 
 def write_blacklist(path: str | Path, reasons: Mapping[str, str]) -> None:
     """Write reasons by SHA-256 to ``path``, whole or not at all."""
-    write_json(path, seal({"schema": BLACKLIST, "packages": dict(sorted(reasons.items()))}))
+    write_json(path, seal({"schema": BLACKLIST, "laws": dict(sorted(reasons.items()))}))
 
 
 def _is_entry(entry: tuple[object, object]) -> bool:

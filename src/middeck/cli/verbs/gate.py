@@ -12,6 +12,7 @@ from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.realtime.engine.adaptive_gain import AdaptiveGain
+    from middeck.realtime.engine.settings import EngineSettings
     from middeck.realtime.gate.gate import GateVerdict
     from middeck.realtime.gate.trials import GateRig
     from middeck.realtime.package.package import ControllerPackage
@@ -86,12 +87,20 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
     show_default=True,
     help="Share of full authority at which it engages first.",
 )
+@click.option(
+    "--hold",
+    "paths",
+    type=(str, str, float),
+    multiple=True,
+    metavar="SENSOR OUTPUT GAIN",
+    help="A path of the engine's hold, closed on every PLANT; may be repeated.",
+)
 @options.written(
     "--blacklist",
     "blacklist_file",
     endings=(".json",),
     metavar="BLACKLIST.json",
-    help="Packages that have tripped: consulted first; one that trips when engaged is added.",
+    help="Laws that have tripped: consulted first; one that trips when engaged is added.",
 )
 @click.option(
     "--adaptive",
@@ -135,9 +144,10 @@ def verb(
     Blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each
     environment, or a fitted model.json, with and without shifted modes) stable with margin at eleven points
     of the fade; with --adaptive also a proof that each loop decays at every gain and for every move within
-    the rate. Then a dry run with noise on each PLANT, and on a rig, if one is given, a shadow run and
-    engagement at a share and at full authority: by the engine, or by the reference law where no C compiler is
-    at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and environments.
+    the rate. With --hold the engine's hold is closed beside the package. Then a dry run with noise on each
+    PLANT, and on a rig, if one is given, a shadow run and engagement at a share and at full authority: by the
+    engine, or by the reference law where no C compiler is at hand. Exit code 1 where a step is not passed.
+    --set takes the keys of articles and environments.
     """
     from middeck.cli.qualifying import gather_plants
     from middeck.cli.sweeping import all_plants
@@ -152,6 +162,7 @@ def verb(
 
     gain = _adaptive_gain(given)
     package = load_package(package_file)
+    engine = _held(package, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     linear = linear_law(package)
     gathered = gather_plants(
@@ -172,21 +183,43 @@ def verb(
         margins,
         gain=gain,
         trials=None if given["paper"] else trials,
-        rig=_rig(package, given["rig_port"], given["driver"], given["paper"]),
+        rig=_rig(package, engine, given["rig_port"], given["driver"], given["paper"]),
         blacklist=blacklist,
+        settings=engine,
     )
     document = describe(verdict, margins, None if given["paper"] else trials)
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
     if blacklist_file is not None and verdict.tripped:
-        write_blacklist(blacklist_file, {**blacklist, verdict.sha256: verdict.tripped})
+        write_blacklist(blacklist_file, {**blacklist, verdict.law: verdict.tripped})
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)
 
 
-def _rig(package: ControllerPackage, port: int | None, driver: str | None, paper: bool) -> GateRig | None:
-    """The rig that was named, with the ports, ranges and limits of the package."""
+def _held(package: ControllerPackage, paths: tuple[tuple[str, str, float], ...]) -> EngineSettings:
+    """An engine with the package's ports, ranges and limits, and the hold that was named."""
+    import dataclasses
+
+    from middeck.realtime.gate.trials import package_settings
+    from middeck.realtime.package.section import LoopPath, static_gain
+
+    plain = package_settings(package)
+    hold = tuple(
+        LoopPath(plain.sensor(sensor), plain.drive(output), static_gain(gain))
+        for sensor, output, gain in paths
+    )
+    return dataclasses.replace(plain, hold=hold)
+
+
+def _rig(
+    package: ControllerPackage,
+    engine: EngineSettings | None,
+    port: int | None,
+    driver: str | None,
+    paper: bool,
+) -> GateRig | None:
+    """The rig that was named, behind this engine, or one with the ports, ranges and limits of the package."""
     from middeck.realtime.engine.build import build_engine
     from middeck.realtime.engine.supervisor import DriverRig, UdpRig
     from middeck.realtime.gate.trials import GateRig, package_settings
@@ -195,12 +228,13 @@ def _rig(package: ControllerPackage, port: int | None, driver: str | None, paper
         raise ConfigError("--rig-port and --driver", hint="one rig")
     if paper and (port is not None or driver is not None):
         raise ConfigError("--paper with a rig", hint="leave one of them out")
+    if port is None and driver is None:
+        return None
+    settings = package_settings(package) if engine is None else engine
     if port is not None:
-        return GateRig(UdpRig(port), package_settings(package))
-    if driver is not None:
-        program = build_engine(driver=driver)
-        return GateRig(DriverRig(), package_settings(package), real_time=True, program=program)
-    return None
+        return GateRig(UdpRig(port), settings)
+    program = build_engine(driver=driver)
+    return GateRig(DriverRig(), settings, real_time=True, program=program)
 
 
 def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
@@ -228,8 +262,10 @@ def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
 def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     """The JSON document."""
     return {
-        "schema": "middeck.gate/2",
+        "schema": "middeck.gate/3",
         "package": verdict.sha256,
+        "law": verdict.law,
+        "hold": verdict.hold,
         "name": verdict.name,
         "models": verdict.models,
         "least": margins,

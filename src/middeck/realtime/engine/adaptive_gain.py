@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import struct
 
 from middeck.errors import ConfigError
 from middeck.realtime.engine.monitors import Monitor
@@ -58,6 +60,30 @@ class AdaptiveGain:
     def monitor(self) -> Monitor:
         """What the engine looks at for it; it trips nothing."""
         return Monitor(channel=self.sensor, band_hz=self.band_hz, seconds=self.seconds)
+
+
+@record(kw_only=True)
+class ProvedGain:
+    """What is proved of an adaptive gain, for the engine that moves it: `GateVerdict.proved_gain`.
+
+    Attributes:
+        package, hold: SHA-256 of the package (`hash_package`) and of the hold beside it (`hash_hold`).
+        minimum, maximum, rate: Every gain between them, and every path of it within ``rate`` [1/s], is
+            proved.
+    """
+
+    package: str
+    hold: str
+    minimum: float
+    maximum: float
+    rate: float
+
+
+def encode_proof(proof: ProvedGain) -> bytes:
+    """Its sealed bytes, which an engine takes beside the package."""
+    hashes = bytes.fromhex(proof.package) + bytes.fromhex(proof.hold)
+    body = b"MIDDECKG" + hashes + struct.pack("<3d", proof.minimum, proof.maximum, proof.rate)
+    return body + hashlib.sha256(body).digest()
 
 
 def move_gain(gain: float, rms: float, law: AdaptiveGain, period_s: float) -> float:

@@ -8,22 +8,32 @@ import select
 import signal
 from pathlib import Path
 
+from middeck.realtime.engine.shared_file import SharedFile
+
+START_TIME = 18
+"""Its place among the fields of /proc/PID/stat after name and state."""
+
 
 class AdoptedEngine:
-    """Looks after an engine by its number; like `subprocess.Popen` as far as a supervisor needs it.
+    """Looks after the engine of a shared file; like `subprocess.Popen` as far as a supervisor needs it.
 
-    The number alone may have been given to another program since: what runs must have the shared file among
-    its words.
+    Its number alone may have been given to another program since: what runs must also have begun when the
+    engine did, and must have the shared file among its words.
     """
 
     stderr = None
 
-    def __init__(self, pid: int, file: Path) -> None:
-        self.pid, self.returncode = pid, None
+    def __init__(self, file: SharedFile) -> None:
+        self.pid, self.returncode = int(file.status["pid"]), None
         self._handle: int | None = None
-        if pid > 0 and str(file.resolve()) in _words_of(pid):
-            with contextlib.suppress(ProcessLookupError):
-                self._handle = os.pidfd_open(pid)
+        if self.pid <= 0:
+            return
+        with contextlib.suppress(OSError):
+            self._handle = os.pidfd_open(self.pid)
+        same = when_born(self.pid) == int(file.status["born"]) > 0
+        if self._handle is not None and not (same and str(file.path.resolve()) in _words_of(self.pid)):
+            os.close(self._handle)
+            self._handle = None
 
     def poll(self) -> int | None:
         """None while it runs; then -1, as nobody but its parent is told its code."""
@@ -56,13 +66,16 @@ class AdoptedEngine:
         return bool(poll.poll(None if timeout is None else 1e3 * timeout))
 
 
-def is_alive(pid: int) -> bool:
-    """Whether a process of this number runs, and is not only waiting to be buried."""
+def when_born(pid: int) -> int:
+    """When the process of this number began, in ticks of the system; 0 where none runs.
+
+    One that has ended and only waits to be buried does not run.
+    """
     try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except (OSError, IndexError):
-        return False
-    return state not in "ZX"
+        state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except (OSError, ValueError):
+        return 0
+    return 0 if state in "ZX" else int(fields[START_TIME])
 
 
 def _words_of(pid: int) -> list[str]:

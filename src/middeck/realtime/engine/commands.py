@@ -18,11 +18,14 @@ REASONS = {
     "not ready": "not in this state: SAFE needs a reset first",
     "wrong trip": "the reset names another trip than the one that holds the loop",
     "still unhealthy": "a sensor is still out of order",
-    "busy": "the slot runs",
+    "busy": "the slot runs, or the excitation plays",
     "out of range": "a value outside its range",
-    "on blacklist": "a trip has put this package on the blacklist",
+    "on blacklist": "a trip has put the law of this package on the blacklist",
     "no waveform": "the engine was started without an excitation",
     "not adaptive": "the settings have no adaptive gain",
+    "withdrawn": "a disengage, a silence or the end that came after it went first",
+    "not proved": "no proof of this package, beside this hold, covers the adaptive gain of the settings",
+    "bad proof": "a proof that was changed, or is of another package or another hold",
     "bad hash": "the package was changed or cut short: its hash does not fit",
     "bad magic": "no controller package: it begins otherwise",
     "bad format": "a package of another format or byte order",
@@ -74,7 +77,8 @@ class Event:
         kind: A trip ("envelope", "stop" ...) or another happening ("engaged", "loaded" ...).
         channel, side: Name of the sensor or output, where there is one, and which of both it is.
         value, limit: What was seen, and what it is compared with.
-        sha256: Of the package in control, where there is one.
+        sha256: Of the package in control, where there is one; of the law that goes on the blacklist
+            (`hash_law`).
     """
 
     number: int
@@ -90,6 +94,18 @@ class Event:
     def trips(self) -> bool:
         """Whether it took the loop to SAFE."""
         return self.kind in TRIPS
+
+
+def check_of(command: np.ndarray) -> int:
+    """FNV-1a over the words of a command but the last: without it half a command could be taken for one.
+
+    >>> check_of(np.zeros(2, "<i8")) == (0xCBF29CE484222325 * 0x100000001B3) % (1 << 64) - (1 << 64)
+    True
+    """
+    found = 0xCBF29CE484222325
+    for word in np.frombuffer(command.tobytes(), "<u8")[:-1].tolist():
+        found = (found ^ word) * 0x100000001B3 % (1 << 64)
+    return found - ((found >> 63) << 64)
 
 
 def read_event(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Collection
 
 import numpy as np
 
@@ -60,6 +62,17 @@ def is_run_by(settings: EngineSettings, words: np.ndarray) -> bool:
     for name in CHOSEN_AT_START:
         own[name] = words[name]
     return own.tobytes() == words.tobytes()
+
+
+def banned_hashes(blacklist: Collection[str]) -> bytes:
+    """The hashes as they are shared; raises `ConfigError` for what is none, and for too many."""
+    most = constants()["HASHES"] - constants()["SLOTS"]
+    if len(blacklist) > most:
+        raise ConfigError(f"a blacklist of {len(blacklist)} laws", hint=f"{most} at most")
+    wrong = [text for text in blacklist if not re.fullmatch("[0-9a-f]{64}", text)]
+    if wrong:
+        raise ConfigError(f"no SHA-256 on the blacklist: {wrong[0]!r}", hint="64 hexadecimal digits")
+    return b"".join(map(bytes.fromhex, blacklist))
 
 
 def checked_waveform(waveform: np.ndarray, settings: EngineSettings) -> np.ndarray:

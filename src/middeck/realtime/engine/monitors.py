@@ -7,7 +7,6 @@ import math
 from typing import Literal
 
 import numpy as np
-import scipy.signal
 
 from middeck.errors import ConfigError
 from middeck.values import record
@@ -79,6 +78,8 @@ class Monitor:
 
 @functools.cache  # many monitors share a band
 def _butterworth(edges: float | tuple[float, float], kind: str) -> np.ndarray:
+    import scipy.signal  # takes a second and more, which who only reads settings need not wait for
+
     made = np.asarray(scipy.signal.butter(2, edges, kind, output="sos"))
     made.flags.writeable = False
     return made

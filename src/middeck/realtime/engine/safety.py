@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import scipy.signal
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
@@ -189,6 +188,8 @@ def _normal(
 
 def _largest_rms(settings: EngineSettings, monitor: Monitor, window_s: float, row: np.ndarray) -> float:
     """Largest rms of a window, the first few left out, in which the filter settles."""
+    import scipy.signal
+
     b = monitor.sections(settings.period_s)
     sos = np.ascontiguousarray(np.hstack([b[:, :3], np.ones((2, 1)), b[:, 3:]]))
     window = settings.samples(window_s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 import numpy as np
@@ -222,6 +223,22 @@ class EngineSettings:
     def drive(self, name: str) -> int:
         """Place of an output, which may have the name of a sensor; raises `ConfigError` for another name."""
         return _place(name, "output", self.outputs)
+
+
+def hash_hold(settings: EngineSettings) -> str:
+    """SHA-256 of the hold: names and coefficients of its paths, in order; that of nothing without one."""
+    longest, found = constants()["NAME"], b""
+    for path in settings.hold:
+        for port in (settings.inputs[path.input], settings.outputs[path.output]):
+            found += port.name.encode().ljust(longest, b"\0")
+        found += np.concatenate([path.section.b, path.section.a]).astype("<f8").tobytes()
+    return hashlib.sha256(found).hexdigest()
+
+
+def time_to_rest(settings: EngineSettings) -> float:
+    """Longest time [s] in which SAFE, the fall of the hold and the slew limits bring all outputs to zero."""
+    turn = max((drive.upper - drive.lower) / drive.slew_rate for drive in settings.drives)
+    return settings.safe_ramp_s + max(settings.ramp_s, LEAST_RAMP * settings.period_s) + turn
 
 
 def encode_settings(settings: EngineSettings) -> np.ndarray:

@@ -15,8 +15,10 @@ from middeck.realtime.engine.header import constants, layout
 from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
 
-STAGING = 1 << 24
-"""Bytes of the room in which a package waits to be loaded: the largest that an engine takes."""
+LARGEST, PROOF = 1 << 24, 128
+"""Bytes of the largest package that an engine takes, and of the proof beside it."""
+STAGING = LARGEST + PROOF
+"""Bytes of the room in which both wait to be loaded."""
 ALIGNED = 64
 
 
@@ -57,11 +59,11 @@ class SharedFile:
         self.ring = self._many(kind, at["ring"], int(at["ring_count"]))
         self.pretrip = self._many(kind, at["pretrip"], int(at["pretrip_count"]))
 
-    def stage(self, package: ControllerPackage | bytes) -> int:
-        """Put a package where the engine's LOAD takes it from; its size in bytes."""
+    def stage(self, package: ControllerPackage | bytes, proof: bytes = b"") -> int:
+        """Put a package, and a proof beside it, where LOAD takes them from; the package's size in bytes."""
         data = package if isinstance(package, bytes) else encode_package(package)
-        start = int(self.places["staging"])
-        self.map[start : start + min(len(data), STAGING)] = data[:STAGING]
+        start, both = int(self.places["staging"]), (data[:LARGEST] + proof)[:STAGING]
+        self.map[start : start + len(both)] = both
         return len(data)
 
     def _one(self, record: str) -> np.ndarray:
@@ -77,11 +79,15 @@ def make_shared_file(
     article: np.ndarray,
     numbers: Float[np.ndarray, " number"],
     waveform: Float[np.ndarray, "sample output"],
+    banned: bytes = b"",
     *,
     ring: int,
     pretrip: int,
 ) -> SharedFile:
-    """Lay the file out for an engine: ``ring`` records for the recorder, ``pretrip`` before a trip."""
+    """Lay the file out for an engine: ``ring`` records for the recorder, ``pretrip`` before a trip.
+
+    ``banned`` are the hashes of laws that it refuses from the start, one after the other.
+    """
     kind = record_type(int(settings["inputs"]), int(settings["outputs"]))
     sizes = {
         "settings": settings.nbytes,
@@ -95,6 +101,7 @@ def make_shared_file(
         "ring": ring * kind.itemsize,
         "pretrip": pretrip * kind.itemsize,
         "waveform": waveform.nbytes,
+        "blacklist": len(banned),
         "staging": STAGING,
     }
     places, end = np.zeros((), layout("places")), _aligned(layout("places").itemsize)
@@ -104,6 +111,7 @@ def make_shared_file(
     places["magic"], places["format"], places["size"] = constants()["MAGIC"], constants()["FORMAT"], end
     places["article_count"], places["stride"] = len(numbers), kind.itemsize
     places["ring_count"], places["pretrip_count"] = ring, pretrip
+    places["blacklist_count"] = len(banned) // 32
     places["waveform_samples"], places["staging_size"] = len(waveform), STAGING
     path.unlink(missing_ok=True)  # who still reads an old one keeps it
     with path.open("xb") as file:
@@ -114,6 +122,7 @@ def make_shared_file(
             (int(places["article"]), article),
             (int(places["article_numbers"]), numbers),
             (int(places["waveform"]), waveform),
+            (int(places["blacklist"]), np.frombuffer(banned, "u1")),
         ):
             file.seek(region)
             file.write(np.ascontiguousarray(data).tobytes())

@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.adopted import AdoptedEngine, is_alive
+from middeck.realtime.engine.adaptive_gain import ProvedGain, encode_proof
+from middeck.realtime.engine.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.article import LinearArticle, encode_article
 from middeck.realtime.engine.build import build_engine
 from middeck.realtime.engine.commands import (
@@ -30,6 +31,7 @@ from middeck.realtime.engine.commands import (
     TRIPS,
     Answer,
     Event,
+    check_of,
     read_event,
 )
 from middeck.realtime.engine.header import layout
@@ -37,6 +39,7 @@ from middeck.realtime.engine.launch import (
     DriverRig,
     RigChoice,
     UdpRig,
+    banned_hashes,
     checked_waveform,
     is_run_by,
     no_article,
@@ -44,7 +47,7 @@ from middeck.realtime.engine.launch import (
 )
 from middeck.realtime.engine.recorder import Recorder
 from middeck.realtime.engine.run_head import run_head
-from middeck.realtime.engine.settings import EngineSettings
+from middeck.realtime.engine.settings import EngineSettings, time_to_rest
 from middeck.realtime.engine.shared_file import SharedFile, make_shared_file, open_shared_file
 from middeck.realtime.package.package import ControllerPackage
 
@@ -53,6 +56,7 @@ __all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
 POLL_S = 5e-5
 BEAT_S = 0.05
 PATIENCE_S = 60.0
+PATIENCE_AT_END_S = 5.0
 
 
 class Supervisor:
@@ -67,6 +71,7 @@ class Supervisor:
         ring: Records kept for reading.
         pretrip_s: Time before a trip that is kept until its reset.
         program: The compiled engine; that of `build_engine` if it is left out.
+        blacklist: Laws that it refuses from the start, by their `hash_law`: what `load_blacklist` reads.
     """
 
     def __init__(
@@ -80,8 +85,27 @@ class Supervisor:
         ring: int = 8192,
         pretrip_s: float = 30.0,
         program: Path | None = None,
+        blacklist: Collection[str] = (),
     ) -> None:
         self._begin(settings, real_time)
+        banned = banned_hashes(blacklist)
+        try:
+            self._start(rig, waveform, folder, ring, pretrip_s, program, banned)
+        except BaseException:
+            self._left.close()
+            raise
+
+    def _start(
+        self,
+        rig: RigChoice,
+        waveform: np.ndarray | None,
+        folder: Path | None,
+        ring: int,
+        pretrip_s: float,
+        program: Path | None,
+        banned: bytes,
+    ) -> None:
+        settings = self.settings
         where = folder or Path(
             self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
         )
@@ -92,14 +116,15 @@ class Supervisor:
         )
         self.file = make_shared_file(
             where / "engine.shared",
-            started_settings(settings, rig, real_time),
+            started_settings(settings, rig, self.real_time),
             article,
             numbers,
             played,
+            banned,
             ring=ring,
             pretrip=max(1, settings.samples(pretrip_s)),
         )
-        self.file.asks["supervisor"] = os.getpid()
+        self._sign()
         self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
             [str(program or build_engine()), str(self.file.path.resolve())],
             stdin=subprocess.DEVNULL,
@@ -113,6 +138,11 @@ class Supervisor:
             self.close()
             raise
 
+    def _sign(self) -> None:
+        """Say who supervises: a process, and when it began."""
+        self.file.asks["supervisor_born"] = when_born(os.getpid())
+        self.file.asks["supervisor"] = os.getpid()
+
     @classmethod
     def attach(cls, path: Path, settings: EngineSettings) -> Supervisor:
         """Take over an engine whose supervisor is gone, by its shared file ("engine.shared" in its folder).
@@ -125,15 +155,15 @@ class Supervisor:
         if not is_run_by(settings, file.settings):
             raise ConfigError("is run with other settings", where=str(path), hint="those it was started with")
         other = int(file.asks["supervisor"])
-        if other != os.getpid() and is_alive(other):
+        if other != os.getpid() and when_born(other) == int(file.asks["supervisor_born"]) > 0:
             raise ConfigError(
                 f"has a supervisor that lives, process {other}", where=str(path), hint="end that one first"
             )
         made = cls.__new__(cls)
         made._begin(settings, bool(file.settings["clock"]))
         made.file = file
-        made.process = AdoptedEngine(int(file.status["pid"]), path)
-        file.asks["supervisor"] = os.getpid()
+        made.process = AdoptedEngine(file)
+        made._sign()
         made.beat()
         return made
 
@@ -153,10 +183,10 @@ class Supervisor:
         self.close()
 
     def close(self) -> None:
-        """End the engine, its outputs at zero, then the recording, and remove a temporary shared file."""
+        """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
         if self.process.poll() is None and kind_of_end(self):
             try:
-                self.process.wait(5.0)
+                self.process.wait(self._patience_at_end())
             except (subprocess.TimeoutExpired, TimeoutError):
                 self._end_in_safe()
         self.process.wait()
@@ -166,12 +196,16 @@ class Supervisor:
         self._left.close()
 
     def _end_in_safe(self) -> None:
-        """An engine that waits for another command first is told to go through SAFE, else killed."""
+        """An engine that takes no command is told by a signal, else killed."""
         self.process.send_signal(signal.SIGTERM)
         try:
-            self.process.wait(5.0)
+            self.process.wait(self._patience_at_end())
         except (subprocess.TimeoutExpired, TimeoutError):
             self.process.kill()
+
+    def _patience_at_end(self) -> float:
+        rest = time_to_rest(self.settings) if self.real_time else self.settings.answer_s
+        return PATIENCE_AT_END_S + rest
 
     def record(self, path: Path, *, start: str | None = None, resume: bool = False) -> Recorder:
         """Write all that is read from now on into a file, with events and what precedes a trip.
@@ -219,7 +253,9 @@ class Supervisor:
         return int(self.file.status["trip"])
 
     def send(self, kind: str, *, slot: int = 0, values: Sequence[float] = (), at: int = 0) -> int:
-        """Queue a command, not before sample ``at``; its number. Commands are taken in order.
+        """Queue a command, not before sample ``at``; its number. Commands are taken in order, but for
+        "disengage", "silence" and "end": what makes safe waits for none, and an "engage" or "excite" before
+        it that has not been carried out is withdrawn.
 
         Raises `ConfigError` for a word that is no command and for more than four values; waits while the
         queue is full.
@@ -234,6 +270,7 @@ class Supervisor:
         row = np.zeros((), layout("command"))
         row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
         row["value"][: len(values)] = values
+        row["check"] = check_of(row)
         self.file.commands[number % QUEUE] = row
         self.file.asks["written"] = number
         return number
@@ -243,8 +280,9 @@ class Supervisor:
 
         Raises `DataError` for one whose place a later answer has taken.
         """
-        self._wait(lambda: int(self.file.status["acknowledged"]) >= number)
-        row = self.file.acknowledgements[number % QUEUE].copy()
+        place = self.file.acknowledgements[number % QUEUE]
+        self._wait(lambda: int(self.file.status["acknowledged"]) >= number or int(place["number"]) == number)
+        row = place.copy()
         if int(row["number"]) != number:
             raise DataError(
                 f"the answer to command {number} is gone", where="engine", hint=f"the last {QUEUE} are kept"
@@ -255,9 +293,15 @@ class Supervisor:
         """Send a command and wait for its answer."""
         return self.answer(self.send(kind, slot=slot, values=values))
 
-    def load(self, package: ControllerPackage | bytes, slot: int = 0) -> Answer:
-        """Put a package into a slot that does not run: it is checked there, its test vectors replayed."""
-        return self.command("load", slot=slot, values=[self.file.stage(package)])
+    def load(
+        self, package: ControllerPackage | bytes, slot: int = 0, *, proof: ProvedGain | None = None
+    ) -> Answer:
+        """Put a package into a slot that does not run: it is checked there, its test vectors replayed.
+
+        ``proof`` is what the gate has proved of the adaptive gain: without it "adapt" is refused.
+        """
+        sealed = b"" if proof is None else encode_proof(proof)
+        return self.command("load", slot=slot, values=[self.file.stage(package, sealed), bool(sealed)])
 
     def set_strip(self, output: str, word: str, value: float) -> Answer:
         """Gain, offset, limit (a share) or hold (1 or 0) of an output's strip."""
@@ -313,10 +357,12 @@ class Supervisor:
         found = ring[np.arange(begin, last) % len(ring)]
         # The engine may be in the midst of the record after the last that it has told of.
         safe = self.sample - len(ring) + (2 if self.real_time else 0)
-        found = found[max(0, safe - begin) :]
-        self._record(found)
+        kept = found[max(0, safe - begin) :]
+        whole = kept["sequence"] == np.arange(last - len(kept), last) + 1
+        kept = kept[len(whole) - int(np.argmin(whole[::-1])) :] if not whole.all() else kept
+        self._record(kept)
         self.file.asks["taken"] = last
-        return found, last - first - len(found)
+        return kept, last - first - len(kept)
 
     def _record(self, records: np.ndarray) -> None:
         if self.recorder is None:
@@ -338,12 +384,21 @@ class Supervisor:
     def events(self) -> list[Event]:
         """Events that have not been read yet, in order."""
         rows = self._event_rows(self.seen_events)
-        self.seen_events = int(self.file.status["events"])
+        lost = int(rows["sequence"][0]) - self.seen_events - 1 if len(rows) else 0
+        self.seen_events += lost + len(rows)
+        if lost:
+            warnings.warn(
+                f"{lost} events were lost: overwritten before they were read; read them more often",
+                UserWarning, stacklevel=2,
+            )  # fmt: skip
         return [read_event(row, self.settings.inputs, self.settings.outputs, KINDS) for row in rows]
 
     def _event_rows(self, seen: int) -> np.ndarray:
+        """Those after ``seen`` that are still there, without a gap."""
         count, most = int(self.file.status["events"]), len(self.file.events)
-        return self.file.events[np.arange(max(seen, count - most), count) % most]
+        numbers = np.arange(max(seen, count - most), count) + 1
+        rows = self.file.events[(numbers - 1) % most]
+        return rows[rows["sequence"] == numbers]
 
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
@@ -353,7 +408,7 @@ class Supervisor:
         return found[found["sequence"] == samples + 1]  # none was kept while an earlier trip held the loop
 
     def blacklist(self) -> tuple[str, ...]:
-        """Hashes of packages that trips have refused."""
+        """Laws that are refused, by their `hash_law`: those of the start, then those that tripped."""
         count = int(self.file.status["blacklisted"])
         return tuple(bytes(row).hex() for row in self.file.status["blacklist"][:count])
 
@@ -405,12 +460,12 @@ class Supervisor:
 def _require_no_engine(path: Path) -> None:
     """A new shared file takes the place of an old one, not of one that a loop has mapped."""
     try:
-        pid = int(open_shared_file(path).status["pid"])
+        found = AdoptedEngine(open_shared_file(path))
     except DataError:
         return
-    if AdoptedEngine(pid, path).poll() is None:
+    if found.poll() is None:
         raise ConfigError(
-            f"an engine runs there, process {pid}",
+            f"an engine runs there, process {found.pid}",
             where=str(path),
             hint="another folder, or Supervisor.attach",
         )

@@ -20,7 +20,7 @@ from middeck.realtime.engine.settings import EngineSettings
 from middeck.realtime.engine.stepped_article import SteppedArticle
 from middeck.realtime.engine.supervisor import DriverRig, RigChoice, Supervisor, UdpRig
 from middeck.realtime.engine.udp_client import RigClient
-from middeck.realtime.package.binary import hash_package
+from middeck.realtime.package.binary import hash_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.values import record
 
@@ -52,7 +52,7 @@ class Trial:
             sample, in the order of the settings.
         refused: Why the computer did not take the package; empty where it did.
         trip: What tripped, where, and by how much; empty for none.
-        blamed: Whether the package is to blame for the trip: its hash goes on a blacklist.
+        blamed: Whether the package is to blame for the trip: its law goes on a blacklist.
     """
 
     computer: str
@@ -120,7 +120,7 @@ def _by_engine(
                 answers.append(engine.command(stage.word, values=values))
                 taken = np.concatenate([taken, engine.run(settings.samples(stage.seconds))])
         trips = [event for event in engine.events() if event.trips]
-        blamed = hash_package(package) in engine.blacklist()
+        blamed = hash_law(package) in engine.blacklist()
         return Trial(
             computer=ENGINE,
             y=taken["y"][first:],

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 
 from middeck.errors import ConfigError
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain
+from middeck.realtime.engine.adaptive_gain import AdaptiveGain, ProvedGain
+from middeck.realtime.engine.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
+from middeck.realtime.gate.held import with_hold
 from middeck.realtime.gate.steps import (
     GateMargins,
     GateStep,
@@ -24,10 +27,12 @@ from middeck.realtime.gate.trials import (
     check_engagement,
     check_shadow_run,
 )
-from middeck.realtime.package.binary import hash_package
+from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.package import ControllerPackage
 from middeck.systems.plant import Plant
 from middeck.values import record
+
+NO_HOLD = hashlib.sha256().hexdigest()
 
 
 @record(kw_only=True)
@@ -36,6 +41,7 @@ class GateVerdict:
 
     Attributes:
         sha256: Of the package: the verdict is of these bytes and no others.
+        law: SHA-256 of what computes (`hash_law`), by which a blacklist knows it under any name.
         name: Of the package.
         models: Names of the models that it was tried on.
         steps: In order; after one that is not passed the later ones are not taken.
@@ -44,9 +50,11 @@ class GateVerdict:
             none.
         gain: The adaptive gain that was asked for; None for none.
         proofs: What is proved of it on each model; empty where its steps were not taken.
+        hold: SHA-256 of the hold that was closed beside it (`hash_hold`).
     """
 
     sha256: str
+    law: str
     name: str
     models: tuple[str, ...]
     steps: tuple[GateStep, ...]
@@ -54,6 +62,17 @@ class GateVerdict:
     tripped: str = ""
     gain: AdaptiveGain | None = None
     proofs: tuple[GainProof, ...] = ()
+    hold: str = NO_HOLD
+
+    @property
+    def proved_gain(self) -> ProvedGain | None:
+        """What an engine with this hold needs to adapt the gain of this package; None where it must not."""
+        gain = self.gain
+        if gain is None or not (self.passed and self.proofs and all(proof.proved for proof in self.proofs)):
+            return None
+        return ProvedGain(
+            package=self.sha256, hold=self.hold, minimum=gain.minimum, maximum=gain.maximum, rate=gain.rate
+        )
 
     @property
     def passed(self) -> bool:
@@ -70,30 +89,35 @@ def examine_package(
     trials: GateTrials | None = None,
     rig: GateRig | None = None,
     blacklist: Mapping[str, str] | None = None,
+    settings: EngineSettings | None = None,
 ) -> GateVerdict:
     """Blacklist, interface, poles, test vectors, bound of the error; the loop with each model; then runs.
 
     What is not known of a loop is not passed.
 
     Args:
-        models: Plants by name, as on board.
+        models: Plants by name, as on board, without the engine's hold.
         margins: What the loop with each must keep at every fade.
         gain: An adaptive gain, whose loop with each must be proved over all its values and moves
             (`prove_gain`).
         trials: Dry runs on every model too; and on a ``rig`` a shadow run, then engagement at a share of full
             authority and at all of it. Without them the gate is on paper.
-        blacklist: Reasons by SHA-256 of packages that have tripped.
+        blacklist: Reasons by SHA-256 (`hash_law`) of laws that have tripped.
+        settings: Of the engine that is to run it; if left out, those of a ``rig`` with a hold: the hold is
+            closed on every model, and what it does not run is not passed. Without them the package is for any
+            computer, and is tried alone.
 
     Raises `ConfigError` without a model: a package that was tried on nothing has passed nothing.
     """
     if not models:
         raise ConfigError("no model to try the package on", hint="plants by name, as on board")
-    digest = hash_package(package)
-    steps, tripped = [check_blacklist(digest, blacklist or {})], ""
+    engine = rig.settings if settings is None and rig is not None and rig.settings.hold else settings
+    held, unfit = _beside_hold(package, engine)
+    steps, tripped = [check_blacklist(hash_law(package), blacklist or {})], ""
     if steps[0].passed:
         steps += [
-            check_interface(package, models),
-            check_poles(package),
+            unfit or check_interface(held, models),
+            check_poles(held),
             check_vectors(package),
             check_error_bound(package),
             *([] if gain is None else [_check_gain(package, gain)]),
@@ -101,15 +125,15 @@ def examine_package(
     proofs: tuple[GainProof, ...] = ()
     if _good(steps):
         least = margins or GateMargins()
-        steps += [check_model(package, name, plant, least) for name, plant in models.items()]
+        steps += [check_model(held, name, plant, least) for name, plant in models.items()]
     if gain is not None and _good(steps):
-        proofs = prove_gain(package, gain, models)
+        proofs = prove_gain(held, gain, models)
         steps += [
             GateStep(name=f"adaptive gain {proof.model}", passed=proof.proved, said=proof.said)
             for proof in proofs
         ]
     if trials is not None and _good(steps):
-        steps += [check_dry_run(package, name, plant, trials) for name, plant in models.items()]
+        steps += [check_dry_run(package, name, plant, trials, engine) for name, plant in models.items()]
     if trials is not None and rig is not None and _good(steps):
         steps.append(check_shadow_run(package, rig, trials))
     if trials is not None and rig is not None and _good(steps):
@@ -118,9 +142,22 @@ def examine_package(
     left_out = ("dry run",) if trials is None else ()
     left_out += ("shadow run", "engagement") if trials is None or rig is None else ()
     return GateVerdict(
-        sha256=digest, name=package.name, models=tuple(models), steps=tuple(steps), left_out=left_out,
-        tripped=tripped, gain=gain, proofs=proofs,
+        sha256=hash_package(package), law=hash_law(package), name=package.name, models=tuple(models),
+        steps=tuple(steps), left_out=left_out, tripped=tripped, gain=gain, proofs=proofs,
+        hold=NO_HOLD if engine is None else hash_hold(engine),
     )  # fmt: skip
+
+
+def _beside_hold(
+    package: ControllerPackage, engine: EngineSettings | None
+) -> tuple[ControllerPackage, GateStep | None]:
+    """The package beside the engine's hold, or why that engine does not run it."""
+    if engine is None:
+        return package, None
+    try:
+        return with_hold(package, engine), None
+    except ConfigError as error:
+        return package, GateStep(name="interface", passed=False, said=f"{error.what}: {error.hint}")
 
 
 def _good(steps: list[GateStep]) -> bool:

@@ -50,9 +50,9 @@ class GateMargins:
             )
 
 
-def check_blacklist(sha256: str, blacklist: Mapping[str, str]) -> GateStep:
-    """No trip has put these bytes on the blacklist."""
-    reason = blacklist.get(sha256)
+def check_blacklist(law: str, blacklist: Mapping[str, str]) -> GateStep:
+    """No trip has put this law on the blacklist, under whatever name."""
+    reason = blacklist.get(law)
     return _step("blacklist", [] if reason is None else [f"it has tripped: {reason}"], "not on it")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.realtime.engine.article import LinearArticle, linear_article
 from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.trial import AnyRig, Stage, Trial, run_trial
+from middeck.realtime.gate.held import with_hold
 from middeck.realtime.gate.steps import GateStep
 from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.ports import Port
@@ -19,6 +21,8 @@ from middeck.systems.plant import Plant
 from middeck.values import record
 
 ENVELOPE = 0.9
+SETTLE_S = 1.0
+"""Beyond the rise of a hold and its verification, before a package engages on a rig."""
 NOT_DECIDED = (ConfigError, DataError, NumericalError)
 
 
@@ -80,54 +84,81 @@ class GateRig:
     program: Path | None = None
 
 
-def package_settings(package: ControllerPackage) -> EngineSettings:
+def package_settings(package: ControllerPackage, engine: EngineSettings | None = None) -> EngineSettings:
     """Settings of an engine with the ports, ranges and limits of ``package``, and no hold.
 
-    A motion trips at `ENVELOPE` of a range: what grows is the package's fault, what jumps a sensor's.
+    With the settings of an ``engine`` its hold is there too, with its ports, and outputs have its limits. A
+    motion trips at `ENVELOPE` of a range: what grows is the package's fault, what jumps a sensor's.
 
-    Raises `ConfigError` for a package with an input without a range, or an output without a limit.
+    Raises `ConfigError` for a package with an input without a range, or an output without a limit, and for
+    one that the engine does not run.
     """
+    held = package if engine is None else with_hold(package, engine)
+    drives = tuple(
+        Drive(port=port, lower=float(low), upper=float(high))
+        for port, low, high in zip(held.outputs, held.lower, held.upper, strict=True)
+    )
+    if engine is not None:
+        drives = tuple(
+            dataclasses.replace(engine.drives[engine.drive(port.name)], momentum=math.inf)
+            for port in held.outputs
+        )
     return EngineSettings(
         period_s=package.period_s,
         sensors=tuple(
             SensorTest(port=port, range=float(reach), envelope=ENVELOPE * float(reach))
-            for port, reach in zip(package.inputs, package.input_range, strict=True)
+            for port, reach in zip(held.inputs, held.input_range, strict=True)
         ),
-        drives=tuple(
-            Drive(port=port, lower=float(low), upper=float(high))
-            for port, low, high in zip(package.outputs, package.lower, package.upper, strict=True)
-        ),
+        drives=drives,
+        hold=held.paths if engine is not None else (),
     )
 
 
-def check_dry_run(package: ControllerPackage, name: str, plant: Plant, trials: GateTrials) -> GateStep:
-    """Engaged on ``plant`` with noise, in lockstep: no trip, rms and peaks below their limits."""
-    step = f"dry run {name}"
+def check_dry_run(
+    package: ControllerPackage,
+    name: str,
+    plant: Plant,
+    trials: GateTrials,
+    engine: EngineSettings | None = None,
+) -> GateStep:
+    """Engaged on ``plant`` with noise, in lockstep: no trip, rms and peaks below their limits.
+
+    With the settings of an ``engine`` beside its hold, and the package's own command below its limits too.
+    """
+    step, engine = f"dry run {name}", engine if engine is not None and engine.hold else None
     try:
-        article = _noisy_article(package, plant, trials)
-        trial = run_trial(package, package_settings(package), article, (Stage("engage", trials.dry_s),))
+        settings = package_settings(package, engine)
+        top = np.array([max(drive.upper, -drive.lower) for drive in settings.drives])
+        reach = np.array([sensor.range for sensor in settings.sensors])
+        article = _noisy_article(settings, plant, trials, top, reach)
+        trial = run_trial(package, settings, article, (Stage("engage", trials.dry_s),))
     except NOT_DECIDED as error:
         return GateStep(name=step, passed=False, said=f"not decided: {error.what}")
     rms = np.sqrt(np.mean(trial.y[len(trial.y) // 2 :] ** 2, axis=0)) if len(trial.y) else 0.0
-    peak, top = np.abs(trial.u).max(axis=0, initial=0.0), np.maximum(package.upper, -package.lower)
+    peak = np.abs(trial.u).max(axis=0, initial=0.0)
     faults = [
-        *_beyond(package.inputs, "has an rms of", rms, package.input_range, trials.rms),
-        *_beyond(package.outputs, "peaks at", peak, top, trials.peak),
+        *_beyond(settings.inputs, "has an rms of", rms, reach, trials.rms),
+        *_beyond(settings.outputs, "peaks at", peak, top, trials.peak),
     ]
+    if engine is not None:
+        own = np.abs(trial.wanted[:, : len(package.outputs)]).max(axis=0, initial=0.0)
+        most = np.maximum(package.upper, -package.lower)
+        faults += _beyond(package.outputs, "would get", own, most, trials.peak)
     return _step(step, trial, faults, f"{trials.dry_s:g} s, peak {np.max(peak / top):.1%} of the limit")
 
 
-def _noisy_article(package: ControllerPackage, plant: Plant, trials: GateTrials) -> LinearArticle:
-    drives, reads = [port.name for port in package.outputs], [port.name for port in package.inputs]
-    top = np.maximum(package.upper, -package.lower)
+def _noisy_article(
+    settings: EngineSettings, plant: Plant, trials: GateTrials, top: np.ndarray, reach: np.ndarray
+) -> LinearArticle:
+    drives, reads = [port.name for port in settings.outputs], [port.name for port in settings.inputs]
     return linear_article(
         plant,
-        package.period_s,
+        settings.period_s,
         drives,
         reads,
         disturbed=drives,
         disturbance_rms=(trials.disturbance * top).tolist(),
-        sensor_noise=(trials.noise * package.input_range).tolist(),
+        sensor_noise=(trials.noise * reach).tolist(),
         seed=trials.seed,
     )
 
@@ -163,6 +194,8 @@ def check_shadow_run(package: ControllerPackage, bench: GateRig, trials: GateTri
 def check_engagement(package: ControllerPackage, bench: GateRig, trials: GateTrials) -> tuple[GateStep, str]:
     """Engaged on a rig at a share, then fully, without a trip; and the trip that is the package's fault."""
     stages = Stage("engage", trials.engage_s, trials.share), Stage("engage", trials.engage_s)
+    if bench.settings.hold:  # SAFE is to have one that is verified to fall back on
+        stages = (Stage("standby", bench.settings.verify_s + bench.settings.ramp_s + SETTLE_S), *stages)
     try:
         trial = _on(bench, package, stages)
     except NOT_DECIDED as error:

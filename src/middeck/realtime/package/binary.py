@@ -72,21 +72,33 @@ def encode_package(package: ControllerPackage) -> bytes:
         FORMAT, flags, len(core.A), core.pairs or 0, len(package.inputs), len(package.outputs),
         len(package.filters), len(package.paths), package.ramp, len(vectors.y), vectors.start_level, 0,
     )  # fmt: skip
-    texts = [
-        package.name,
-        *(text for port in (*package.inputs, *package.outputs) for text in (port.name, port.unit)),
-    ]
-    front = _HEAD.pack(MAGIC, *head, package.period_s) + b"".join(_text(text) for text in texts)
-    places = [(f.input, 0) for f in package.filters] + [(p.input, p.output) for p in package.paths]
-    front = _padded(front + b"".join(struct.pack("<II", *place) for place in places))
-    numbers = np.concatenate([np.ravel(part, order="F") for part in _parts(package)])
-    body = front + numbers.astype("<f8").tobytes() + _padded(vectors.engaged.astype(np.uint8).tobytes())
+    front = _HEAD.pack(MAGIC, *head, package.period_s) + _text(package.name)
+    front = _padded(front + _port_texts(package) + _places(package))
+    numbers = _bytes([*_limits(package), *_coefficients(package), vectors.y, vectors.u])
+    body = front + numbers + _padded(vectors.engaged.astype(np.uint8).tobytes())
     return body + hashlib.sha256(body).digest()
 
 
 def hash_package(package: ControllerPackage) -> str:
     """SHA-256 of the binary form, in hexadecimal: the name under which a package is known."""
     return encode_package(package)[-_HASH:].hex()
+
+
+def hash_law(package: ControllerPackage) -> str:
+    """SHA-256 of what computes: sizes, period, ports, places of the sections and coefficients.
+
+    It is the name under which a blacklist knows a law: another name, ramp, range or limit of the package, and
+    other test vectors, leave it as it is. The same law in other coordinates has another.
+    """
+    core = package.core
+    sizes = (
+        MODAL * (core.pairs is not None) + SINGLE * package.single + APPLIED * core.drives,
+        len(core.A), core.pairs or 0, len(package.inputs), len(package.outputs),
+        len(package.filters), len(package.paths), 0,
+    )  # fmt: skip
+    parts = (_port_texts(package), _places(package), _bytes(_coefficients(package)))
+    digests = b"".join(hashlib.sha256(part).digest() for part in parts)
+    return hashlib.sha256(struct.pack("<8Id", *sizes, package.period_s) + digests).hexdigest()
 
 
 def decode_package(data: bytes, where: str = "") -> ControllerPackage:
@@ -126,10 +138,29 @@ def _read_head(data: bytes, where: str) -> tuple[_Head, float]:
     return head, period_s
 
 
-def _parts(package: ControllerPackage) -> list[np.ndarray]:
-    """All doubles in their order."""
-    core, vectors = package.core, package.vectors
-    assert vectors is not None
+def _port_texts(package: ControllerPackage) -> bytes:
+    ports = (*package.inputs, *package.outputs)
+    return b"".join(_text(text) for port in ports for text in (port.name, port.unit))
+
+
+def _places(package: ControllerPackage) -> bytes:
+    places = [(f.input, 0) for f in package.filters] + [(p.input, p.output) for p in package.paths]
+    return b"".join(struct.pack("<II", *place) for place in places)
+
+
+def _bytes(parts: list[np.ndarray]) -> bytes:
+    """Doubles column by column."""
+    return np.concatenate([np.ravel(part, order="F") for part in parts]).astype("<f8").tobytes()
+
+
+def _limits(package: ControllerPackage) -> list[np.ndarray]:
+    bound = [] if package.error_bound is None else [package.error_bound]
+    return [package.input_range, package.lower, package.upper, package.slew, *bound]
+
+
+def _coefficients(package: ControllerPackage) -> list[np.ndarray]:
+    """All numbers of compensator and sections."""
+    core = package.core
     pairs = core.pairs
     if pairs is None:
         dynamics = [core.A]
@@ -137,12 +168,7 @@ def _parts(package: ControllerPackage) -> list[np.ndarray]:
         first = np.arange(pairs)
         dynamics = [np.diag(core.A), core.A[first, first + pairs], core.A[first + pairs, first]]
     sections = [s for place in (*package.filters, *package.paths) for s in (place.section.b, place.section.a)]
-    return [
-        package.input_range, package.lower, package.upper, package.slew,
-        *([package.error_bound] if package.error_bound is not None else []),
-        *dynamics, core.B, core.C, core.D, *([core.E] if core.drives else []),
-        *sections, vectors.y, vectors.u,
-    ]  # fmt: skip
+    return [*dynamics, core.B, core.C, core.D, *([core.E] if core.drives else []), *sections]
 
 
 class _Reader:

@@ -15,6 +15,9 @@ extern volatile sig_atomic_t asked_to_end;
 typedef struct {
     whole stop, heartbeat, silent, until;
     enum rig_answer written; /* what the rig said to the last outputs */
+    whole missed;            /* successive samples that did not come, or outputs that did not go */
+    int lost;                /* whether the last said that there will be none any more */
+    int has_read;            /* whether there has been a sample */
 } watch;
 
 whole now_ns(void);

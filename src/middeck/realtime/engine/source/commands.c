@@ -44,17 +44,19 @@ static int on_blacklist(const engine *e, const unsigned char *hash)
     return e->blacklisted > HASHES - SLOTS; /* no room for who trips next */
 }
 
-enum answer engine_load(engine *e, int which, size_t count)
+enum answer engine_load(engine *e, int which, size_t count, int with_proof)
 {
     slot *s = &e->slots[which];
     const settings *set = &e->set;
     const unsigned char *text;
     enum answer found;
 
-    s->loaded = 0;
+    s->proof.proved = 0;
     found = package_read(&s->p, s->bytes, count);
     if (found != DONE)
         return found;
+    if (with_proof && !proof_read(&s->proof, s->proof_bytes, s->p.hash, e->hold_hash))
+        return BAD_PROOF;
     if (fabs(s->p.period_s - set->period_s) > 1e-9 * set->period_s)
         return OTHER_RATE;
     text = map_ports(after(s->p.texts), s->p.law.inputs, s->sensor, set->sensor, set->sensor_unit, set->inputs);
@@ -72,7 +74,7 @@ enum answer engine_loaded(engine *e, int which, enum answer found)
 {
     slot *s = &e->slots[which];
 
-    if (found == DONE && on_blacklist(e, s->p.hash))
+    if (found == DONE && on_blacklist(e, s->p.law_hash))
         found = ON_BLACKLIST;
     s->loaded = found == DONE;
     engine_tell(e, s->loaded ? LOADED : REFUSED, -1, (real)which, 0, s->p.hash);
@@ -83,7 +85,7 @@ static enum answer stand_by(engine *e, slot *s)
 {
     if (!s->loaded)
         return NOT_LOADED;
-    if (on_blacklist(e, s->p.hash))
+    if (on_blacklist(e, s->p.law_hash))
         return ON_BLACKLIST;
     if (!s->running) {
         law_reset(&s->law, &s->p.law);
@@ -104,24 +106,27 @@ static enum answer engage(engine *e, slot *s, real share)
         return NOT_READY;
     if (!(share > 0 && share <= 1))
         return OUT_OF_RANGE;
+    if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set))
+        return NOT_PROVED;
     found = stand_by(e, s);
     if (found != DONE)
         return found;
-    for (k = 0; k < SLOTS; ++k) {
-        e->slots[k].law.engaged = &e->slots[k] == s;
-        e->slots[k].in_control = &e->slots[k] == s;
-    }
+    for (k = 0; k < SLOTS; ++k)
+        if (e->slots[k].running)
+            e->slots[k].law.engaged = e->slots[k].in_control = &e->slots[k] == s;
     s->law.top = (long)ceil(share * (real)s->p.law.ramp);
     engine_tell(e, ENGAGED, -1, share, 0, s->p.hash);
     return DONE;
 }
 
-/* Fade out, then stop: a slot that stands by stops at once, and may be loaded again. */
+/* Fade out, then stop: a slot that stands by stops at once, and may be loaded again. One that does not run may be the loader's. */
 static void leave(slot *s)
 {
+    if (!s->running)
+        return;
     s->in_control = s->law.engaged = 0;
     s->leaving = s->law.level > 0;
-    s->running = s->running && s->leaving;
+    s->running = s->leaving;
 }
 
 static enum answer disengage(engine *e)
@@ -162,10 +167,21 @@ static enum answer excite(engine *e, real periods)
         return NO_WAVEFORM;
     if (!(periods >= 0 && periods < 1e9) || (real)(whole)periods != periods)
         return OUT_OF_RANGE;
+    if (e->playing)
+        return BUSY; /* to begin anew would be a step */
     e->playing = 1;
+    e->silencing = 0;
     e->playing_at = 0;
     e->periods_left = (whole)periods;
     engine_tell(e, EXCITED, -1, periods, 0, NULL);
+    return DONE;
+}
+
+static enum answer silence(engine *e)
+{
+    if (!e->silencing)
+        e->loud_level = e->set.ramp;
+    e->silencing = 1;
     return DONE;
 }
 
@@ -200,12 +216,19 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
     return DONE;
 }
 
+/* Only beside a package of which it is proved, and then only such a one engages. */
 static enum answer adapt(engine *e, int on)
 {
+    int k, covered = 0;
+
+    for (k = 0; k < SLOTS; ++k)
+        covered |= e->slots[k].loaded && proof_covers(&e->slots[k].proof, &e->set);
     if (e->set.adaptive.monitor < 0)
         return NOT_ADAPTIVE;
     if (e->state != SAFE && e->state != READY) /* else its gain would jump */
         return NOT_READY;
+    if (on && !covered)
+        return NOT_PROVED;
     e->adaptive_on = on;
     e->gain = on ? e->set.adaptive.least : 1;
     return DONE;
@@ -218,7 +241,7 @@ static enum answer forgive(engine *e, const slot *s)
     if (e->state != SAFE && e->state != READY)
         return NOT_READY;
     for (k = 0; k < e->blacklisted; ++k)
-        if (memcmp(e->blacklist[k], s->p.hash, 32) != 0)
+        if (memcmp(e->blacklist[k], s->p.law_hash, 32) != 0)
             memcpy(e->blacklist[kept++], e->blacklist[k], 32);
     e->blacklisted = kept;
     return DONE;
@@ -242,8 +265,7 @@ static enum answer carry_out(engine *e, const command *c)
     case EXCITE:
         return excite(e, c->value[0]);
     case SILENCE:
-        e->playing = 0;
-        return DONE;
+        return silence(e);
     case STRIP:
         return set_strip(e, c->slot, c->value);
     case ADAPT:

@@ -36,8 +36,9 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     e->cause.kind = POWER_UP;
     e->since_trip = set->safe_ramp;
     e->gain = 1;
-    sensors_start(&e->sensors);
     monitors_start(&e->monitors);
+    e->outward.begun = 1;
+    outward_forget(&e->outward);
     e->take_over = RAMPS * set->safe_ramp;
     for (i = 0; i < set->inputs; ++i)
         if (COASTS * set->coast[i] / set->period_s > (real)e->take_over)
@@ -46,6 +47,14 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
         make_neutral(&e->strips[i]);
     for (i = 0; i < set->paths; ++i)
         e->hold_needs |= (uint64_t)1 << set->path[i].sensor;
+    sensors_start(&e->sensors, set, e->hold_needs);
+    hash_hold(set, e->hold_hash);
+}
+
+void engine_ban(engine *e, const unsigned char *hashes, whole count)
+{
+    memcpy(e->blacklist, hashes, 32 * (size_t)count);
+    e->blacklisted = count;
 }
 
 void engine_tell(engine *e, whole kind, whole channel, real value, real limit, const unsigned char *hash)
@@ -80,8 +89,9 @@ static int of_a_law(const engine *e, const trip_cause *cause)
     case BAND_POWER:
     case EFFORT:
     case MOMENTUM:
-    case COMMAND_NOT_FINITE:
         return 1;
+    case COMMAND_NOT_FINITE:
+        return cause->channel >= 0; /* else the hold's */
     case RANGE:
         return fabs(e->sensors.value[cause->channel]) > e->set.range[cause->channel] / 2;
     default:
@@ -156,7 +166,7 @@ static void go_safe(engine *e, const trip_cause *cause)
         make_neutral(&e->strips[i]);
     for (k = 0; k < SLOTS; ++k) {
         if (lawful && acts(&e->slots[k]))
-            put_on_blacklist(e, e->slots[k].p.hash);
+            put_on_blacklist(e, e->slots[k].p.law_hash);
         stop_slot(&e->slots[k]);
     }
     if (alone && e->hold_verified && is_of_the_hold(cause)) {
@@ -204,12 +214,21 @@ static real left(const engine *e)
     return e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
 }
 
-/* In SAFE all or nothing; after a reset it rises, if it did not hold already. */
+/* In SAFE all or nothing; after a reset it rises, if it did not hold already, and at the end it falls as it rose. */
 static real hold_share(const engine *e)
 {
-    if (e->state == SAFE)
+    if (e->state == SAFE && !(e->ending && hold_is_good(e)))
         return hold_is_good(e);
     return e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
+}
+
+/* In SAFE a push that fills a store of momentum fades as room goes: within a safe ramp it takes no more than is left. */
+static real kept_from_full(const engine *e, int i, real push)
+{
+    const real room = e->set.momentum[i] - (push > 0 ? 1 : -1) * e->monitors.momentum[i];
+    const real most = larger(room, 0) / (larger((real)e->set.safe_ramp, 1) * e->set.period_s);
+
+    return push > most ? most : push < -most ? -most : push;
 }
 
 static void fade_hold(engine *e)
@@ -217,59 +236,11 @@ static void fade_hold(engine *e)
     const real share = hold_share(e), rest = left(e);
     int i;
 
-    for (i = 0; i < e->set.outputs; ++i)
-        e->hold[i] = share < 1 || rest > 0 ? rest * e->from[i] + (1 - rest) * share * e->whole_hold[i] : e->whole_hold[i];
-}
+    for (i = 0; i < e->set.outputs; ++i) {
+        const real whole_hold = e->state == SAFE ? kept_from_full(e, i, e->whole_hold[i]) : e->whole_hold[i];
 
-static void compute_hold(engine *e)
-{
-    int i;
-
-    memset(e->whole_hold, 0, sizeof e->whole_hold);
-    for (i = 0; i < e->set.paths; ++i) {
-        const hold_path *path = &e->set.path[i];
-
-        e->whole_hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
+        e->hold[i] = share < 1 || rest > 0 ? rest * e->from[i] + (1 - rest) * share * whole_hold : whole_hold;
     }
-    fade_hold(e);
-    if (e->state != SAFE)
-        e->hold_level += e->hold_level < e->set.ramp;
-}
-
-/* The hold, or what is left on the way to zero; no further push where the store of momentum is full. */
-static void safe_command(engine *e, real *u)
-{
-    int i;
-
-    fade_hold(e); /* anew: SAFE may be as young as this sample's compensators */
-    for (i = 0; i < e->set.outputs; ++i)
-        u[i] = monitors_full(&e->monitors, &e->set, i, e->hold[i]) ? 0 : e->hold[i];
-}
-
-static void play(engine *e)
-{
-    int i;
-
-    memset(e->excitation, 0, sizeof e->excitation);
-    if (!e->playing)
-        return;
-    for (i = 0; i < e->set.outputs; ++i)
-        e->excitation[i] = e->waveform[e->playing_at * e->set.outputs + i];
-    if (++e->playing_at < e->waveform_samples)
-        return;
-    e->playing_at = 0;
-    if (e->periods_left && --e->periods_left == 0) {
-        e->playing = 0;
-        engine_tell(e, QUIET, -1, 0, 0, NULL);
-    }
-}
-
-/* Share of the limit on u's side, or of the slew: what saturates is at one. */
-static real share_taken(real u, real last, real slew, real least, real most)
-{
-    const real size = u > 0 ? u / most : u < 0 ? u / least : 0;
-
-    return larger(size, fabs(u - last) / slew);
 }
 
 static int all_finite(const real *v, whole count)
@@ -282,11 +253,83 @@ static int all_finite(const real *v, whole count)
     return 1;
 }
 
+/* Numbers of the hold that have overflowed: it adds nothing any more, and is none. */
+static void overflow_hold(engine *e)
+{
+    const trip_cause why = {COMMAND_NOT_FINITE, -1, 0, 0};
+
+    memset(e->whole_hold, 0, sizeof e->whole_hold);
+    e->hold_spoilt = 1;
+    e->hold_verified = 0;
+    if (e->state == SAFE && !e->hold_off)
+        lose_hold(e, &why);
+}
+
+static void compute_hold(engine *e)
+{
+    int i;
+
+    memset(e->whole_hold, 0, sizeof e->whole_hold);
+    for (i = 0; i < e->set.paths; ++i) {
+        const hold_path *path = &e->set.path[i];
+
+        e->whole_hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
+    }
+    if (!all_finite(e->whole_hold, e->set.outputs))
+        overflow_hold(e);
+    fade_hold(e);
+    if (e->ending)
+        e->hold_level -= e->hold_level > 0;
+    else if (e->state != SAFE)
+        e->hold_level += e->hold_level < e->set.ramp;
+}
+
+/* The hold, or what is left on the way to zero. */
+static void safe_command(engine *e, real *u)
+{
+    fade_hold(e); /* anew: SAFE may be as young as this sample's compensators */
+    memcpy(u, e->hold, (size_t)e->set.outputs * sizeof *u);
+}
+
+/* How much of the waveform sounds: it falls along the ramp while it is silenced. */
+static real loudness(engine *e)
+{
+    if (!e->silencing)
+        return 1;
+    e->loud_level -= e->loud_level > 0;
+    return e->loud_level > 0 ? fade_at((long)e->loud_level, (long)e->set.ramp) : 0;
+}
+
+static void play(engine *e)
+{
+    const real share = e->playing ? loudness(e) : 0;
+    int i;
+
+    memset(e->excitation, 0, sizeof e->excitation);
+    if (!e->playing)
+        return;
+    for (i = 0; share > 0 && i < e->set.outputs; ++i)
+        e->excitation[i] = share * e->waveform[e->playing_at * e->set.outputs + i];
+    e->playing_at = (e->playing_at + 1) % e->waveform_samples;
+    if (share > 0 && !(e->playing_at == 0 && e->periods_left && --e->periods_left == 0))
+        return;
+    e->playing = 0;
+    engine_tell(e, QUIET, -1, 0, 0, NULL);
+}
+
+/* Share of the limit on u's side, or of the slew: what saturates is at one. */
+static real share_taken(real u, real last, real slew, real least, real most)
+{
+    const real size = u > 0 ? u / most : u < 0 ? u / least : 0;
+
+    return larger(size, fabs(u - last) / slew);
+}
+
 /* A compensator whose numbers overflow adds nothing any more: it trips where it has a say, and stops standing by. */
 static void refuse_overflow(engine *e, slot *s, trip_cause *cause)
 {
     if (!acts(s))
-        put_on_blacklist(e, s->p.hash);
+        put_on_blacklist(e, s->p.law_hash);
     if (acts(s) || s->in_control)
         blame(cause, COMMAND_NOT_FINITE, e->set.inputs + s->output[0], s->law.wanted[0], 0);
     else
@@ -327,6 +370,8 @@ static void run_laws(engine *e, real *sum, trip_cause *cause)
         if (e->slots[k].running)
             run_law(e, k, sum, cause);
     }
+    if (!all_finite(sum, e->set.outputs))
+        blame(cause, COMMAND_NOT_FINITE, e->set.inputs, sum[0], 0);
 }
 
 /* Each law learns what of the output was the compensators'. Beside another, or without a say, its own slew goes on from what it
@@ -486,15 +531,41 @@ static int strips_are_neutral(const engine *e)
     return 1;
 }
 
-/* The hold is verified by holding: alone, whole, as SAFE would have it, and without a trip. */
+/* Whether nothing but the hold is at work, whole, as SAFE would have it. */
+static int holds_alone(const engine *e)
+{
+    return e->state == READY && e->set.paths && e->set.verify && e->hold_level >= e->set.ramp && strips_are_neutral(e);
+}
+
+/* The first sensor of the hold whose motion grows; -1 for none. The shortest window lets four of them fit into the verification. */
+static int moves_out(engine *e)
+{
+    const whole shortest = (e->set.verify + 3) / 4;
+    int i, found = -1;
+
+    for (i = 0; i < e->set.inputs; ++i)
+        if (e->hold_needs >> i & 1 && outward_look(&e->outward, i, shortest, e->sensors.value[i]) && found < 0)
+            found = i;
+    return found;
+}
+
+/* The hold is verified by holding, alone and without a trip, and no longer where what it holds moves out from window to window. */
 static void verify_hold(engine *e)
 {
-    if (e->state != READY || e->hold_verified || !e->set.paths || !e->set.verify || e->hold_level < e->set.ramp || !strips_are_neutral(e))
+    int out;
+
+    if (!holds_alone(e)) {
+        outward_forget(&e->outward);
         e->quiet = 0;
-    else if (++e->quiet >= e->set.verify) {
-        e->hold_verified = 1;
-        engine_tell(e, HOLD_VERIFIED, -1, 0, 0, NULL);
+        return;
     }
+    out = moves_out(e);
+    e->quiet = out < 0 ? e->quiet + 1 : 0;
+    if (out >= 0 && e->hold_verified)
+        engine_tell(e, HOLD_LOST, out, e->sensors.value[out], 0, NULL);
+    else if (!e->hold_verified && e->quiet >= e->set.verify)
+        engine_tell(e, HOLD_VERIFIED, -1, 0, 0, NULL);
+    e->hold_verified = out < 0 && (e->hold_verified || e->quiet >= e->set.verify);
 }
 
 static void look(engine *e, const real *y, const circumstances *c)
@@ -525,21 +596,41 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
     run_laws(e, sum, &cause);
     for (i = 0; i < e->set.outputs; ++i)
         command[i] = e->hold[i] + sum[i] + e->excitation[i];
-    if (e->state != SAFE && !all_finite(command, e->set.outputs))
+    if (e->state != SAFE && (e->hold_spoilt || !all_finite(command, e->set.outputs)))
         blame(&cause, COMMAND_NOT_FINITE, -1, 0, 0);
     judge(e, &cause, &growing);
     if (e->state == SAFE)
         safe_command(e, command);
     through_strips(e, command, share);
     commit_laws(e, command, sum);
+    e->since_trip += e->since_trip < INT64_MAX;
     monitors_look(&e->monitors, &e->set, 1, e->u, &after, &growing);
     monitors_effort(&e->monitors, &e->set, e->u, share, &after, &growing);
     judge(e, &after, &growing);
     engine_settle(e);
     verify_hold(e);
-    e->since_trip += e->since_trip < INT64_MAX;
     memcpy(u, e->u, (size_t)e->set.outputs * sizeof *u);
     ++e->sample;
+}
+
+void engine_end(engine *e)
+{
+    const trip_cause told = {STOP, -1, 0, 0};
+
+    if (e->state != SAFE)
+        go_safe(e, &told);
+    e->ending = 1;
+    e->hold_level = e->set.ramp;
+}
+
+int engine_at_rest(const engine *e)
+{
+    int i;
+
+    for (i = 0; i < e->set.outputs; ++i)
+        if (e->strips[i].last != 0)
+            return 0;
+    return hold_share(e) == 0;
 }
 
 void engine_record(const engine *e, const real *y, real *numbers)

@@ -3,13 +3,17 @@
 #define MIDDECK_ENGINE_H
 
 #include "monitors.h"
+#include "outward.h"
 #include "package.h"
+#include "proof.h"
 #include "sensors.h"
 
 /* A place for a package, and the law that runs from it. */
 typedef struct {
     unsigned char bytes[LARGEST_PACKAGE];
+    unsigned char proof_bytes[PROOF];
     package p;
+    gain_proof proof;
     law_state law;
     int sensor[CHANNELS], output[CHANNELS]; /* of the engine, for each port of the package */
     int loaded, running, in_control;
@@ -40,22 +44,27 @@ typedef struct {
     monitor_states monitors;
     slot slots[SLOTS];
     real hold_state[SECTIONS][2];
+    unsigned char hold_hash[32];
     uint64_t hold_needs;         /* sensors that the hold reads */
     int hold_verified, hold_off; /* off: lost in SAFE, until a reset */
+    int hold_spoilt;             /* its numbers have overflowed, once and for all */
     whole hold_level;            /* of the ramp on which the hold rises after a reset */
     whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
+    outward_states outward;
     whole since_trip;            /* or since the hold was lost */
     whole take_over;             /* samples until the safe state has taken over */
-    real taken_over;             /* largest amplitude over its envelope, squared, when the safe state took over */
+    real taken_over;             /* largest amplitude over its reach, squared, when the safe state took over */
     real from[CHANNELS];         /* outputs at the last trip or loss of the hold */
     strip strips[CHANNELS];
     const real *waveform;
     whole waveform_samples, periods_left, playing_at; /* playing_at: next sample of it */
-    int playing;
+    int playing, silencing;
+    whole loud_level;            /* of the ramp along which it is silenced */
+    int ending;                  /* on the way out: the hold falls */
     real gain;                   /* adaptive */
     int adaptive_on;
-    unsigned char blacklist[HASHES][32];
+    unsigned char blacklist[HASHES][32]; /* of laws */
     whole blacklisted;
     /* of the last sample, for the record */
     real whole_hold[CHANNELS], hold[CHANNELS]; /* the latter as it rises and falls */
@@ -67,6 +76,9 @@ typedef struct {
     int happenings;
 } engine;
 
+/* Hashes of laws that are refused from the start. */
+void engine_ban(engine *e, const unsigned char *hashes, whole count);
+
 void engine_start(engine *e, const settings *set, const real *waveform, whole waveform_samples);
 
 /* One sample: sensors y to outputs u. */
@@ -75,12 +87,17 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u);
 /* Carry out a command between two samples: all but LOAD and END. */
 enum answer engine_command(engine *e, const command *c);
 
-/* Check ``count`` bytes that stand in a slot that does not run, and map its ports: DONE, or why not. Takes long, and touches
-   nothing but the slot: it may run beside the loop. */
-enum answer engine_load(engine *e, int which, size_t count);
+/* Check ``count`` bytes that stand in a slot that does not run, and the proof beside them if there is one, and map its ports:
+   DONE, or why not. Takes long, and touches
+   nothing but the slot, which the loop then leaves alone: it may run beside it. */
+enum answer engine_load(engine *e, int which, size_t count, int with_proof);
 
 /* The loop learns what `engine_load` has found, and gives its own answer. */
 enum answer engine_loaded(engine *e, int which, enum answer found);
+
+/* On the way out: to SAFE, and from there along the ramp to outputs of zero, where the engine is at rest. */
+void engine_end(engine *e);
+int engine_at_rest(const engine *e);
 
 /* The state that slots and excitation make, where it is not SAFE. */
 void engine_settle(engine *e);

@@ -42,7 +42,7 @@ const char *misfit_of_places(const places *at, whole size)
         || !holds(at->status, 1, sizeof(status), at->commands) || !holds(at->commands, COMMANDS, sizeof(command), at->acknowledgements)
         || !holds(at->acknowledgements, COMMANDS, sizeof(acknowledgement), at->events)
         || !holds(at->events, EVENTS, sizeof(event), at->ring) || !between(at->ring, at->pretrip, at->waveform)
-        || at->waveform > at->staging)
+        || at->waveform > at->blacklist || !between(0, at->blacklist_count, HASHES) || !holds(at->blacklist, at->blacklist_count, 32, at->staging))
         return other_layout;
     return NULL;
 }
@@ -53,7 +53,7 @@ const char *misfit_of_regions(const places *at, const settings *set)
 
     if (at->stride != stride || at->ring_count < 1 || !holds(at->ring, at->ring_count, stride, at->pretrip) || at->pretrip_count < 1
         || !holds(at->pretrip, at->pretrip_count, stride, at->waveform)
-        || !holds(at->waveform, at->waveform_samples, set->outputs * (whole)sizeof(real), at->staging))
+        || !holds(at->waveform, at->waveform_samples, set->outputs * (whole)sizeof(real), at->blacklist))
         return other_layout;
     return NULL;
 }
@@ -92,6 +92,8 @@ static const char *misfit_of_tests(const settings *set)
             return "a hold from no sensor, to no output or with a section that is not finite";
     if (!between(-1, set->adaptive.monitor, set->monitors - 1))
         return "an adaptive gain without its monitor";
+    if (!(set->adaptive.least >= 0 && set->adaptive.least <= set->adaptive.most) || !finite(set->adaptive.most) || !(set->adaptive.rate >= 0))
+        return "an adaptive gain with bounds or a rate that no engine keeps";
     return NULL;
 }
 

@@ -8,13 +8,13 @@
 #include "words.h"
 
 /* Until the supervisor lets it run on; 0 where the supervisor is gone, or a signal asks for the end. */
-static int wait_for_leave(const shared *f, const engine *e, pid_t parent)
+static int wait_for_leave(const queue *q, const shared *f, const engine *e, pid_t parent)
 {
     const struct timespec pause = {0, 50000};
     int turns = 0;
 
     while (!asked_to_end) {
-        if (e->sample < word_get(&f->asks->until) || command_is_due(f, e))
+        if (e->sample < word_get(&f->asks->until) || command_is_due(q, f, e))
             return 1;
         if (++turns < 200)
             sched_yield();
@@ -26,29 +26,30 @@ static int wait_for_leave(const shared *f, const engine *e, pid_t parent)
     return 0;
 }
 
-/* Told to go, or left alone: through SAFE, as far as the rig still answers. */
+/* As far as the rig still answers. */
 static void end_in_safe(shared *f, engine *e, rig *r, watch *w)
 {
-    whole left = f->set.safe_ramp + 2;
-    circumstances c = {0};
+    engine_end(e);
+    while (!engine_at_rest(e) && !w->lost) {
+        circumstances c = {0};
 
-    w->stop = word_get(&f->asks->stop) - 1;
-    while (left-- > 0 && !c.rig_dead)
         one_sample(f, e, r, w, &c);
+    }
 }
 
 void run_in_lockstep(shared *f, engine *e, rig *r)
 {
+    static queue commands;
     const whole named = word_get(&f->asks->supervisor);
     const pid_t parent = named ? (pid_t)named : getppid();
     watch w = {0};
 
     w.until = -1;
-    while (wait_for_leave(f, e, parent)) {
+    while (wait_for_leave(&commands, f, e, parent)) {
         circumstances c = {0};
 
-        if (take_commands(f, e))
-            return;
+        if (take_commands(&commands, f, e))
+            break;
         if (e->sample < word_get(&f->asks->until))
             one_sample(f, e, r, &w, &c);
     }

@@ -1,6 +1,9 @@
 /* The engine's process: engine FILE runs what stands in FILE, which the supervisor has made, until it is told to end. */
 #define _POSIX_C_SOURCE 200809L
+#include <fcntl.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "clocks.h"
@@ -29,11 +32,30 @@ static rig *open_rig(const shared *f)
     }
 }
 
+/* When this process has begun, in the system's ticks: with its number it is told from any that follows under that number. */
+static whole when_born(void)
+{
+    enum { START_TIME = 20 }; /* fields after the name */
+    char text[1024] = "";
+    const int file = open("/proc/self/stat", O_RDONLY);
+    const char *at;
+    int k;
+
+    if (file < 0 || read(file, text, sizeof text - 1) < 0)
+        return 0;
+    close(file);
+    at = strrchr(text, ')');
+    for (k = 0; at && k < START_TIME; ++k)
+        at = strchr(at + 1, ' ');
+    return at ? (whole)strtoll(at, NULL, 10) : 0;
+}
+
 static void run(shared *f, engine *e, rig *r)
 {
     static const real nothing[CHANNELS];
 
     f->status->pid = getpid();
+    f->status->born = when_born();
     f->status->format = FORMAT;
     f->status->size = sizeof(status);
     word_set(&f->status->running, 1);
@@ -45,6 +67,7 @@ static void run(shared *f, engine *e, rig *r)
     r->close(r);
     engine_tell(e, ENDED, -1, 0, 0, NULL);
     publish_events(f, e);
+    publish_status(f, e);
     word_set(&f->status->running, 0);
 }
 
@@ -61,7 +84,8 @@ int main(int count, char **words)
     signal(SIGTERM, on_signal);
     signal(SIGINT, SIG_IGN); /* of the terminal: the supervisor decides */
     signal(SIGPIPE, SIG_IGN); /* nobody may read the standard error any more */
-    engine_start(&the_engine, &the_file.set, waveform_of(&the_file), the_file.at.waveform_samples);
+    engine_start(&the_engine, &the_file.set, the_file.waveform, the_file.at.waveform_samples);
+    engine_ban(&the_engine, the_file.start + the_file.at.blacklist, the_file.at.blacklist_count);
     r = open_rig(&the_file);
     if (!r)
         return 3;

@@ -1,3 +1,4 @@
+#define _DEFAULT_SOURCE
 #include "mapped.h"
 
 #include <fcntl.h>
@@ -33,6 +34,27 @@ static unsigned char *map_whole(const char *path, whole *size)
     return start;
 }
 
+/* What it plays, where nobody changes it afterwards. */
+static const char *take_waveform(shared *f)
+{
+    const real *given = (const real *)(const void *)(f->start + f->at.waveform);
+    const size_t count = (size_t)(f->at.waveform_samples * f->set.outputs);
+    real *copy;
+    size_t i;
+
+    if (count == 0)
+        return NULL;
+    copy = mmap(NULL, count * sizeof *copy, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (copy == MAP_FAILED)
+        return "no memory for the excitation";
+    memcpy(copy, given, count * sizeof *copy);
+    for (i = 0; i < count; ++i)
+        if (!(copy[i] - copy[i] == 0))
+            return "an excitation that is not finite";
+    f->waveform = copy;
+    return NULL;
+}
+
 static const char *take(shared *f, whole size)
 {
     const char *why;
@@ -46,7 +68,9 @@ static const char *take(shared *f, whole size)
         return why;
     if (f->set.rig == LINEAR_RIG && (why = misfit_of_article(&f->article, &f->set)) != NULL)
         return why;
-    return misfit_of_regions(&f->at, &f->set);
+    if ((why = misfit_of_regions(&f->at, &f->set)) != NULL)
+        return why;
+    return take_waveform(f);
 }
 
 int map_file(const char *path, shared *f)
@@ -68,11 +92,6 @@ int map_file(const char *path, shared *f)
     f->events = (event *)(void *)(f->start + f->at.events);
     memset(f->status, 0, sizeof *f->status);
     return 1;
-}
-
-const real *waveform_of(const shared *f)
-{
-    return (const real *)(const void *)(f->start + f->at.waveform);
 }
 
 const real *article_numbers_of(const shared *f)

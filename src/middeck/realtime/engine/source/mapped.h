@@ -9,6 +9,7 @@ typedef struct {
     places at;
     settings set;
     article article;
+    const real *waveform; /* a copy */
     asks *asks;
     status *status;
     const command *commands;
@@ -20,7 +21,6 @@ typedef struct {
 /* Map what stands at ``path``; 0, after saying why on the standard error, where no engine can run it. */
 int map_file(const char *path, shared *f);
 
-const real *waveform_of(const shared *f);
 const real *article_numbers_of(const shared *f);
 
 #endif

@@ -207,10 +207,27 @@ static enum answer read_end(package *p, bytes_left *b)
     return DONE;
 }
 
+/* Sizes, period, ports, places and coefficients; not the name, ranges, limits, ramp and test vectors. */
+static void hash_law(package *p, const uint32_t w[WORDS], const unsigned char *ports, const unsigned char *places)
+{
+    const law_tables *t = &p->law;
+    const uint32_t sizes[8] = {w[W_FLAGS] & (MODAL | SINGLE | APPLIED), w[W_STATES], w[W_PAIRS], w[W_INPUTS], w[W_OUTPUTS], w[W_FILTERS], w[W_PATHS], 0};
+    const unsigned char *first = (const unsigned char *)(t->pairs < 0 ? t->A : t->diagonal), *last = (const unsigned char *)(t->sections + 5 * t->filters);
+    unsigned char all[sizeof sizes + sizeof p->period_s + 3 * HASH], *at = all + sizeof sizes + sizeof p->period_s;
+
+    memcpy(all, sizes, sizeof sizes);
+    memcpy(all + sizeof sizes, &p->period_s, sizeof p->period_s);
+    sha256(ports, (size_t)(places - ports), at);
+    sha256(places, 8 * (size_t)t->filters, at + HASH);
+    sha256(first, (size_t)(last - first), at + 2 * HASH);
+    sha256(all, sizeof all, p->law_hash);
+}
+
 enum answer package_read(package *p, unsigned char *bytes, size_t count)
 {
     uint32_t w[WORDS];
     bytes_left b;
+    const unsigned char *places;
     enum answer found;
 
     memset(p, 0, sizeof *p);
@@ -240,12 +257,14 @@ enum answer package_read(package *p, unsigned char *bytes, size_t count)
     p->start_level = (long)w[W_START];
     if ((found = read_texts(p, &b)) != DONE)
         return found;
+    places = b.at;
     if ((found = read_places(p, &b, bytes)) != DONE || (found = read_limits(&p->law, &b)) != DONE)
         return found;
     if ((found = read_numbers(p, &b, w)) != DONE)
         return found;
     if ((found = read_end(p, &b)) != DONE)
         return found;
+    hash_law(p, w, p->texts + 2 + text_length(p->texts), places);
     return w[W_FLAGS] & UNSTABLE || poles_within(&p->law) ? DONE : UNDECLARED_POLE;
 }
 

@@ -16,6 +16,7 @@ typedef struct {
     const real *test_y, *test_u; /* column by column */
     const unsigned char *test_engaged;
     unsigned char hash[32];
+    unsigned char law_hash[32]; /* of what computes: another name, ramp or limit leaves it as it is */
 } package;
 
 /* Read ``count`` bytes, aligned to eight, which the package goes on using. Limits of infinity become the largest number.

@@ -11,7 +11,8 @@ void publish_events(shared *f, engine *e)
     for (k = 0; k < e->happenings; ++k) {
         event *place = &f->events[f->told % EVENTS];
 
-        word_set(&place->sequence, 0);
+        word_open(&place->sequence);
+        e->happened[k].sequence = 0;
         *place = e->happened[k];
         word_set(&place->sequence, ++f->told);
         word_set(&f->status->events, f->told);
@@ -40,7 +41,7 @@ void publish_record(shared *f, const engine *e, const real *y, whole late_ns, wh
     unsigned char *place = f->start + f->at.ring + sample % f->at.ring_count * f->at.stride;
     record_head *head = (record_head *)(void *)place;
 
-    word_set(&head->sequence, 0);
+    word_open(&head->sequence);
     head->state = e->state;
     head->trip = e->trip;
     head->slots = slot_bits(e);
@@ -70,7 +71,8 @@ void publish_status(shared *f, const engine *e)
     s->frozen = is_frozen(e);
     for (k = 0; k < SLOTS; ++k) {
         s->loaded[k] = e->slots[k].loaded;
-        memcpy(s->slot_hash[k], e->slots[k].p.hash, sizeof s->slot_hash[k]);
+        if (e->slots[k].loaded)
+            memcpy(s->slot_hash[k], e->slots[k].p.hash, sizeof s->slot_hash[k]);
     }
     if (s->blacklisted != e->blacklisted) {
         memcpy(s->blacklist, e->blacklist, sizeof s->blacklist);
@@ -79,16 +81,21 @@ void publish_status(shared *f, const engine *e)
     word_set(&s->sample, e->sample);
 }
 
-void acknowledge(shared *f, engine *e, const command *c, enum answer answer)
+void answer_command(shared *f, engine *e, const command *c, enum answer answer)
 {
     acknowledgement *a = &f->acknowledgements[c->number % COMMANDS];
 
     publish_events(f, e);
     publish_status(f, e);
-    a->number = c->number;
+    word_open(&a->number);
     a->sample = e->sample;
     a->answer = answer;
     a->detail = c->kind;
-    f->acknowledged = c->number;
-    word_set(&f->status->acknowledged, c->number);
+    word_set(&a->number, c->number);
+}
+
+void acknowledge(shared *f, whole number)
+{
+    f->acknowledged = number;
+    word_set(&f->status->acknowledged, number);
 }

@@ -1,124 +1,155 @@
 #include "queue.h"
 
-#include <pthread.h>
 #include <string.h>
 
 #include "publish.h"
 #include "words.h"
-
-/* A package on its way into a slot. */
-typedef struct {
-    pthread_mutex_t lock;
-    pthread_cond_t wake;
-    int wanted, done; /* under the lock; done: an atomic word */
-    int under_way;    /* known to the loop alone */
-    whole slot, size;
-    enum answer found;
-    const shared *file;
-    engine *engine;
-} loader;
-
-static loader the_loader = {.lock = PTHREAD_MUTEX_INITIALIZER, .wake = PTHREAD_COND_INITIALIZER};
-
-/* Copy first, check the copy: what is checked is what will run. */
-static enum answer load_from(const shared *f, engine *e, whole which, whole size)
-{
-    if (size < 0 || size > LARGEST_PACKAGE || size > f->at.staging_size)
-        return BAD_LENGTH;
-    memcpy(e->slots[which].bytes, f->start + f->at.staging, (size_t)size);
-    return engine_load(e, (int)which, (size_t)size);
-}
-
-static void *load_beside(void *nothing)
-{
-    (void)nothing;
-    pthread_mutex_lock(&the_loader.lock);
-    for (;;) {
-        while (!the_loader.wanted)
-            pthread_cond_wait(&the_loader.wake, &the_loader.lock);
-        the_loader.wanted = 0;
-        pthread_mutex_unlock(&the_loader.lock);
-        the_loader.found = load_from(the_loader.file, the_loader.engine, the_loader.slot, the_loader.size);
-        word_set(&the_loader.done, 1);
-        pthread_mutex_lock(&the_loader.lock);
-    }
-    return NULL;
-}
-
-int start_loader(const shared *f, engine *e)
-{
-    pthread_t beside;
-
-    the_loader.file = f;
-    the_loader.engine = e;
-    return pthread_create(&beside, NULL, load_beside, NULL) == 0;
-}
 
 static whole size_asked(const command *c)
 {
     return c->value[0] >= 0 && c->value[0] <= LARGEST_PACKAGE ? (whole)c->value[0] : -1;
 }
 
-/* Hand it to the loader; the loader at its lock is asked again with the next sample. */
-static void begin_load(const command *c)
+/* Begin or finish a LOAD; 0 while it goes on. In lockstep time waits for it. */
+static int load(queue *q, const shared *f, engine *e, const command *c, enum answer *answer)
 {
-    if (pthread_mutex_trylock(&the_loader.lock) != 0)
-        return;
-    the_loader.slot = c->slot;
-    the_loader.size = size_asked(c);
-    the_loader.done = 0;
-    the_loader.wanted = 1;
-    pthread_cond_signal(&the_loader.wake);
-    pthread_mutex_unlock(&the_loader.lock);
-    the_loader.under_way = 1;
-}
-
-/* Begin or finish a LOAD; 0 while it goes on. */
-static int load(const shared *f, engine *e, const command *c, enum answer *answer)
-{
-    if (the_loader.under_way) {
-        if (!word_get(&the_loader.done))
+    if (q->under_way) {
+        if (!word_get(&q->load.done))
             return 0;
-        the_loader.under_way = 0;
-        *answer = engine_loaded(e, (int)the_loader.slot, the_loader.found);
+        q->under_way = 0;
+        *answer = engine_loaded(e, (int)q->load.slot, q->load.found);
         return 1;
     }
-    if (c->slot < 0 || c->slot >= SLOTS)
+    if (c->slot < 0 || c->slot >= SLOTS) {
         *answer = WRONG_SLOT;
-    else if (e->slots[c->slot].running)
-        *answer = BUSY;
-    else if (f->set.clock == LOCKSTEP)
-        *answer = engine_loaded(e, (int)c->slot, load_from(f, e, c->slot, size_asked(c)));
-    else {
-        begin_load(c);
-        return 0;
+        return 1;
     }
-    return 1;
+    if (e->slots[c->slot].running) {
+        *answer = BUSY;
+        return 1;
+    }
+    e->slots[c->slot].loaded = 0;
+    if (f->set.clock == LOCKSTEP) {
+        *answer = engine_loaded(e, (int)c->slot, load_package(f, e, c->slot, size_asked(c), c->value[1] != 0));
+        return 1;
+    }
+    q->load.slot = c->slot;
+    q->load.size = size_asked(c);
+    q->load.with_proof = c->value[1] != 0;
+    q->load.done = 0;
+    q->under_way = 1;
+    word_set(&q->load.wanted, 1);
+    return 0;
 }
 
-int take_commands(shared *f, engine *e)
+/* FNV-1a over the words of a command but its check. */
+static whole check_of(const command *c)
 {
-    while (command_is_due(f, e)) {
-        const command c = f->commands[(f->acknowledged + 1) % COMMANDS];
-        enum answer answer = UNKNOWN_COMMAND;
+    uint64_t words[sizeof *c / 8], sum = 0xcbf29ce484222325u;
+    size_t k;
 
-        if (c.kind == LOAD && !load(f, e, &c, &answer))
-            return 0;
-        if (c.kind == END)
-            answer = DONE;
-        else if (c.kind != LOAD)
+    memcpy(words, c, sizeof words);
+    for (k = 0; k < sizeof words / 8 - 1; ++k)
+        sum = (sum ^ words[k]) * 0x100000001b3u;
+    memcpy(words, &sum, sizeof sum);
+    return (whole)words[0];
+}
+
+/* A command of this number, if it is whole: its words may arrive in any order, its check comes out when all are there. */
+static int read_command(const shared *f, whole number, command *c)
+{
+    *c = f->commands[number % COMMANDS];
+    return c->number == number && c->check == check_of(c);
+}
+
+static int was_early(const queue *q, whole number)
+{
+    return q->early[number % COMMANDS] == number;
+}
+
+/* Whether the next command in order may be carried out, or has been. */
+static int head_is_due(const queue *q, const shared *f, const engine *e)
+{
+    const whole next = f->acknowledged + 1;
+    command c;
+
+    if (next > word_get(&f->asks->written))
+        return 0;
+    return was_early(q, next) || (read_command(f, next, &c) && c.at <= e->sample);
+}
+
+static int makes_safe(const command *c)
+{
+    return c->kind == DISENGAGE || c->kind == SILENCE || c->kind == END;
+}
+
+/* What would undo what a later command has made safe. */
+static int is_undone_by(const command *c, const command *later)
+{
+    return later->kind == DISENGAGE ? c->kind == ENGAGE : later->kind == SILENCE && c->kind == EXCITE;
+}
+
+static void answer_early(queue *q, shared *f, engine *e, const command *c, enum answer answer)
+{
+    q->early[c->number % COMMANDS] = c->number;
+    answer_command(f, e, c, answer);
+}
+
+/* Those before it that would undo it are withdrawn. */
+static void withdraw_before(queue *q, shared *f, engine *e, const command *later)
+{
+    whole number;
+    command c;
+
+    for (number = f->acknowledged + 1; number < later->number; ++number)
+        if (!was_early(q, number) && read_command(f, number, &c) && is_undone_by(&c, later))
+            answer_early(q, f, e, &c, WITHDRAWN);
+}
+
+/* What makes safe and is due, behind what is not: it does not wait for a package that is checked, or for a later time. */
+static int find_early(const queue *q, const shared *f, const engine *e, command *c)
+{
+    const whole written = word_get(&f->asks->written), most = f->acknowledged + COMMANDS - 1;
+    whole number;
+
+    for (number = f->acknowledged + 1; number <= written && number <= most; ++number)
+        if (!was_early(q, number) && read_command(f, number, c) && c->at <= e->sample && makes_safe(c))
+            return 1;
+    return 0;
+}
+
+int take_commands(queue *q, shared *f, engine *e)
+{
+    command c;
+
+    while (head_is_due(q, f, e)) {
+        enum answer answer = DONE;
+
+        if (was_early(q, f->acknowledged + 1)) {
+            acknowledge(f, f->acknowledged + 1);
+            continue;
+        }
+        if (!read_command(f, f->acknowledged + 1, &c) || (c.kind == LOAD && !load(q, f, e, &c, &answer)))
+            break;
+        if (c.kind != END && c.kind != LOAD)
             answer = engine_command(e, &c);
-        acknowledge(f, e, &c, answer);
+        answer_command(f, e, &c, answer);
+        acknowledge(f, c.number);
+        if (c.kind == END)
+            return 1;
+    }
+    while (find_early(q, f, e, &c)) {
+        withdraw_before(q, f, e, &c);
+        answer_early(q, f, e, &c, c.kind == END ? DONE : engine_command(e, &c));
         if (c.kind == END)
             return 1;
     }
     return 0;
 }
 
-int command_is_due(const shared *f, const engine *e)
+int command_is_due(const queue *q, const shared *f, const engine *e)
 {
-    const whole next = f->acknowledged + 1;
-    const command *c = &f->commands[next % COMMANDS];
+    command c;
 
-    return next <= word_get(&f->asks->written) && c->number == next && c->at <= e->sample;
+    return head_is_due(q, f, e) || find_early(q, f, e, &c);
 }

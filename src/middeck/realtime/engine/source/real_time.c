@@ -64,10 +64,13 @@ static void look_at_clock(shared *f, whole missed, whole *in_row, circumstances 
 void run_in_real_time(shared *f, engine *e, rig *r)
 {
     const whole period = (whole)(f->set.period_s * 1e9 + 0.5);
+    static queue commands;
     watch w = {0};
-    whole next, in_row = 0, missed = 0, ending = 0;
+    whole next, in_row = 0, missed = 0;
 
-    if (!start_loader(f, e)) {
+    commands.load.file = f;
+    commands.load.engine = e;
+    if (!start_loader(&commands.load)) {
         perror("the loader's thread");
         return;
     }
@@ -78,12 +81,10 @@ void run_in_real_time(shared *f, engine *e, rig *r)
 
         c.late_ns = sleep_to(&next, period, &missed);
         look_at_clock(f, missed, &in_row, &c);
-        if ((!ending && take_commands(f, e)) || (ending && ++ending > f->set.safe_ramp + 2))
+        if (!e->ending && (asked_to_end || take_commands(&commands, f, e)))
+            engine_end(e);
+        if (e->ending && engine_at_rest(e))
             return;
-        if (asked_to_end && !ending) { /* told to go: first to SAFE, then out */
-            ending = 1;
-            w.stop = word_get(&f->asks->stop) - 1;
-        }
         one_sample(f, e, r, &w, &c);
     }
 }

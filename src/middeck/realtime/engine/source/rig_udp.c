@@ -13,7 +13,7 @@
 
 #include "rig.h"
 
-enum { TRIES = 20 };
+enum { TRIES = 20, OTHERS = 64 }; /* OTHERS: datagrams that are no answer, after which a try is over */
 
 typedef struct {
     uint64_t magic;
@@ -40,25 +40,33 @@ static void send_request(udp_rig *r)
         return; /* as if it had been lost on the way */
 }
 
+static int is_answer(const udp_rig *r, const reply *in, ssize_t got)
+{
+    return got == (ssize_t)r->in_size && in->magic == MAGIC && in->sample == r->out.sample;
+}
+
 static enum rig_answer read_udp(rig *face, real *y)
 {
     udp_rig *r = (udp_rig *)face;
     const int waits = face->set->clock == LOCKSTEP;
+    int tries, others;
     reply in;
-    int tries = TRIES;
 
-    for (;;) {
-        const ssize_t got = recv(r->socket, &in, sizeof in, waits ? 0 : MSG_DONTWAIT);
+    for (tries = TRIES; tries > 0; --tries) {
+        for (others = OTHERS; others > 0; --others) {
+            const ssize_t got = recv(r->socket, &in, sizeof in, waits ? 0 : MSG_DONTWAIT);
 
-        if (got == (ssize_t)r->in_size && in.magic == MAGIC && in.sample == r->out.sample) {
-            memcpy(y, in.numbers, (size_t)face->set->inputs * sizeof *y);
-            return RIG_READ;
+            if (is_answer(r, &in, got)) {
+                memcpy(y, in.numbers, (size_t)face->set->inputs * sizeof *y);
+                return RIG_READ;
+            }
+            if (got < 0)
+                break;
         }
-        if (got < 0 && (!waits || --tries == 0))
-            return waits ? RIG_LOST : RIG_MISSED;
-        if (got < 0)
+        if (waits || tries == TRIES)
             send_request(r);
     }
+    return waits ? RIG_LOST : RIG_MISSED;
 }
 
 static enum rig_answer write_udp(rig *face, const real *u, whole alive)

@@ -1,4 +1,5 @@
 #define _POSIX_C_SOURCE 200809L
+#include <string.h>
 #include <time.h>
 
 #include "clocks.h"
@@ -29,6 +30,26 @@ static void look_at_asks(const shared *f, watch *w, circumstances *c)
     c->silent = f->set.heartbeat && w->silent > f->set.heartbeat;
 }
 
+/* In real time a sample or two may fail to come, as one may be late, once there has been one: the last stands for them. */
+static enum rig_answer read_rig(const shared *f, rig *r, watch *w, real *y)
+{
+    static real fresh[CHANNELS];
+    const enum rig_answer answer = r->read(r, fresh);
+    const whole allowed = f->set.clock == REAL_TIME && w->has_read ? f->set.late_most : 0;
+
+    if (answer == RIG_READ) {
+        memcpy(y, fresh, (size_t)f->set.inputs * sizeof *y);
+        w->has_read = 1;
+    }
+    if (answer != RIG_MISSED && w->written != RIG_MISSED) {
+        w->missed = 0;
+        return answer;
+    }
+    ++w->missed;
+    ++f->status->missed;
+    return w->missed > allowed ? RIG_MISSED : RIG_READ;
+}
+
 void one_sample(shared *f, engine *e, rig *r, watch *w, circumstances *c)
 {
     static real y[CHANNELS];
@@ -39,12 +60,13 @@ void one_sample(shared *f, engine *e, rig *r, watch *w, circumstances *c)
 
     look_at_asks(f, w, c);
     begun = timed ? now_ns() : 0;
-    answer = r->read(r, y);
-    c->no_answer = answer == RIG_MISSED || w->written == RIG_MISSED;
+    answer = read_rig(f, r, w, y);
+    c->no_answer = answer == RIG_MISSED;
     c->rig_dead = answer == RIG_LOST || w->written == RIG_LOST;
     engine_sample(e, y, c, u);
     w->written = r->write(r, u, f->alive); /* outputs that did not arrive trip in the next sample */
     c->rig_dead |= w->written == RIG_LOST;
+    w->lost = c->rig_dead;
     took = timed ? now_ns() - begun : 0;
     if (took > f->status->worst_step_ns)
         f->status->worst_step_ns = took;

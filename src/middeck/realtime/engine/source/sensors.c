@@ -3,9 +3,13 @@
 #include <math.h>
 #include <string.h>
 
-void sensors_start(sensor_tests *s)
+void sensors_start(sensor_tests *s, const settings *set, uint64_t held_by)
 {
+    int i;
+
     memset(s, 0, sizeof *s);
+    for (i = 0; i < set->inputs; ++i)
+        s->reach[i] = set->envelope[i] < HUGE_VAL || !(held_by >> i & 1) ? set->envelope[i] : set->range[i] / 2;
 }
 
 static void look_at_one(sensor_tests *s, const settings *set, int i, real y, trip_cause *cause)
@@ -53,9 +57,9 @@ void sensors_look(sensor_tests *s, const settings *set, const real *y, trip_caus
     for (i = 0; i < set->inputs; ++i) {
         const real ahead = set->rate[i] < 0 ? 0 : set->coast[i] * s->value[set->rate[i]];
         const real square = s->value[i] * s->value[i] + ahead * ahead;
-        const real share = square / (set->envelope[i] * set->envelope[i]);
+        const real share = square / (s->reach[i] * s->reach[i]);
 
-        if (share > 1)
+        if (square > set->envelope[i] * set->envelope[i])
             blame(cause, ENVELOPE, i, sqrt(square), set->envelope[i]);
         if (share > s->worst) {
             s->worst = share;

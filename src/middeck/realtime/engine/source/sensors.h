@@ -10,11 +10,13 @@ typedef struct {
     whole same[CHANNELS]; /* samples of one value */
     whole apart[SPREADS]; /* samples of disagreement */
     uint64_t unhealthy;   /* a bit for each sensor */
-    real worst;           /* largest amplitude over its envelope, squared */
+    real reach[CHANNELS]; /* envelope; half of its range for one that the hold reads and that has none */
+    real worst;           /* largest amplitude over its reach, squared */
     whole worst_at;
 } sensor_tests;
 
-void sensors_start(sensor_tests *s);
+/* The hold reads a bit for each sensor. */
+void sensors_start(sensor_tests *s, const settings *set, uint64_t held_by);
 
 /* There is no sample: the last values stay, and no sensor is healthy. */
 void sensors_miss(sensor_tests *s);

@@ -13,7 +13,7 @@ typedef double real;
 typedef int64_t whole;
 
 enum { MAGIC = 0x4b44524d, FORMAT = 1 };
-enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 64, NAME = 64, FAULTS = 16 };
+enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 1024, NAME = 64, FAULTS = 16 };
 
 enum clock_kind { LOCKSTEP, REAL_TIME };
 enum rig_kind { LINEAR_RIG, UDP_RIG, DRIVER_RIG };
@@ -34,9 +34,9 @@ enum strip_word { STRIP_GAIN, STRIP_OFFSET, STRIP_LIMIT, STRIP_HOLD };
 /* Why a command was not carried out; text in commands.py. */
 enum answer {
     DONE, UNKNOWN_COMMAND, WRONG_SLOT, NOT_LOADED, NOT_READY, WRONG_TRIP, STILL_UNHEALTHY, BUSY, OUT_OF_RANGE, ON_BLACKLIST,
-    NO_WAVEFORM, NOT_ADAPTIVE, BAD_HASH = 50, BAD_MAGIC, BAD_FORMAT, BAD_SIZE, BAD_LENGTH, BAD_NUMBER, BAD_LIMIT, BAD_PLACE,
+    NO_WAVEFORM, NOT_ADAPTIVE, WITHDRAWN, NOT_PROVED, BAD_HASH = 50, BAD_MAGIC, BAD_FORMAT, BAD_SIZE, BAD_LENGTH, BAD_NUMBER, BAD_LIMIT, BAD_PLACE,
     BAD_TEXT, BAD_PADDING, SINGLE_PRECISION, INNER_LOOP, OTHER_RATE, UNKNOWN_PORT, BAD_VECTORS, NO_BYTES, OTHER_BYTE_ORDER,
-    NAME_TWICE, UNDECLARED_POLE
+    NAME_TWICE, UNDECLARED_POLE, BAD_PROOF
 };
 
 /* out = (b0 + b1/z + b2/z^2) / (1 + a1/z + a2/z^2), as of a package. */
@@ -128,6 +128,7 @@ enum fault_kind {
 typedef struct {
     whole number, at, kind, slot;
     real value[4];
+    whole check; /* of the words before it: FNV-1a, a word at a time */
 } command;
 
 typedef struct {
@@ -137,7 +138,7 @@ typedef struct {
 typedef struct {
     whole sequence, sample, kind, channel;
     real value, limit;
-    unsigned char hash[32]; /* of the package in control */
+    unsigned char hash[32]; /* of the package in control; of the law that goes on the blacklist */
 } event;
 
 /* One sample: this head, then doubles: sensors; outputs; hold; excitation; for each slot what it adds, then what it would
@@ -157,20 +158,21 @@ typedef struct {
     whole written;   /* commands given */
     whole taken;     /* records read */
     whole supervisor; /* its process: a lockstep engine ends with it */
+    whole supervisor_born; /* when that began, in ticks of the system */
 } asks;
 
 /* Written by the engine. */
 typedef struct {
-    whole pid, format, size, running;
+    whole pid, born, format, size, running; /* born: when the process began, in ticks of the system */
     whole sample, state, trip, trips;
     whole acknowledged, events;
     whole alive; /* changes with every sample */
-    whole late, worst_late_ns, worst_step_ns, lost; /* lost: records overwritten before they were read */
+    whole late, worst_late_ns, worst_step_ns, lost, missed; /* lost: records overwritten before they were read; missed: samples that did not come */
     whole hold_verified, frozen, frozen_at;
     whole loaded[SLOTS];
     unsigned char slot_hash[SLOTS][32];
     whole blacklisted;
-    unsigned char blacklist[HASHES][32];
+    unsigned char blacklist[HASHES][32]; /* of laws */
     whole real_time; /* what the system granted: 1 priority, 2 locked memory, 4 processor */
 } status;
 
@@ -184,6 +186,7 @@ typedef struct {
     whole ring, ring_count;
     whole pretrip, pretrip_count;
     whole waveform, waveform_samples;
+    whole blacklist, blacklist_count; /* hashes of laws that are refused from the start */
     whole staging, staging_size;
 } places;
 

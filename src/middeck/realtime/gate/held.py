@@ -1,0 +1,77 @@
+"""A package beside the hold of the engine that is to run it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.realtime.engine.settings import EngineSettings
+from middeck.realtime.package.core import Core
+from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.section import LoopPath
+from middeck.signals.ports import Port
+
+
+def with_hold(package: ControllerPackage, settings: EngineSettings) -> ControllerPackage:
+    """The law that an article sees, u = p + f c: ``package`` with the hold of ``settings`` as its inner loop.
+
+    Ports that only the hold has follow those of the package, with the ranges and limits of the settings.
+    Without a hold it is the package itself. Raises `ConfigError` for what no engine runs: other rates and
+    ports, an inner loop of its own, single precision.
+    """
+    _require(not package.paths, "an inner loop of its own", "the hold belongs to the engine's settings")
+    _require(not package.single, "single precision", "the engine runs the law in double precision")
+    near = abs(package.period_s - settings.period_s) <= 1e-9 * settings.period_s
+    _require(near, f"{1.0 / package.period_s:g} Hz", f"the engine's {1.0 / settings.period_s:g} Hz")
+    there, drives = [_known(ports) for ports in (settings.inputs, settings.outputs)]
+    for own, known in ((package.inputs, there), (package.outputs, drives)):
+        lacking = [port.name for port in own if port not in known]
+        _require(not lacking, f"without {', '.join(lacking)} of the package", "the same names and units")
+    if not settings.hold:
+        return package
+    inputs = _joined(package.inputs, [there[path.input] for path in settings.hold])
+    outputs = _joined(package.outputs, [drives[path.output] for path in settings.hold])
+    m, p = len(package.inputs), len(package.outputs)
+    tests = [settings.sensors[there.index(port)] for port in inputs[m:]]
+    more = [settings.drives[drives.index(port)] for port in outputs[p:]]
+    return dataclasses.replace(
+        package,
+        inputs=inputs,
+        outputs=outputs,
+        input_range=np.append(package.input_range, [test.range for test in tests]),
+        lower=np.append(package.lower, [drive.lower for drive in more]),
+        upper=np.append(package.upper, [drive.upper for drive in more]),
+        slew=np.append(package.slew, [drive.slew_rate * settings.period_s for drive in more]),
+        core=_widened(package.core, len(tests), len(more)),
+        paths=tuple(
+            LoopPath(inputs.index(there[path.input]), outputs.index(drives[path.output]), path.section)
+            for path in settings.hold
+        ),
+        vectors=None,
+    )
+
+
+def _known(ports: tuple[Port, ...]) -> list[Port]:
+    return [Port(port.name, port.unit) for port in ports]
+
+
+def _joined(own: tuple[Port, ...], used: list[Port]) -> tuple[Port, ...]:
+    return tuple(dict.fromkeys((*own, *used)))
+
+
+def _widened(core: Core, inputs: int, outputs: int) -> Core:
+    n = len(core.A)
+    return dataclasses.replace(
+        core,
+        B=np.hstack([core.B, np.zeros((n, inputs))]),
+        C=np.vstack([core.C, np.zeros((outputs, n))]),
+        D=np.pad(core.D, ((0, outputs), (0, inputs))),
+        E=np.hstack([core.E, np.zeros((n, outputs))]),
+    )
+
+
+def _require(holds: bool, what: str, hint: str) -> None:
+    if not holds:
+        raise ConfigError(f"not for this engine: {what}", where="package", hint=hint)

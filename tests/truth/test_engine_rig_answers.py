@@ -1,0 +1,112 @@
+"""Answers of a rig that do not come, come among others, or are none: what the engine does without them."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+
+import numpy as np
+import pytest
+
+from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article
+from middeck.errors import DataError
+from middeck.realtime.engine.rig_server import LOOPBACK
+from middeck.realtime.engine.rig_session import REPLY, REQUEST
+from middeck.realtime.engine.supervisor import Supervisor, UdpRig
+
+pytestmark = pytest.mark.usefixtures("compiler")
+
+
+@contextlib.contextmanager
+def answering(reply):
+    """A rig whose ``reply(magic, sample)`` gives the datagrams for a request."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind((LOOPBACK, 0))
+        opened.settimeout(0.1)
+        ended = threading.Event()
+
+        def serve():
+            while not ended.is_set():
+                try:
+                    data, sender = opened.recvfrom(1 << 16)
+                except OSError:
+                    continue
+                magic, sample, _ = REQUEST.unpack_from(data)
+                for datagram in reply(magic, sample):
+                    opened.sendto(datagram, sender)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield UdpRig(opened.getsockname()[1])
+        finally:
+            ended.set()
+            thread.join()
+
+
+def sensors_of(magic, sample):
+    y = 0.01 * np.sin(sample + np.arange(SENSORS))
+    return REPLY.pack(magic, sample) + y.astype("<f8").tobytes()
+
+
+def test_a_missed_answer_is_borne_as_a_late_sample_is():
+    """As many in a row as ``late_most`` allows; the last sample stands for them. One more trips."""
+    lost = {10, 15, 16, 25, 26, 27}
+    settings = plain_settings(period_s=0.04, late_s=1e3, late_most=2)
+    with (
+        answering(lambda magic, sample: [] if sample in lost else [sensors_of(magic, sample)]) as rig,
+        Supervisor(settings, rig, real_time=True) as engine,
+    ):
+        engine.run(3)
+        assert engine.reset().done
+        records = engine.run(30)
+        trips = [event for event in engine.events() if event.trips]
+        assert [(trip.kind, trip.sample) for trip in trips] == [("no answer", 27)]
+        assert int(engine.file.status["missed"]) == len(lost)
+    y = {int(row["sequence"]) - 1: row["y"].tolist() for row in records}
+    assert y[10] == y[9] != y[11]
+    assert y[16] == y[15] == y[14] != y[17]
+
+
+def test_before_the_first_answer_nothing_is_borne():
+    """There is no last sample to stand for it: a rig that is silent from the start trips at once."""
+    settings = plain_settings(period_s=0.02, late_s=1e3, late_most=5)
+    with answering(lambda magic, sample: []) as rig, Supervisor(settings, rig, real_time=True) as engine:
+        engine.reset()
+        engine.run(3)
+        assert engine.state == "safe"
+
+
+@pytest.mark.parametrize("others", [30, 5000])
+def test_datagrams_that_are_no_answers_are_not_read_for_ever(others):
+    """A few are passed over; whoever sends nothing else is a rig that will not answer."""
+    foreign = [b"no answer", bytes(REPLY.size + 8 * SENSORS)]
+
+    def reply(magic, sample):
+        spoilt = (foreign * others)[:others]
+        return [*spoilt, sensors_of(magic, sample)] if others < 64 else spoilt
+
+    settings = plain_settings(answer_s=2.0)
+    with answering(reply) as rig, Supervisor(settings, rig) as engine:
+        engine.reset()
+        engine.run(20)
+        assert kinds(engine) == ["reset done"] + (["rig dead"] if others > 64 else [])
+
+
+def test_what_is_played_is_what_was_given_at_the_start():
+    """Who writes into the shared file later changes nothing, and blames no package with it."""
+    wave = np.full((50, OUTPUTS), 0.1)
+    with Supervisor(plain_settings(), random_article(), waveform=wave) as engine:
+        place = int(engine.file.places["waveform"])
+        np.frombuffer(engine.file.map, "<f8", wave.size, place)[:] = np.nan
+        engine.reset()
+        engine.command("excite", values=[0.0])
+        assert np.array_equal(engine.run(50)["excitation"], wave)
+        assert engine.state == "identify"
+
+
+def test_an_excitation_that_is_not_finite_is_refused_at_the_start(tmp_path, monkeypatch):
+    monkeypatch.setattr("middeck.realtime.engine.supervisor.checked_waveform", lambda wave, _: wave)
+    with pytest.raises(DataError, match="an excitation that is not finite"):
+        Supervisor(plain_settings(), random_article(), waveform=np.full((5, OUTPUTS), np.nan))
