@@ -181,7 +181,8 @@ def _squared(A: np.ndarray, B: np.ndarray, C: np.ndarray, p: float) -> _Found:
                 found.rms[at], found.residual[at] = _finish(power[falls], sums, A[at], B[at], C[at])
             kept = ~(grows | falls) & (size < LOST)
             if not kept.all():
-                left, power, columns, feigned, peak = (x[kept] for x in (left, power, columns, feigned, peak))
+                left = left[kept]
+                power, columns, feigned, peak = (x[kept] for x in (power, columns, feigned, peak))
                 total = None if total is None else total[kept]
             if not len(left) or k == most:
                 break
