@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.signal
@@ -16,6 +18,7 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import BLOCK, cut_blocks, simulate_rig, switch_on
+from middeck.laboratory.rig.stepped import SteppedRig
 from middeck.signals.ports import Port
 from middeck.systems.modal import ModalSystem
 from middeck.systems.plant import Plant
@@ -274,6 +277,28 @@ def test_a_gyro_on_a_rate_reads_the_acceleration_at_once():
     exact = simulate(sample_dynamics(lagged, T, DELAY - 0.5 * T - 1.0 / a), u)[0][:, 0]
     readings = run_through(rig_of(plant, sensor=Gyro(bandwidth_hz=corner)), u)["readings"]
     np.testing.assert_allclose(readings, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
+
+
+def test_an_angle_is_the_sum_of_the_samples_that_a_gyro_at_the_rate_gives():
+    swing = oscillator(0.05)
+    turning = Plant(
+        dynamics=dataclasses.replace(swing.modal, phi=[[1.0], [0.0]], phi_rate=[[0.0], [1.0]]),
+        inputs=swing.inputs,
+        outputs=(Port("angle", "rad"), Port("rate", "rad/s")),
+    )
+    sensors = {"angle": SHEET, "rate": dataclasses.replace(SHEET, summed=False, gain=1.02)}
+    sensors = {name: dataclasses.replace(one, noise=0.0, bias_walk=0.0) for name, one in sensors.items()}
+    rig = build_rig(turning, sensors=sensors, sample_hz=RATE, delay_s=DELAY)
+    u = np.random.default_rng(9).standard_normal((500, 1))
+    rng = np.random.default_rng(1)
+    start = switch_on(rig, None, 1.0, rng)
+    read = np.concatenate([b.measured for b in simulate_rig(rig, None, cut_blocks(u, 333), rng, start)])
+    angle, rate = read[:, 0], read[:, 1] / 1.02
+    np.testing.assert_allclose(angle, T * (np.cumsum(rate) - 0.5 * rate), rtol=0.0, atol=1e-9)
+    stepped = SteppedRig(rig, np.random.default_rng(1), rest_s=1.0)
+    for sample, command in zip(read, u, strict=True):
+        np.testing.assert_allclose(stepped.read(), sample, rtol=0.0, atol=1e-12)
+        stepped.write(command)
 
 
 def test_momentum_is_minus_the_torque_given_with_and_without_limits():

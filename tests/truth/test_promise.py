@@ -16,7 +16,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.noise import measure_noise_rms
-from middeck.control.robust.monte_carlo import noise_on
+from middeck.control.robust.monte_carlo import noise_on, which_decay
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
@@ -361,7 +361,9 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
             loop=loop, finish=partial(close_inner, asked),
         )  # fmt: skip
         plants = [group_loop(asked, p, case.PD.names, case.ALL_ANGLES) for p in drawn.plants]
-        held.append(int(np.count_nonzero(noise_on(plants, law, weights)[0])))
+        stable, rms, _ = noise_on(plants, law, weights)
+        np.testing.assert_array_equal(which_decay(plants, law, weights), stable & np.isfinite(rms))
+        held.append(int(np.count_nonzero(stable)))
     assert held[0] == 6
     assert held[1] < 6
 

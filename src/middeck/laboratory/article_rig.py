@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -47,8 +47,9 @@ def build_article_rig(
     substeps: int = 1,
     inner: PDLoops | None = None,
 ) -> Rig:
-    """The rig of ``article`` between torque commands at ``inputs`` and samples of the angles ``outputs``.
+    """The rig of ``article`` between torque commands at ``inputs`` and samples of ``outputs``.
 
+    Outputs are angles, and rates ``<angle>_rate``: a gyro's own samples, at a joint a like tachometer's.
     Every free gimbal axis has the settings' friction and play, commanded or not. A torque on a node is
     a wheel's, at a joint a gimbal's motor's, which also holds the payload; a joint angle is an encoder's, an
     inertial one an integrated gyro's. ``inner`` are analogue loops that hold it without delay, through
@@ -65,7 +66,7 @@ def build_article_rig(
     return build_rig(
         plant if drifting else age_plant(plant, drifts, age_s),
         motors={name: _motor(equilibrium, name, settings) for name in inputs},
-        sensors={name: _sensor(structure, name, settings, gains.get(name, 1.0)) for name in outputs},
+        sensors={name: _sensor(structure, name, settings, gains) for name in outputs},
         sample_hz=settings.sample_hz,
         delay_s=rig_delay(article, settings),
         joints=[JointElements(name, name, elements) for name in rubs],
@@ -144,8 +145,11 @@ def _motor(equilibrium: Equilibrium, name: str, settings: RigSettings) -> Motor:
     return dataclasses.replace(settings.gimbal, holding=float(equilibrium.holding_torque[at]))
 
 
-def _sensor(structure: Structure, name: str, settings: RigSettings, gain: float) -> Sensor:
+def _sensor(structure: Structure, name: str, settings: RigSettings, gains: Mapping[str, float]) -> Sensor:
+    gain = gains.get(name.removesuffix(RATE), 1.0)
     known = {s.name: s for s in structure.sensors}
+    if name not in known and name.removesuffix(RATE) in known:
+        return dataclasses.replace(settings.gyro, gain=gain, summed=False)
     if name not in known:
         raise ConfigError(f"no sensor {name!r}", hint=f"one of {', '.join(known)}")
     return dataclasses.replace(settings.encoder if known[name].axis is None else settings.gyro, gain=gain)

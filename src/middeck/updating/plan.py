@@ -118,8 +118,8 @@ def plant_of(plan: Plan, modes: Modes) -> Plant:
     inner = [name for loop in (*loops, *rub) for name in (loop, f"{loop}{RATE}")]
     return build_plant(
         modes,
-        inputs=_once(*plan.disturbances, *drives, *loops, *rub),
-        outputs=_once(*plan.performance, *reads, *inner),
+        inputs=once(*plan.disturbances, *drives, *loops, *rub),
+        outputs=once(*plan.performance, *reads, *inner),
         count=plan.modes,
         w=plan.disturbances,
         z=plan.performance,
@@ -141,7 +141,7 @@ def close_inner(plan: Plan, plant: Plant) -> Plant:
 
 def group_loop(plan: Plan, plant: Plant, drives: Sequence[str], reads: Sequence[str]) -> Plant:
     """``plant`` between disturbances and performance and a compensator's ports: no other is delayed."""
-    ports = select_ports(plant, _once(*plan.disturbances, *drives), _once(*plan.performance, *reads))
+    ports = select_ports(plant, once(*plan.disturbances, *drives), once(*plan.performance, *reads))
     return group_ports(ports, w=plan.disturbances, u=drives, z=plan.performance, y=reads)
 
 
@@ -166,5 +166,6 @@ def weights_of(plan: Plan, drives: Sequence[Port], reads: Sequence[Port]) -> LQG
     )
 
 
-def _once(*names: str) -> tuple[str, ...]:
+def once(*names: str) -> tuple[str, ...]:
+    """Each name at its first place."""
     return tuple(dict.fromkeys(names))

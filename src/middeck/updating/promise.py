@@ -17,12 +17,12 @@ from middeck.errors import ConfigError
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.plant import delay_plant
+from middeck.systems.plant import Plant, delay_plant
 from middeck.updating.bound import Bound, bound_worst
 from middeck.updating.draws import DrawnPlants, draw_plants
 from middeck.updating.orbit import Prediction, predict_modes
 from middeck.updating.outlook import Outlook, highest_promised, look_ahead, with_friction
-from middeck.updating.plan import Plan, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.refine import Refined
 from middeck.updating.slip import draw_slips
 from middeck.updating.slip_run import run_slips
@@ -63,13 +63,17 @@ def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
         return {}
     whole = close_inner(plan, plant_of(plan, modes))
     late = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
-    late = group_loop(plan, late, plan.ladder.drives, plan.ladder.reads)
+    return design_on(group_loop(plan, late, plan.ladder.drives, plan.ladder.reads), plan.ladder, plan)
+
+
+def design_on(late: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompensator]:
+    """The compensators of ``ladder`` by name, designed on a plant grouped for them, with its delays."""
     model = approximate_delays(late, approximation_order(late))
     weights = weights_of(plan, driven_ports(model), measured_ports(model))
     kalman = design_filter(model, weights)
     return {
         f"LQG {np.log10(level):g}": design_lqg(model, weights, float(level), kalman=kalman)
-        for level in plan.ladder.authority
+        for level in ladder.authority
     }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.robust.monte_carlo import noise_on
+from middeck.control.robust.monte_carlo import which_decay
 from middeck.structure.modes.bending import dispersed_modes
 from middeck.systems.mode_dispersion import DispersedModes, dispersed_factors
 from middeck.systems.mode_shift import shift_modes
@@ -64,5 +64,4 @@ def try_sweep(swept: SweptPlants, law: Compensator, plan: Plan) -> Swept:
     """Stability of ``law`` in every case, delays exact."""
     u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
     plants = [group_loop(plan, plant, u, y) for plant in swept.plants]
-    decays, rms, _ = noise_on(plants, law, weights_of(plan, law.outputs, law.inputs))
-    return Swept(swept.cases, decays & np.isfinite(rms))
+    return Swept(swept.cases, which_decay(plants, law, weights_of(plan, law.outputs, law.inputs)))

@@ -6,9 +6,15 @@ Appl. Math. 16). Squaring M doubles the terms of X with products of matrices alo
 than the iterations of an eigenvalue. A norm of a power below one proves stability, a trace above the number
 of states growth; what is not proved, or whose residual is too large, is decided loop by loop, as one loop
 alone is.
+
+No loop waits for another: one that is decided leaves the stack. X itself is not needed to the end: where a
+power P is small, c X c' = sum c P^j Y P'^j c' with the Y so far, and a few rows c P^j are cheap. Rows v and
+v A of fixed v tell the residual v (A X + X A' + B B') v' in the same way.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
@@ -22,16 +28,20 @@ from middeck.systems.stability import GROWTH_LIMIT, all_decay, growth_rates, non
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
-AT_ONCE = 32
+AT_ONCE = 16
 """Loops together: their matrices of 60 states stay in the cache."""
 SQUARINGS = 24
 """A pole that decays by 1e-6 of p or more is proved stable."""
-PROVED = 1e-3
-"""Norm of a power of M far below one."""
+SMALL = 0.1
+"""Norm of a power of M below one: its third power proves stability, its eighth adds nothing to X."""
+LAST = 3
+"""Doublings of rows that make that eighth."""
+PROBES = 3
+"""Vectors v of the residual."""
 GROWN = 1e3
 """Trace of a power of M, over the number of states, far above one."""
-GONE = 1e-8
-"""Norm of a power of M whose square adds nothing to X."""
+LOST = 1e140
+"""Norm of a power of M beyond which its square may overflow."""
 DOUBT = 0.1
 """Growth by rounding, over all squarings, up to which a proof is one."""
 TRUSTED = 1e-11
@@ -46,8 +56,8 @@ class ManyLoops:
         stable: As `middeck.systems.stability.is_stable` decides each.
         rms: Of each output under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
             pole does not decay.
-        residual: |A X + X A' + B B'| / (2 |A| |X| + |B B'|), Frobenius norms; ``nan`` where the rms is
-            infinite.
+        residual: |A X + X A' + B B'| / (2 |A| |X| + |B B'|), Frobenius norms, the first as `PROBES` vectors
+            see it; ``nan`` where the rms is infinite.
         alone: Loops that were decided one by one.
     """
 
@@ -99,15 +109,14 @@ def measure_many(
         return ManyLoops(stable=stable, rms=rms, residual=residual, alone=alone)
     # One scaling by powers of two for all, from the first loop: exact, whatever the others are.
     scale = balance(A[0])[1]
+    turned = scale / scale[:, None]
     pole = _middle(np.linalg.eigvals(A[0]))
     for first in range(0, count, AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        F, G, H = A[part] * scale / scale[:, None], B[part] / scale[:, None], C[part] * scale
-        proved, grown, X = _squared(F, G, pole)
-        residual[part] = np.where(grown, np.nan, _residuals(F, G, X))
-        alone[part] = ~grown & (~proved | ~(residual[part] <= TRUSTED))
-        rms[part] = row_rms(H, np.where((alone[part] | grown)[:, None, None], np.inf, X))
-        stable[part] = ~grown
+        F, G, H = A[part] * turned, B[part] / scale[:, None], C[part] * scale
+        found = _squared(F, G, H, pole)
+        alone[part] = ~found.grown & ~(found.proved & (found.residual <= TRUSTED))
+        rms[part], residual[part], stable[part] = found.rms, found.residual, ~found.grown
     for i in np.flatnonzero(alone):
         stable[i], rms[i], residual[i] = _one(A[i], B[i], C[i])
     return ManyLoops(stable=stable, rms=rms, residual=residual, alone=alone)
@@ -136,50 +145,100 @@ def _middle(poles: np.ndarray) -> float:
     return float(tried[np.argmax(gain.min(axis=1))])
 
 
-def _squared(A: np.ndarray, B: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which loops are proved stable, which to grow, and the X of all."""
-    n, eps = A.shape[1], float(np.finfo(float).eps)
+class _Found(NamedTuple):
+    """Which loops are proved stable and which to grow; of the proved, rms and relative residuals."""
+
+    proved: np.ndarray
+    grown: np.ndarray
+    rms: np.ndarray
+    residual: np.ndarray
+
+
+def _squared(A: np.ndarray, B: np.ndarray, C: np.ndarray, p: float) -> _Found:
+    count, n, eps = *A.shape[:2], float(np.finfo(float).eps)
+    proved, grown = np.zeros((2, count), bool)
+    found = _Found(proved, grown, np.full((count, C.shape[1]), np.inf), np.full(count, np.nan))
     shifted = A - p * np.eye(n)
     try:
         inverse = np.linalg.inv(shifted)
     except np.linalg.LinAlgError:  # a pole at p
-        return np.zeros(len(A), bool), np.zeros(len(A), bool), np.zeros(A.shape)
-    power = np.eye(n) + 2.0 * p * inverse
+        return found
+    feigned, left = eps * _size(shifted) * _size(inverse), np.arange(count)
+    power, peak = np.eye(n) + 2.0 * p * inverse, np.ones(count)
     columns, total = np.sqrt(2.0 * p) * (inverse @ B), None
-    feigned = eps * np.linalg.norm(shifted, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
-    size = np.linalg.norm(power, axis=(1, 2))
-    peak, proved_at = np.maximum(size, 1.0), np.full(len(A), np.inf)
-    grown = np.zeros(len(A), bool)
     most = int(np.clip(np.log2(p / GROWTH_LIMIT) - 3.0, 0, SQUARINGS))
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(most + 1):
-            proved_at[(size < PROVED) & np.isinf(proved_at)] = 2.0**k
+            size = _size(power)
+            peak = np.fmax(peak, size)
             trace = np.abs(np.einsum("lii->l", power))
-            grown |= (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
-            # Loops that grow keep the others waiting no longer than their own powers stay finite.
-            if not np.any((size > (GONE if B.shape[2] else PROVED)) & (size < 1.0 / GONE)):
+            grows = (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
+            falls = ~grows & (size < SMALL)
+            grown[left[grows]] = True
+            proved[left[falls]] = (feigned * peak**2 * 3.0 * 2.0**k < DOUBT)[falls]
+            if falls.any():
+                at, sums = left[falls], _gram(columns[falls]) if total is None else total[falls]
+                found.rms[at], found.residual[at] = _finish(power[falls], sums, A[at], B[at], C[at])
+            kept = ~(grows | falls) & (size < LOST)
+            if not kept.all():
+                left = left[kept]
+                power, columns, feigned, peak = (x[kept] for x in (power, columns, feigned, peak))
+                total = None if total is None else total[kept]
+            if not len(left) or k == most:
                 break
-            if total is None and 2 * columns.shape[2] <= n:
+            if total is None and columns.shape[2] <= n:
                 columns = np.concatenate([columns, power @ columns], axis=2)
             else:
-                total = columns @ np.swapaxes(columns, 1, 2) if total is None else total
-                total = total + power @ total @ np.swapaxes(power, 1, 2)
+                total = _gram(columns) if total is None else total
+                total += power @ total @ _turned(power)
             power = power @ power
-            size = np.linalg.norm(power, axis=(1, 2))
-            peak = np.fmax(peak, size)
-        proved = feigned * peak**2 * proved_at < DOUBT
-    found = columns @ np.swapaxes(columns, 1, 2) if total is None else total
-    return proved & (size < GONE if B.shape[2] else True), grown & ~proved, found
+    return found
 
 
-def _residuals(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> np.ndarray:
+def _finish(
+    power: np.ndarray, total: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rms and residual from the sum of the terms so far and the small power that comes after them."""
+    count, n, outputs = len(A), A.shape[1], C.shape[1]
     if not B.shape[2]:
-        return np.zeros(len(A))
-    with np.errstate(over="ignore", invalid="ignore"):
-        half, Q = A @ X, B @ np.swapaxes(B, 1, 2)
-        sizes = [np.linalg.norm(M, axis=(1, 2)) for M in (half + np.swapaxes(half, 1, 2) + Q, A, X, Q)]
-        whole = 2.0 * sizes[1] * sizes[2] + sizes[3]
-        return np.divide(sizes[0], whole, out=np.zeros(len(A)), where=whole != 0.0)
+        return np.zeros((count, outputs)), np.zeros(count)
+    probes = np.broadcast_to(_probes(n), (count, PROBES, n))
+    rows = np.concatenate([C, probes, probes @ A], axis=1)
+    wide = rows.shape[1]
+    for step in range(LAST):
+        power = power @ power if step else power
+        rows = np.concatenate([rows, rows @ power], axis=1)
+    by_power = count, 2**LAST, wide, n
+    half, rows = (rows @ total).reshape(by_power), rows.reshape(by_power)
+    square = np.einsum("lpij,lpij->li", half[:, :, :outputs], rows[:, :, :outputs])
+    last = outputs + PROBES
+    gap = 2.0 * np.einsum("lpij,lpij->li", half[:, :, outputs:last], rows[:, :, last:])
+    driven = probes @ B
+    gap += np.einsum("lij,lij->li", driven, driven)
+    whole = 2.0 * _size(A) * _size(total) + _size(B.swapaxes(1, 2) @ B)
+    residual = np.divide(_size(gap), whole, out=np.zeros(count), where=whole != 0.0)
+    return np.sqrt(np.maximum(square, 0.0)), residual
+
+
+def _probes(n: int) -> Float[np.ndarray, "probe state"]:
+    """Vectors of signs without a pattern that a structure could share (fractional parts of n^2 / sqrt 2)."""
+    k = np.arange(1.0, PROBES * n + 1.0)
+    return np.where((k * k / np.sqrt(2.0)) % 1.0 < 0.5, -1.0, 1.0).reshape(PROBES, n)
+
+
+def _size(M: np.ndarray) -> Float[np.ndarray, " loop"]:
+    """Frobenius norms."""
+    flat = M.reshape(len(M), -1)
+    return np.sqrt(np.vecdot(flat, flat))
+
+
+def _gram(M: np.ndarray) -> np.ndarray:
+    return M @ _turned(M)
+
+
+def _turned(M: np.ndarray) -> np.ndarray:
+    """Transposed in memory: BLAS is slower on a view."""
+    return np.ascontiguousarray(np.swapaxes(M, 1, 2))
 
 
 def _one(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[bool, np.ndarray, float]:
@@ -191,9 +250,9 @@ def _one(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[bool, np.ndarray,
         return True, np.zeros(len(C)), 0.0
     balanced, scale = balance(A)
     G = B / scale[:, None]
-    X = np.asarray(sla.solve_continuous_lyapunov(balanced, -G @ G.T))
-    return (
-        True,
-        row_rms((C * scale)[None], X[None])[0],
-        float(_residuals(balanced[None], G[None], X[None])[0]),
-    )
+    Q = G @ G.T
+    X = np.asarray(sla.solve_continuous_lyapunov(balanced, -Q))
+    gap, sizes = balanced @ X, [float(np.linalg.norm(M)) for M in (balanced, X, Q)]
+    whole = 2.0 * sizes[0] * sizes[1] + sizes[2]
+    residual = float(np.linalg.norm(gap + gap.T + Q)) / whole if whole else 0.0
+    return True, row_rms((C * scale)[None], X[None])[0], residual

@@ -22,6 +22,8 @@ from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.systems.plant import Plant, remove_delays
+from middeck.systems.stability import all_decay, growth_rates, plainly_decays
+from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
 
@@ -153,24 +155,41 @@ def noise_on(
     Raises `ConfigError` for a compensator of other ports than the plants' groups y and u, for one that is
     sampled, and for one with a direct term.
     """
+    stable, rms, control = _noise_on(plants, compensator, weights, measured=band_hz is None)
+    if band_hz is not None:
+        for i in np.flatnonzero(np.isfinite(rms)).tolist():
+            rms[i], control[i] = integrate_band_noise(plants[i], compensator, weights, band_hz)
+    return stable, rms, control
+
+
+def which_decay(
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
+) -> Bool[np.ndarray, " plant"]:
+    """Loops that are stable and of finite rms by `noise_on`, which does not compute it for this."""
+    stable, rms, _ = _noise_on(plants, compensator, weights, measured=False)
+    return stable & np.isfinite(rms)
+
+
+def _noise_on(
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
+) -> tuple[Bool[np.ndarray, " plant"], Float[np.ndarray, " plant"], Float[np.ndarray, " plant"]]:
+    """As `noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
     _require(plants, compensator)
     found: list[NoiseOutcome | None] = [None] * len(plants)
     known = family_law(compensator, weights)
     if known is not None:
         found = [measure_in_family(p, known) if p.delayed else None for p in plants]
     left = [i for i, outcome in enumerate(found) if outcome is None]
-    for i, outcome in zip(left, _approximated([plants[i] for i in left], compensator, weights), strict=True):
+    others = _approximated([plants[i] for i in left], compensator, weights, measured=measured)
+    for i, outcome in zip(left, others, strict=True):
         found[i] = outcome
     rows = [(f.stable, f.rms, f.control_rms) for f in found if f is not None]
     stable, rms, control = (np.array(x) for x in zip(*rows, strict=True)) if rows else (np.zeros(0),) * 3
-    if band_hz is not None:
-        for i in np.flatnonzero(np.isfinite(rms)).tolist():
-            rms[i], control[i] = integrate_band_noise(plants[i], compensator, weights, band_hz)
     return stable.astype(bool), rms, control
 
 
 def _approximated(
-    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
 ) -> list[NoiseOutcome]:
     """Evaluate all plants together with approximated delays, except those that need exact evaluation."""
     system = compensator.system
@@ -178,7 +197,7 @@ def _approximated(
     orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
-    values, rms, control = _rms(models, [law] * len(models))
+    values, rms, control = _rms(models, [law] * len(models), measured=measured)
     stable = exact_growth(plants, law, values) <= 0.0
     found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
     for i, plant in enumerate(plants):
@@ -202,7 +221,7 @@ def _outcomes(
 
 
 def _rms(
-    models: Sequence[GeneralizedPlant], laws: Sequence[Law]
+    models: Sequence[GeneralizedPlant], laws: Sequence[Law], *, measured: bool
 ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Poles, rms of the weighted outputs, and of the weighted input, plant by plant."""
     poles: list[np.ndarray] = [np.zeros(0)] * len(models)
@@ -210,7 +229,8 @@ def _rms(
     closed = [closed_matrices(m, law) for m, law in zip(models, laws, strict=True)]
     for group in same_shapes([c[0].shape for c in closed]):
         A, B, C = (np.array([closed[i][k] for i in group]) for k in range(3))
-        values, each = np.linalg.eigvals(A).astype(complex), measure_many(A, B, C).rms
+        values = np.linalg.eigvals(A).astype(complex)
+        each = measure_many(A, B, C).rms if measured else _zero_or_infinite(A, values, C.shape[1])
         inputs = models[group[0]].B2.shape[1]
         outputs = each.shape[1] - inputs
         for j, i in enumerate(group):
@@ -218,6 +238,15 @@ def _rms(
             rms[i] = np.linalg.norm(each[j, :outputs])
             control[i] = np.linalg.norm(each[j, outputs:])
     return poles, rms, control
+
+
+def _zero_or_infinite(A: np.ndarray, values: np.ndarray, outputs: int) -> Float[np.ndarray, "loop output"]:
+    """Zero where a loop decays, by its eigenvalues ``values`` where these are plain."""
+    decays = [
+        plainly_decays(a, v) or all_decay(growth_rates(StateSpace(a, a[:, :0], a[:0], np.zeros((0, 0)))))
+        for a, v in zip(A, values, strict=True)
+    ]
+    return np.where(np.array(decays, dtype=bool)[:, None], 0.0, np.full(outputs, np.inf))
 
 
 def same_shapes(shapes: Sequence[tuple[int, ...]]) -> list[list[int]]:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.laboratory.rig.sensors import Gyro, Sensor
+from middeck.laboratory.rig.sensors import Sensor, is_summed
 from middeck.systems.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -43,14 +43,15 @@ def build_computer(sensors: Sequence[Sensor], law: SampledStateSpace) -> Compute
 
 
 def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace:
-    """Readings to measured outputs: y = s + T/2 r with s[k+1] = s + T r for a gyro, y = r for the others.
+    """Readings to measured outputs: y = s + T/2 r with s[k+1] = s + T r for a gyro at an angle, y = r
+    for the others.
 
-    >>> from middeck.laboratory.rig.sensors import Encoder
+    >>> from middeck.laboratory.rig.sensors import Encoder, Gyro
     >>> integrators([Encoder(0.1), Gyro()], 0.5).D.tolist()
     [[1.0, 0.0], [0.0, 0.25]]
     """
-    gyro = np.array([isinstance(s, Gyro) for s in sensors], dtype=bool)
-    select = np.eye(len(sensors))[gyro]
+    summed = np.array([is_summed(s) for s in sensors], dtype=bool)
+    select = np.eye(len(sensors))[summed]
     n = len(select)
-    D = np.diag(np.where(gyro, 0.5 * period_s, 1.0))
+    D = np.diag(np.where(summed, 0.5 * period_s, 1.0))
     return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s=period_s)

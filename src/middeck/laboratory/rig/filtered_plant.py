@@ -13,7 +13,7 @@ from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, add_viscous
 from middeck.laboratory.rig.sensor_filters import anti_alias, sensor_filter
-from middeck.laboratory.rig.sensors import Gyro, Sensor
+from middeck.laboratory.rig.sensors import Gyro, Sensor, is_summed
 from middeck.systems.modal import ModalSystem, modal_to_statespace
 from middeck.systems.plant import Plant
 from middeck.systems.statespace import StateSpace, select_paths
@@ -53,7 +53,7 @@ def filter_outputs(
     noise = np.zeros((n + extra, len(filters)))
     first = n
     for o, ((name, sensor), f) in enumerate(zip(sensors, filters, strict=True)):
-        c, d, jump = _reading(system, o, isinstance(sensor, Gyro))
+        c, d, jump = _reading(system, o, is_summed(sensor))
         if np.any(jump) and np.any(f.D):
             raise ConfigError(
                 f"output {name!r} answers a command at once: its rate is infinite",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from middeck.laboratory.rig.motors import EXACT
-from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler, Sensor
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler, Sensor, is_summed
 from middeck.values import record
 
 
@@ -18,7 +18,8 @@ class Readout:
 
     ``step`` is one count (`EXACT` for none), ``range`` the largest reading, a whole number of counts;
     ``noise_rms`` is white and added before them. ``bias`` and ``walk`` (per tick) are standard deviations of
-    an error and of its random walk; ``gyro`` tells the outputs that have one.
+    an error and of its random walk; ``gyro`` tells the outputs that have one, ``summed`` those that the
+    computer adds up.
     """
 
     step: Float[np.ndarray, " output"]
@@ -26,7 +27,8 @@ class Readout:
     noise_rms: Float[np.ndarray, " output"]
     bias: Float[np.ndarray, " output"]
     walk: Float[np.ndarray, " output"]
-    gyro: np.ndarray
+    gyro: Bool[np.ndarray, " output"]
+    summed: Bool[np.ndarray, " output"]
 
 
 def gather_readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
@@ -46,5 +48,9 @@ def gather_readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
                 bias[i], walk[i] = sensor.bias, sensor.bias_walk * np.sqrt(period_s)
                 if np.isinf(sensor.anti_alias_hz):
                     noise[i] = sensor.noise / np.sqrt(period_s)
-    gyro = np.array([isinstance(s, Gyro) for s in sensors], dtype=bool)
-    return Readout(step=step, range=reach, noise_rms=noise, bias=bias, walk=walk, gyro=gyro)
+    gyro, summed = (np.array(list(map(of, sensors)), dtype=bool) for of in (_is_gyro, is_summed))
+    return Readout(step=step, range=reach, noise_rms=noise, bias=bias, walk=walk, gyro=gyro, summed=summed)
+
+
+def _is_gyro(sensor: Sensor) -> bool:
+    return isinstance(sensor, Gyro)

@@ -143,7 +143,7 @@ def run_closed_loop(
     measured, control, torque = (
         x[settle * len(u) :].reshape(periods, len(u), x.shape[1]) for x in taken.joined()
     )
-    y = remove_ramps(measured, rig.readout.gyro)
+    y = remove_ramps(measured, rig.readout.summed)
     given = np.broadcast_to(u, (periods, *u.shape))
     record = Record(
         sample_hz=rig.sample_hz,

@@ -37,7 +37,7 @@ class Encoder:
 
 @record(kw_only=True)
 class Gyro:
-    """A rate gyro behind an anti-alias filter, whose samples the computer adds up to an angle.
+    """A rate gyro or tachometer behind an anti-alias filter; the computer adds its samples up to an angle.
 
     Attributes:
         bandwidth_hz: Corner frequency of its first-order lag; infinite for none.
@@ -49,6 +49,7 @@ class Gyro:
         resolution, range: One step of the converter [rad/s] (zero for none), and its largest rate: it
             reads whole steps up to there.
         gain: Reading per true rad/s.
+        summed: Whether it stands at an angle and is added up; otherwise at a rate, whose samples are read.
 
     Raises `ConfigError` for a value out of its range.
     """
@@ -61,6 +62,7 @@ class Gyro:
     resolution: float = 0.0
     range: float = math.inf
     gain: float = 1.0
+    summed: bool = True
 
     def __post_init__(self) -> None:
         _refuse_negative(
@@ -94,6 +96,11 @@ def _refuse_negative(where: str, **values: float) -> None:
 def _refuse_gain(where: str, gain: float) -> None:
     if not 0.0 < abs(gain) < math.inf:
         raise ConfigError(f"a gain of {gain}", where=where, hint="finite, not zero")
+
+
+def is_summed(sensor: Sensor) -> bool:
+    """Whether the computer adds up what it samples."""
+    return isinstance(sensor, Gyro) and sensor.summed
 
 
 def sensor_lag(sensor: Sensor) -> float:

@@ -77,7 +77,7 @@ def start_at_rest(rig: Rig, law: SampledStateSpace, bias: Float[np.ndarray, " ou
     m, p = len(rig.inputs), len(rig.outputs)
     return RigState(
         x=np.zeros(rig.plant.angle.shape[1]),
-        computer=np.zeros(int(rig.readout.gyro.sum()) + len(law.A)),
+        computer=np.zeros(int(rig.readout.summed.sum()) + len(law.A)),
         issued=np.zeros((rig.plant.delay_ticks + 1, m)),
         momentum=np.zeros(m),
         joints=np.zeros(sum(len(j.elements) for j in rig.joints)),

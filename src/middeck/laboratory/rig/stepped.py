@@ -64,9 +64,9 @@ class SteppedRig(EngineRig):
         """So many ticks, as `simulate_rig` takes them."""
         readout, period_s = self.rig.readout, self.rig.period_s
         noise, offset, bias = draw_errors(self.rig, plant, count, self.rng, start.bias)
-        gyro, sums = readout.gyro, np.zeros(len(self.rig.outputs))
-        sums[gyro] = start.computer
-        adds, half = np.where(gyro, period_s, 0.0), np.where(gyro, 0.5 * period_s, 1.0)
+        summed, sums = readout.summed, np.zeros(len(self.rig.outputs))
+        sums[summed] = start.computer
+        adds, half = np.where(summed, period_s, 0.0), np.where(summed, 0.5 * period_s, 1.0)
         nothing = [0.0] * len(self.rig.inputs)
         issued = np.vstack([start.issued, np.zeros((count, len(nothing)))])
         new, windows = issued[len(start.issued) :], pair_rows(issued)
@@ -80,6 +80,6 @@ class SteppedRig(EngineRig):
             momentum = momentum - new[k]
             tick.move(windows[k], noise[k])
         return RigState(
-            x=tick.x, computer=sums[gyro], issued=issued[count:], momentum=momentum,
+            x=tick.x, computer=sums[summed], issued=issued[count:], momentum=momentum,
             joints=tick.joint_states(), bias=bias, trim=start.trim, tick=start.tick + count,
         )  # fmt: skip

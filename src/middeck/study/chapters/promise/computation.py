@@ -11,14 +11,15 @@ from jaxtyping import Float, Int
 from middeck.control.analysis.stability import LoopStability, decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.lqg import LQGCompensator, design_filter, design_lqg
+from middeck.control.lqg import LQGCompensator, design_lqg
 from middeck.files.outcomes import name_of, name_of_mode, statements_of
 from middeck.files.promise_build import build_plan
 from middeck.files.promises import promised_there
 from middeck.files.studies import Study
-from middeck.files.study_promise import PromiseForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
+from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article, linear_plant
 from middeck.laboratory.settings import RigSettings
@@ -30,7 +31,7 @@ from middeck.study.shared import find_modes
 from middeck.systems.delay_approximation import approximate_delays
 from middeck.updating.outlook import LEVELS
 from middeck.updating.plan import Plan, weights_of
-from middeck.updating.promise import Promise, design_ladder, promise
+from middeck.updating.promise import Promise, design_ladder, design_on, promise
 from middeck.updating.score import Outcome, Score, Verdict, judge, score
 from middeck.updating.surveys import pair, set_up
 from middeck.values import record
@@ -101,8 +102,9 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
     refined = set_up(ground.refined.structure, orbit, (), ground.refined.unknowns).solve(ground.refined.x)
     truth = build_rig_article(article, orbit, settings)
     above = launch(truth, form, settings, plan, rng)
-    fit = fit_response(above.without, states=form.flight_states, cost="logarithmic")
-    ladders = design_ladder(refined, plan), _measured_ladder(fit, form, plan)
+    response = estimate_response(above.without, band_hz=form.loop_band_hz)
+    fit = fit_response(response, states=form.flight_states, cost="logarithmic")
+    ladders = design_ladder(refined, plan), measured_ladder(fit, plan)
     laws: dict[str, Compensator] = {**given, **ladders[0], **ladders[1]}
     flown = fly(above, laws, form, settings, plan, rng)
     statements = statements_of({"shares": LEVELS, "environments": [there]})
@@ -123,17 +125,17 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
     )
 
 
-def _measured_ladder(fit: FitResult, form: PromiseForm, plan: Plan) -> dict[str, LQGCompensator]:
-    """The same authorities on the record from orbit."""
-    u, y = (form.actuator,), (form.sensor,)
-    late = measured_plant(fit.model, w=u, u=u, z=y, y=y)
-    model = approximate_delays(late, approximation_order(late))
-    weights = weights_of(plan, late.inputs, late.outputs)
-    kalman = design_filter(model, weights)
-    return {
-        MEASURED.format(f"LQG {level:g}"): design_lqg(model, weights, 10.0**level, kalman=kalman)
-        for level in form.log10_authority
-    }
+def measured_ladder(fit: FitResult, plan: Plan) -> dict[str, LQGCompensator]:
+    """The plan's ladder designed on a record from orbit."""
+    assert plan.ladder is not None
+    ports = {"w": plan.disturbances, "u": plan.ladder.drives, "z": plan.performance, "y": plan.ladder.reads}
+    late = measured_plant(_falling(fit.model), **ports)
+    return {MEASURED.format(name): law for name, law in design_on(late, plan.ladder, plan).items()}
+
+
+def _falling(model: MeasurementModel) -> MeasurementModel:
+    """Without its constant, which stands for modes above the band: no noise may pass it."""
+    return dataclasses.replace(model, direct=np.zeros_like(model.direct))
 
 
 def _true_pairs(modes: Modes, truth: Modes, kept: Int[np.ndarray, " mode"]) -> dict[int, float]:
@@ -184,10 +186,8 @@ def _ground_law(
 ) -> GroundLaw:
     """LQG for all motors and sensors on the fit of the first ground test, there and in orbit."""
     form = study.promise
-    # What is left of modes above the band does not fall with frequency: a constant, which no noise may pass.
-    model = dataclasses.replace(fit.model, direct=np.zeros_like(fit.model.direct))
     groups = {"w": (form.actuator,), "u": form.inputs, "z": (form.sensor,), "y": form.outputs}
-    late = measured_plant(model, **groups)
+    late = measured_plant(_falling(fit.model), **groups)
     plant = approximate_delays(late, approximation_order(late))
     weights = weights_of(plan, plant.inputs, plant.outputs)
     law = design_lqg(plant, weights, 10.0**form.ground_log10_authority)

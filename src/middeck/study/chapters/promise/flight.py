@@ -12,18 +12,18 @@ from middeck.control.qualification import decibels
 from middeck.control.robust.monte_carlo import noise_on, uncontrolled_rms
 from middeck.control.sampled import emulate
 from middeck.files.study_promise import PromiseForm
-from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import run_closed_loop
 from middeck.laboratory.settings import RigSettings
 from middeck.signals.excitation import random_multisine
+from middeck.signals.ports import port_indices
+from middeck.signals.record import Record
 from middeck.structure.plants.port_rows import RATE
 from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse
 from middeck.systems.statespace import StateSpace
-from middeck.updating.plan import Plan, group_loop, weights_of
+from middeck.updating.plan import Plan, group_loop, once, weights_of
 from middeck.values import record
 
 SETTLE = 1  # unrecorded period of a run
@@ -48,25 +48,32 @@ class Flown:
 
 @record(kw_only=True)
 class Orbit:
-    """The article in orbit behind its rig, held by its analogue loops, and the response without control."""
+    """The article in orbit behind its rig, held by its analogue loops, and its record without control."""
 
     article: RigArticle
     plant: Plant
     rig: Rig
     excitation: np.ndarray
-    without: FrequencyResponse
+    without: Record
 
 
 def launch(
     article: RigArticle, form: PromiseForm, settings: RigSettings, plan: Plan, rng: np.random.Generator
 ) -> Orbit:
-    """Switch the rig of ``article`` on in orbit and measure it without a compensator."""
-    ports = (form.actuator,), (form.sensor,)
-    plant = linear_plant(article, settings, *ports, plan.inner)
-    rig = build_article_rig(article, settings, inputs=ports[0], outputs=ports[1], inner=plan.inner)
-    u = random_multisine(
-        form.loop_band_hz, form.flight_period_s, settings.sample_hz, form.disturbance_nm, rng
-    )[:, None]
+    """Switch the rig of ``article`` on in orbit and measure it without a compensator.
+
+    The form's disturbance acts at each of the plan's.
+    """
+    assert plan.ladder is not None
+    inputs = once(*plan.disturbances, *plan.ladder.drives)
+    outputs = once(*plan.performance, *plan.ladder.reads)
+    plant = linear_plant(article, settings, inputs, outputs, plan.inner)
+    rig = build_article_rig(article, settings, inputs=inputs, outputs=outputs, inner=plan.inner)
+    u = np.zeros((round(form.flight_period_s * settings.sample_hz), len(inputs)))
+    for k in range(len(plan.disturbances)):
+        u[:, k] = random_multisine(
+            form.loop_band_hz, form.flight_period_s, settings.sample_hz, form.disturbance_nm, rng
+        )
     taken, cause = _measure(rig, None, u, form, settings, rng)
     assert taken is not None, cause
     return Orbit(article=article, plant=plant, rig=rig, excitation=u, without=taken)
@@ -94,13 +101,17 @@ def _flown(
     rng: np.random.Generator,
 ) -> Flown:
     taken, cause = _measure(orbit.rig, law, orbit.excitation, form, settings, rng)
-    rig_db = None if taken is None else decibels(_rms(taken), _rms(orbit.without))
+    rig_db = None if taken is None else decibels(_rms(taken, plan), _rms(orbit.without, plan))
     return Flown(name=name, db=_linear_db(orbit, law, plan), rig_db=rig_db, cause=cause)
 
 
-def _rms(response: FrequencyResponse) -> float:
-    """Per unit of the excitation, whose lines are all alike."""
-    return float(np.linalg.norm(response.H))
+def _rms(taken: Record, plan: Plan) -> float:
+    """Of the plan's weighted performance, in its band."""
+    y = taken.y[0].mean(axis=0)[:, port_indices(taken.outputs, plan.performance, "output")]
+    hz = np.fft.rfftfreq(len(y), 1.0 / taken.sample_hz)
+    low, high = plan.band_hz or (0.0, np.inf)
+    lines = np.fft.rfft(y * plan.weights, axis=0)[(hz >= low) & (hz <= high)]
+    return float(np.linalg.norm(lines)) / len(y)
 
 
 def _linear_db(orbit: Orbit, law: Compensator, plan: Plan) -> float | None:
@@ -127,11 +138,9 @@ def _measure(
     form: PromiseForm,
     settings: RigSettings,
     rng: np.random.Generator,
-) -> tuple[FrequencyResponse | None, str]:
+) -> tuple[Record | None, str]:
     sampled = None if law is None else emulate(law, rig.period_s)
     run = run_closed_loop(
         rig, sampled, u, periods=form.flight_periods, rng=rng, settle=SETTLE, rest_s=settings.rest_s
     )
-    if run.record is None:
-        return None, run.cause
-    return estimate_response(run.record, band_hz=form.loop_band_hz), ""
+    return run.record, run.cause
