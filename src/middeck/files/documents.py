@@ -36,6 +36,7 @@ Kind = Literal["article", "environment", "study"]
 # What ``--environment orbit`` means far from any environments/: it is the same everywhere.
 BUILT_IN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("orbit", "lab")}
 DOCUMENTS = (looks.ARTICLE, looks.ENVIRONMENT, looks.STUDY)
+WANTED: dict[Kind, str] = dict(zip(("article", "environment", "study"), DOCUMENTS, strict=True))
 FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
 
 
@@ -59,10 +60,11 @@ class Checked(Generic[F]):
     place: Callable[[Finding], Fault]
 
 
-def read_source(path: str | Path, kind: Kind | None = None) -> Source:
+def read_source(path: str | Path, wanted: str = looks.CHANNELS) -> Source:
     """Parse a TOML file.
 
-    Raises `ConfigError` if it is missing, empty, not UTF-8, not TOML, or looks like another than ``kind``.
+    Raises `ConfigError` if it is missing, empty, not UTF-8, not TOML, or looks like another than ``wanted``,
+    a kind of `looks`.
     """
     file = str(path)
     try:
@@ -71,10 +73,8 @@ def read_source(path: str | Path, kind: Kind | None = None) -> Source:
         _refuse(file, "is a folder, not a file", f"one of the files in {file}")
     except OSError as error:
         _refuse(file, f"cannot be read: {error.strerror}", "check the path")
-    wanted = looks.CHANNELS if kind is None else _a(kind)
-    strange = looks.stray(
-        path, wanted, (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8, *([] if kind else DOCUMENTS))
-    )
+    passing = (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8)
+    strange = looks.stray(path, wanted, (*passing, *(DOCUMENTS if wanted == looks.CHANNELS else ())))
     if strange:
         _refuse(file, strange, f"{wanted} in this place")
     try:
@@ -99,18 +99,13 @@ def _refuse(file: str, message: str, hint: str, *, line: int = 0) -> NoReturn:
     raise_fault(Fault(file=file, line=line, key="", message=message, hint=hint))
 
 
-def _a(kind: Kind) -> str:
-    """The kind with its article."""
-    return f"an {kind}" if kind[0] in "ae" else f"a {kind}"
-
-
 def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Source]:
     """`read_source` of each path; the errors of all are raised together."""
     sources: list[Source] = []
     faults: list[Fault] = []
     for path, kind in zip(paths, kinds, strict=True):
         try:
-            sources.append(read_source(path, kind))
+            sources.append(read_source(path, WANTED[kind]))
         except ConfigError as error:
             faults += error.data["faults"]
     raise_faults(list(dict.fromkeys(faults)))
@@ -156,7 +151,7 @@ def check(
 
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
     """The article in file ``path``; raises `ConfigError` with all its faults."""
-    source = read_source(path, "article")
+    source = read_source(path, looks.ARTICLE)
     article = _check_all([(source, ArticleForm, article_findings)], overrides)[0]
     return build_article(article)
 
@@ -166,7 +161,7 @@ def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environ
 
     "lab" hangs on the attach points of an article: see `load_setup`.
     """
-    source = read_source(_environment_file(path), "environment")
+    source = read_source(_environment_file(path), looks.ENVIRONMENT)
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
     return _environment(checked)
 
@@ -275,7 +270,7 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     if given.is_file():
         return given
     if given.is_dir():
-        raise ConfigError(f"{name} is a folder, not {_a(kind)}", hint=f"the path of {_a(kind)} file")
+        raise ConfigError(f"{name} is a folder, not {WANTED[kind]}", hint=f"the path of {WANTED[kind]} file")
     own = [] if beside is None else [Path(beside).resolve().parent]
     folders = [*(root / FOLDERS[kind] for root in (Path(), *(folder.parent for folder in own))), *own]
     for folder in folders:
@@ -285,5 +280,5 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
         return BUILT_IN[name]
     built_in = BUILT_IN if kind == "environment" else ()
     known = sorted({*built_in, *(p.stem for folder in folders for p in folder.glob("*.toml"))})
-    advice = nearest(name, known) or f"give the path of {_a(kind)} file"
+    advice = nearest(name, known) or f"give the path of {WANTED[kind]} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import re
 from collections import Counter
@@ -142,6 +143,10 @@ def read_entries(cards: Iterable[Card]) -> Entries:
             idle[name] = len(found)
         else:
             faults.append(_refusal(name, found))
+    if groups and not by_name and not idle and all(f.hint in (COLUMNS, CARDS) for f in faults):
+        faults = [
+            dataclasses.replace(faults[0], key="", message="no card of a Nastran deck in it", hint=CARDS)
+        ]
     raise_some(faults)
     return Entries(by_name, idle)
 
@@ -292,6 +297,10 @@ def _twice(entry: Entry, other: Entry, space: str) -> list[Fault]:
     ]
 
 
+COLUMNS = "columns of eight, or commas"
+CARDS = "docs/how-to/your-nastran-deck.md lists the cards that are read"
+
+
 def _refusal(name: str, found: list[Card]) -> Fault:
     line = found[0].line()
     count = f"{len(found)} of them" if len(found) > 1 else "one of them"
@@ -302,8 +311,7 @@ def _refusal(name: str, found: list[Card]) -> Fault:
     elif name in NOT_YET:
         message, hint = f"not converted yet, and without it the modes would be others ({count})", ""
     else:
-        message, hint = (
-            f"no card of this name ({count})",
-            nearest(name, [*PARSED, *IDLE]) if name.isalnum() else "columns of eight, or commas",
-        )
+        near = nearest(name, [*PARSED, *IDLE])
+        message, hint = f"no card of this name ({count})", near if near.startswith("did") else CARDS
+        hint = hint if name.isalnum() else COLUMNS
     return Fault(file=line[1], line=line[2], key=name, message=message, hint=hint)
