@@ -267,6 +267,8 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     environments ``orbit`` and ``lab`` need no file. Raises `ConfigError` with the nearest name there is.
     """
     given = Path(name)
+    if not name:
+        raise ConfigError(f"no name of {WANTED[kind]}: the text is empty", hint="a path, or a name")
     if given.is_file():
         return given
     if given.is_dir():
@@ -279,6 +281,7 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     if kind == "environment" and name in BUILT_IN:
         return BUILT_IN[name]
     built_in = BUILT_IN if kind == "environment" else ()
-    known = sorted({*built_in, *(p.stem for folder in folders for p in folder.glob("*.toml"))})
+    files = [p for folder in folders for p in folder.glob("*.toml")]
+    known = sorted({*built_in, *(p.stem for p in files if looks.looks_like(p) == WANTED[kind])})
     advice = nearest(name, known) or f"give the path of {WANTED[kind]} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)
