@@ -62,10 +62,11 @@ def _is_real(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
 
 def _far(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
     """Steps across the positive real axis, and all but the `MOST` across the negative one nearest to one."""
-    far = (L[1:].real > 0.0) & (L[:-1].real > 0.0)
+    positive, below = np.real(L) > 0.0, np.signbit(np.imag(L))
+    far = positive[1:] & positive[:-1]
     with np.errstate(divide="ignore"):
         level = np.abs(np.log(np.abs(L)))
-    for channel, across in enumerate((np.signbit(L[1:].imag) != np.signbit(L[:-1].imag)).T):
+    for channel, across in enumerate((below[1:] != below[:-1]).T):
         steps = np.flatnonzero(across & ~far[:, channel])
         nearest = np.argsort(np.fmin(level[steps, channel], level[steps + 1, channel]), kind="stable")
         far[steps[nearest[MOST:]], channel] = True
