@@ -30,7 +30,6 @@ from middeck.structure.plants.port_rows import RATE
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, measured_ladder
 from middeck.study.chapters.promise.flight import fly, launch
 from middeck.study.chapters.promise.ground import run_ground_tests
-from middeck.study.shared import find_modes
 from middeck.updating.plan import Ladder, Plan
 from middeck.updating.promise import design_ladder, promise
 from middeck.updating.refine import Refined

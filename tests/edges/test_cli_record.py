@@ -128,6 +128,20 @@ def test_columns_and_periods_by_options_and_overrides(tmp_path: Path, capfd: Cap
     assert (ended.code, "must be > 0" in ended.err) == (2, True)
 
 
+def test_an_input_and_an_output_of_one_name_are_found_by_their_sides(tmp_path: Path, capfd: Capture) -> None:
+    """A motor and its encoder, whose names are those of their joint."""
+    x, joint = np.random.default_rng(3).standard_normal((3, 1, 1, 50, 1)), "arm"
+    y = np.concatenate([x[1], x[2]], axis=-1)
+    ports = (Port("tip", "m"), Port(joint, "rad"))
+    taken = Record(sample_hz=10.0, u=x[0], y=y, inputs=(Port(joint, "N m"),), outputs=ports, periodic=False)
+    write_record(tmp_path / "r.npz", taken)
+    asked = ("--inputs", joint, "--outputs", joint, "-o", tmp_path / "s.npz")
+    assert middeck(capfd, "record", tmp_path / "r.npz", *asked).code == 0
+    kept = load_record(tmp_path / "s.npz")
+    assert np.array_equal(kept.u, taken.u)
+    assert np.array_equal(kept.y, taken.y[..., 1:])
+
+
 @pytest.mark.parametrize("target", ["r.xyz", "r.npy"])
 def test_a_kind_that_cannot_be_written(npz: Path, capfd: Capture, target: str) -> None:
     ended = middeck(capfd, "record", npz, "-o", npz.with_name(target))

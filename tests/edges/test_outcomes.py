@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -65,6 +66,13 @@ def test_modes_in_another_order_are_compared_by_shape(tmp_path: Path):
     assert min(v["mac"] for v in found["verdicts"]) > 0.99
     assert found["remarks"] == []
     assert [file["name"] for file in found["surveys"]] == ["flown.json"]
+
+
+def test_a_survey_in_rad_per_s_is_said(tmp_path: Path):
+    """The frequencies of eight shapes are 2 pi times those that were promised."""
+    seen = load_measured_modes(SHAPES)
+    wrong = dataclasses.replace(seen, frequency_hz=2.0 * np.pi * seen.frequency_hz)
+    assert any("rad/s in place of Hz" in r for r in compared(tmp_path, survey(tmp_path, wrong))["remarks"])
 
 
 def test_modes_that_cross_are_each_judged_by_what_was_said_of_their_shape(tmp_path: Path):

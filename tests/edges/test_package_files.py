@@ -70,7 +70,7 @@ DATA = encode_package(whole())
 # Words of the head stand from byte 8: format, flags, states, pairs, inputs, outputs, filters, paths, ...
 BROKEN = {
     "empty": (b"", "is empty"),
-    "another file": (b"PK\x03\x04" + DATA[4:], "begins otherwise"),
+    "another file": (b"PK\x03\x04" + DATA[4:], "archive of arrays"),
     "cut to its head": (DATA[:40], "cut short"),
     "truncated": (DATA[:-1], "hash does not fit"),
     "a byte more": (DATA + b"\0", "hash does not fit"),

@@ -286,8 +286,8 @@ def test_a_campaign_refuses_other_rates_and_channels(tmp_path: Path) -> None:
 
 
 def test_a_sensor_calibrated_anew_is_the_same_channel(tmp_path: Path) -> None:
-    x = RNG.standard_normal((2, 1, 1, 9, 1))
     for name, date in (("a.npz", "2026-01-31"), ("b.npz", "2026-06-30")):
+        x = RNG.standard_normal((2, 1, 1, 9, 1))
         port = Port("y", "m", Channel(node="1", direction="+z", gain=2.0, calibrated=date))
         write_record(tmp_path / name, a_record(x, (Port("u", "V"),), (port,)))
     joined = load_records([tmp_path / "a.npz", tmp_path / "b.npz"])

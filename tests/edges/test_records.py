@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -186,6 +187,9 @@ def test_several_files_are_experiments_of_one_record(tmp_path: Path) -> None:
     paths = [tmp_path / "a.npz", tmp_path / "b.npz"]
     for path in paths:
         write_record(path, sample_record())
+    with pytest.raises(DataError, match=r"the same samples as .*a.npz: one test counts once"):
+        load_records(paths)
+    write_record(paths[1], dataclasses.replace(sample_record(), y=2.0 * sample_record().y))
     assert load_records(paths).u.shape == (4, 3, 20, 1)
     write_record(paths[1], sample_record(hz=250.0))
     with pytest.raises(DataError, match=r"mismatched sampling rate \[Hz\]: 250.0") as caught:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.files.documents import load_setup
 from middeck.files.measured_modes import write_measured_modes
@@ -22,6 +23,7 @@ from middeck.structure.correlation.measured_modes import (
 from middeck.structure.correlation.units import doubt_units
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.updating.findings import findings
 
 SEEDS = range(1993, 1999)
 
@@ -64,6 +66,8 @@ SLIPS = {
     "Hz divided by 2 pi": lambda m: dataclasses.replace(m, frequency_hz=m.frequency_hz / (2.0 * np.pi)),
     "kHz in place of Hz": lambda m: dataclasses.replace(m, frequency_hz=1e-3 * m.frequency_hz),
     "cycles a minute": lambda m: dataclasses.replace(m, frequency_hz=60.0 * m.frequency_hz),
+    "(rad/s)^2": lambda m: dataclasses.replace(m, frequency_hz=(2.0 * np.pi * m.frequency_hz) ** 2),
+    "periods in s": lambda m: dataclasses.replace(m, frequency_hz=1.0 / m.frequency_hz),
     "per cent in place of a ratio": lambda m: dataclasses.replace(m, damping=100.0 * m.damping),
     "degrees beside metres": lambda m: turned(m, 180.0 / np.pi),
     "m beside mm": lambda m: turned(m, 1e-3),
@@ -80,6 +84,32 @@ def test_a_slip_is_seen(modes: Modes, said: str, seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_survey_in_its_units_is_not_doubted(modes: Modes, seed: int) -> None:
     assert doubts(modes, survey(modes, seed)) == ""
+
+
+def first_of(measured: MeasuredModes, count: int) -> MeasuredModes:
+    parts = {"frequency_hz": 0, "damping": 0, "shape": 1, "frequency_std_hz": 0}
+    return dataclasses.replace(
+        measured, **{key: np.take(getattr(measured, key), range(count), axis) for key, axis in parts.items()}
+    )
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_few_modes_tell_a_slip_where_their_shapes_are_known(modes: Modes, count: int) -> None:
+    """Seen with at least half of the seeds, never where there is none."""
+    slip = SLIPS["rad/s in place of Hz"]
+    surveys = [first_of(survey(modes, seed), count) for seed in range(20)]
+    assert not any(doubts(modes, s) for s in surveys)
+    assert sum("rad/s" in doubts(modes, slip(s)) for s in surveys) >= 10
+
+
+def test_a_refinement_says_so() -> None:
+    """A survey of three modes in rad/s, beside modes of the model that are near these numbers."""
+    article, lab = load_setup(ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml")
+    modes = solve_modes(solve_equilibrium(article, lab))
+    seen = SLIPS["rad/s in place of Hz"](survey(modes, 1))
+    unknown = md.Unknown(name="modulus", parameters=("members.E",), spread=0.1)
+    refined = md.refine(article, [md.Survey(name="s", measured=seen, environment=lab)], [unknown])
+    assert any("rad/s in place of Hz" in said for said in findings(refined))
 
 
 def test_correlate_says_so(tmp_path: Path, modes: Modes, capfd: pytest.CaptureFixture[str]) -> None:

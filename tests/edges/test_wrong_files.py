@@ -18,13 +18,20 @@ from middeck.cli.advice import on_command_line
 from middeck.cli.app import VERBS, verb_options
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.article_form import ArticleForm
+from middeck.files.candidate_files import load_candidates
 from middeck.files.documents import load_environment, load_structure
 from middeck.files.environment_form import EnvironmentForm
 from middeck.files.form import Form, bare, is_form
 from middeck.files.looks import KEYS, looks_like
 from middeck.files.measured_modes import load_measured_modes
 from middeck.files.models import load_model
+from middeck.files.nastran.deck import read_deck
+from middeck.files.outcomes import load_outcomes
+from middeck.files.packages import load_package
+from middeck.files.promise_plans import load_plan
+from middeck.files.promised_loads import load_promised_loads
 from middeck.files.records import load_record, write_record
+from middeck.files.refinements import load_refinement
 from middeck.files.source import read_source
 from middeck.files.studies import load_study
 from middeck.files.study_form import StudyForm
@@ -44,6 +51,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("kinds")
     for name, source in (("article", ARTICLE), ("environment", LAB), ("study", STUDY), ("survey", SURVEY)):
         (path / f"{name}{source.suffix}").write_bytes(source.read_bytes())
+    for name in ("refine", "candidates", "promise", "outcome"):
+        (path / f"{name}.toml").write_bytes((SURVEY.parent / f"{name}.toml").read_bytes())
     text = ARTICLE.read_text(encoding="utf-8")
     (path / "bom.toml").write_text("\ufeff" + text, encoding="utf-8")
     (path / "crlf.toml").write_bytes(text.replace("\n", "\r\n").encode())
@@ -74,6 +83,10 @@ LOOKS = {
     "environment.toml": "an environment",
     "study.toml": "a study",
     "survey.json": "the measured modes of a survey",
+    "refine.toml": "a refinement",
+    "candidates.toml": "a list of candidate tests",
+    "promise.toml": "the plan of a promise",
+    "outcome.toml": "an outcome",
     "model.json": "a fitted model",
     "cut.json": "a fitted model",
     "law.json": "a compensator",
@@ -114,6 +127,30 @@ READERS = {
     "survey": (load_measured_modes, ("survey.json",)),
     "model": (load_model, ()),
     "record": (load_record, ("record.npz",)),
+    "refinement": (lambda path: load_refinement(path, ARTICLE), ()),
+    "candidates": (lambda path: load_candidates(path, ARTICLE), ()),
+    "promise plan": (lambda path: load_plan(path, ARTICLE), ()),
+    "promised loads": (lambda path: load_promised_loads(path, ARTICLE), ()),
+    "outcome": (load_outcomes, ()),
+    "package": (load_package, ()),
+    "deck": (read_deck, ()),
+}
+FOREIGN = (
+    "article.toml",
+    "environment.toml",
+    "study.toml",
+    "survey.json",
+    "refine.toml",
+    "candidates.toml",
+    "promise.toml",
+    "outcome.toml",
+)
+# These name files that are not in the folder, or surveys that fit another article.
+OWN_WORDS = {
+    ("refinement", "refine.toml"),
+    ("candidates", "candidates.toml"),
+    ("promise plan", "promise.toml"),
+    ("outcome", "outcome.toml"),
 }
 
 
@@ -131,8 +168,8 @@ def test_every_reader_refuses_what_is_not_its_own_in_a_few_words(
     text = str(caught.value)
     assert len(text.splitlines()) <= 3, text
     assert str(folder) in text
-    foreign = LOOKS[name] in ("an article", "an environment", "a study", "the measured modes of a survey")
-    if foreign and reader != "study":
+    kinds = [LOOKS[kind] for kind in FOREIGN]
+    if LOOKS[name] in kinds and (reader, name) not in OWN_WORDS:
         assert f"looks like {LOOKS[name]}" in text
 
 

@@ -24,6 +24,7 @@ from middeck.structure.model.component import (
     component_faults,
     rigid_mass,
 )
+from middeck.structure.model.finer import refine_mesh
 from middeck.structure.modes.left_out import left_out
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
@@ -263,6 +264,15 @@ def test_derivatives_of_an_article_with_a_component_are_those_of_the_whole_solve
     np.testing.assert_allclose(way @ found.d_lambda, want, rtol=1e-6, atol=1e-6 * np.abs(want).max())
     with pytest.raises(ConfigError, match=r"node.b.position.x: it moves grids of component 'part' apart"):
         differentiate_rest(md.solve_equilibrium(*both), find_parameters(*both, ["node.b.position.x"]))
+
+
+@pytest.mark.parametrize("finer", [1, 20])
+@pytest.mark.parametrize("count", range(3))
+def test_a_boundary_that_holds_nothing_has_no_stiffness(count, finer):
+    """One node: its six motions strain nothing, whatever they are computed from."""
+    _, part = bent_beam(np.random.default_rng(2))
+    part = md.reduce_structure(refine_mesh(part, finer), ["a"], count=count).component
+    assert np.all(part.stiffness[:6] == 0.0)
 
 
 def test_what_is_seldom_meant_is_doubted():

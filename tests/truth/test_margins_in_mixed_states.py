@@ -76,6 +76,46 @@ def test_bodies_that_no_loop_moves_limit_no_gain(seed: int, unmoved: str) -> Non
         assert one.delay_limit_s == pytest.approx(np.arctan2(kd * w, kp) / w, rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", repeats(range(20), 2))
+def test_no_gain_of_an_undamped_position_loop_is_a_limit(seed: int) -> None:
+    """Springs between bodies and the ground: omega^2 are eigenvalues of a symmetric matrix at every gain, and
+    positive ones. Nothing leaves the axis, and any delay lets it."""
+    rng = np.random.default_rng([29, seed])
+    count, m = int(rng.integers(1, 4)), 3
+    psi = rng.standard_normal((m + count, m))
+    modal = ModalSystem(
+        omega=np.append(np.zeros(m), rng.uniform(2.0, 40.0, count)),
+        zeta=np.zeros(m + count),
+        psi=psi,
+        phi=psi.T,
+        phi_rate=np.zeros_like(psi.T),
+        names=tuple(f"mode {k}" for k in range(m + count)),
+    )
+    forces, seen = (tuple(Port(f"{n}{k}", unit) for k in range(m)) for n, unit in (("f", "N"), ("y", "m")))
+    plant = Plant(dynamics=modal, inputs=forces, outputs=seen)
+    plant = mixed(plant, rng) if seed % 2 else plant
+    law = Compensator(gain_system(-np.diag(rng.uniform(0.5, 5.0, m))), seen, forces)
+    margins = measure_margins(plant, law)
+    assert margins.stable
+    for one in margins.loops:
+        assert one.gain_limits == (0.0, np.inf)
+        assert one.phase_limit_rad == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", repeats(range(10), 1))
+def test_of_thousands_of_crossings_those_nearest_to_one_are_found(seed: int) -> None:
+    """A late force on a damped body: -k L is real and negative where atan(w/c) + w tau is an odd half turn."""
+    rng = np.random.default_rng([31, seed])
+    c, tau = 10.0 ** rng.uniform(-1.0, 0.0), 10.0 ** rng.uniform(0.0, 0.5)
+    body = StateSpace(np.array([[-c]]), np.array([[1.0]]), np.array([[1.0]]), np.zeros((1, 1)))
+    plant = delay_plant(Plant(dynamics=body, inputs=FORCES[:1], outputs=SEEN[:1]), tau)
+    law = Compensator(gain_system(np.array([[-0.5 * c]])), SEEN[:1], FORCES[:1])
+    (one,) = measure_margins(plant, law).loops
+    first = brentq(lambda w: w * tau + np.arctan2(w, c) - np.pi, 1e-6, np.pi / tau)
+    assert one.gain_limits[1] == pytest.approx(np.hypot(first, c) / (0.5 * c), rel=1e-9)
+    assert len(one.gain) == 300
+
+
 @pytest.mark.parametrize("unmoved", ["unseen", "unpushed", "both"])
 @pytest.mark.parametrize("late", [0.0, 0.013])
 @pytest.mark.parametrize("seed", repeats([24, 29, 9, *range(100, 140)], 3))

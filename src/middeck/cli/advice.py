@@ -35,6 +35,9 @@ SPOKEN = (
     Spoken(r"noise=MeasurementNoise\(([\d.]+), ([\d.]+)\)", "--noise", r"--noise \1,\2", ""),
     Spoken(r"\(count=None\)", "--count", "(--count)", ""),
     Spoken(r"constants='complex'", "--constants", "--constants complex", "complex constants"),
+    Spoken(r"delay=False", "--delay", "--delay none", "no delay"),
+    Spoken(r" \(delay='output', relative_degree=1\)", "", "", ""),
+    Spoken(r", sampled=False(?=;)", "", "", ""),
     Spoken(r"a band_hz of", "--band", "a --band of", "a band of"),
     Spoken(r"band_hz=\(low, high\)", "--band", "--band LO,HI", "a narrower band"),
     Spoken(r"Environment\.orbit\(\)", "", "orbit", "orbit"),
@@ -42,6 +45,14 @@ SPOKEN = (
 )
 CLAUSES = r"(;\s+|,? or\s+)"
 CALL = r"\b[A-Za-z_][\w.]*\w\(|(?<![\w.-])[a-z_]+=(?=[\w(\['\"])|\b[A-Z][a-z]+[A-Z]\w*"
+
+
+def in_options(text: str, own: Collection[str]) -> str:
+    """``text`` with the options ``own`` of a verb in place of arguments of the library."""
+    for spoken in SPOKEN:
+        words = spoken.words if not spoken.option or spoken.option in own else spoken.otherwise
+        text = re.sub(spoken.python, words, text)
+    return text
 
 
 def on_command_line(
@@ -59,9 +70,7 @@ def on_command_line(
     'record more'
     """
     own = options.get(verb, ())
-    for spoken in SPOKEN:
-        words = spoken.words if not spoken.option or spoken.option in own else spoken.otherwise
-        hint = re.sub(spoken.python, words, hint)
+    hint = in_options(hint, own)
     known = {*own, *(o for other in options if re.search(rf"\b{other}\b", hint) for o in options[other])}
     said = ""
     parts = re.split(CLAUSES, hint)

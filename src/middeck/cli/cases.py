@@ -11,6 +11,7 @@ import numpy as np
 from middeck.cli.blame import reading
 from middeck.errors import MiddeckError
 from middeck.files.documents import BUILT_IN, find_document, load_setup
+from middeck.files.looks import ARTICLE
 from middeck.files.source import read_source
 from middeck.structure.model.article import Structure
 from middeck.structure.model.connectivity import some_names
@@ -108,7 +109,7 @@ def case_doubts(structure: Structure, environment: Environment, *files: Path) ->
 
 def _hung_anywhere(structure: Structure, *files: Path) -> tuple[str, ...]:
     """The built-in laboratory hangs an article that does not say where by every attach point that it has."""
-    if not files or files[-1] != BUILT_IN["lab"] or "suspension" in read_source(files[0]).data:
+    if not files or files[-1] != BUILT_IN["lab"] or "suspension" in read_source(files[0], ARTICLE).data:
         return ()
     names = some_names([point.name for point in structure.attach_points])
     return (

@@ -9,6 +9,8 @@ from typing import Any, TextIO
 
 import click
 
+from middeck.cli.advice import in_options
+
 
 class Table:
     """A titled table of texts; columns of numbers are set flush right."""
@@ -41,8 +43,10 @@ def show(as_json: bool, document: Mapping[str, Any], *blocks: str | Table) -> No
 
         _write(json_text(document))
         return
+    typed = click.get_current_context(silent=True)
+    own = [name for p in typed.command.params for name in p.opts] if typed else []
     for warning in document.get("warnings", ()):
-        click.echo(f"warning: {warning}", err=True)
+        click.echo(f"warning: {in_options(warning, own)}", err=True)
     if is_terminal(sys.stdout):
         _show_rich(blocks)
     else:

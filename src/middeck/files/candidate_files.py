@@ -13,6 +13,7 @@ from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.faults import Finding, finding, raise_faults
 from middeck.files.form import Finite, Form, NotNegative, Positive, whole
 from middeck.files.gauge_form import PlannedStaticForm, build_case, build_gauge, planned_findings
+from middeck.files.looks import CANDIDATES
 from middeck.files.promised_loads import PromisedLoads, load_promised_loads
 from middeck.files.refinements import Refinement, load_refinement
 from middeck.files.source import check, read_source
@@ -75,7 +76,7 @@ def load_candidates(path: str | Path, article: str | Path) -> Candidates:
     The refinement is sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
     the document, and for environments given twice.
     """
-    source = read_source(path)
+    source = read_source(path, CANDIDATES)
     checked = check(source, source.data, {}, CandidatesForm, _findings)
     raise_faults(list(checked.faults))
     form = checked.form

@@ -17,7 +17,7 @@ from middeck.files.environment_form import EnvironmentForm, build_environment, j
 from middeck.files.faults import Fault, finding, nearest, raise_faults
 from middeck.files.form import Form
 from middeck.files.overrides import Target, apply_overrides
-from middeck.files.source import Checked, Kind, Source, check, read_source, read_sources, refuse, with_article
+from middeck.files.source import WANTED, Checked, Kind, Source, check, read_source, read_sources, refuse
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.sensitivity.parameters import scale_parameters
@@ -29,7 +29,7 @@ FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments"
 
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
     """The article in file ``path``; raises `ConfigError` with all its faults."""
-    source = read_source(path, "article")
+    source = read_source(path, looks.ARTICLE)
     article = _check_all([(source, ArticleForm, article_findings)], overrides)[0]
     return build_article(article)
 
@@ -39,7 +39,7 @@ def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environ
 
     "lab" hangs on the attach points of an article: see `load_setup`.
     """
-    source = read_source(_environment_file(path), "environment")
+    source = read_source(_environment_file(path), looks.ENVIRONMENT)
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
     return _environment(checked)
 
@@ -144,10 +144,11 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     article's environments are found from anywhere; so is a file of this name beside that file. The
     environments ``orbit`` and ``lab`` need no file. Raises `ConfigError` with the nearest name there is.
     """
-    given = Path(name)
+    given, wanted = Path(name), WANTED[kind]
+    if not name:
+        raise ConfigError(f"no name of {wanted}: the text is empty", hint="a path, or a name")
     if given.is_file():
         return given
-    wanted = with_article(kind)
     if given.is_dir():
         raise ConfigError(f"{name} is a folder, not {wanted}", hint=f"the path of {wanted} file")
     own = [] if beside is None else [Path(beside).resolve().parent]
@@ -158,6 +159,7 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     if kind == "environment" and name in BUILT_IN:
         return BUILT_IN[name]
     built_in = BUILT_IN if kind == "environment" else ()
-    known = sorted({*built_in, *(p.stem for folder in folders for p in folder.glob("*.toml"))})
+    files = [p for folder in folders for p in folder.glob("*.toml")]
+    known = sorted({*built_in, *(p.stem for p in files if looks.looks_like(p) == wanted)})
     advice = nearest(name, known) or f"give the path of {wanted} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)

@@ -10,6 +10,8 @@ ARTICLE, ENVIRONMENT, STUDY, CHANNELS = "an article", "an environment", "a study
 MODEL, LAW, SURVEY = "a fitted model", "a compensator", "the measured modes of a survey"
 PROMISE, PACKAGE, RUN = "a promise", "a controller package", "a run of the engine"
 BLACKLIST = "a blacklist of packages"
+REFINEMENT, CANDIDATES, PLAN = "a refinement", "a list of candidate tests", "the plan of a promise"
+OUTCOME, LOADS = "an outcome", "promised load cases"
 FOLDER, EMPTY, BINARY, TEXT = "a folder", "an empty file", "a binary file", "plain text"
 TABLE, ARCHIVE, ARRAY = "a table of numbers", "an archive of arrays (NPZ)", "one array (NPY)"
 MAT, HDF5, UNIVERSAL = "a MATLAB file", "an HDF5 file", "a universal file"
@@ -31,7 +33,14 @@ NO_RECORD = (
     NUMBERS,
     JSON,
     PAGE,
+    REFINEMENT,
+    CANDIDATES,
+    PLAN,
+    OUTCOME,
+    LOADS,
 )
+# What no Nastran deck looks like; case control has lines that TOML could have.
+NO_DECK = frozenset(NO_RECORD) - {TOML}
 
 HEAD = 65536
 MAGIC = {
@@ -51,6 +60,11 @@ SCHEMAS = {
     "promise": PROMISE,
     "package": PACKAGE,
     "blacklist": BLACKLIST,
+    "refinement": REFINEMENT,
+    "candidates": CANDIDATES,
+    "promise-plan": PLAN,
+    "outcome": OUTCOME,
+    "promised-loads": LOADS,
 }
 PARTS = (
     "node",
@@ -113,6 +127,9 @@ def _text_kind(text: str) -> str:
         return _json_kind(text)
     if re.match(r"\[\s*[-\d{]", text):
         return JSON
+    stated = re.search(r"^schema\s*=\s*\"middeck\.([\w-]+)/", text, re.MULTILINE)
+    if stated is not None and stated[1] in SCHEMAS:
+        return SCHEMAS[stated[1]]
     names = [m[1] for m in re.finditer(r"^\s*\[{1,2}\s*\"?([A-Za-z_]\w*)", text, re.MULTILINE)]
     keys = [m[1] for m in re.finditer(r"^[ \t]*([A-Za-z_]\w*)[ \t]*=", text, re.MULTILINE)]
     scores = {kind: len(own & set(names)) for kind, own in KEYS.items()}

@@ -13,6 +13,7 @@ from middeck.errors import DataError
 from middeck.files.digest import sha256_of
 from middeck.files.faults import Finding, finding, raise_faults
 from middeck.files.form import Finite, Form, Positive
+from middeck.files.looks import OUTCOME
 from middeck.files.measured_modes import load_measured_modes
 from middeck.files.promises import few, versions
 from middeck.files.sealed import SEAL, seal
@@ -98,7 +99,7 @@ def load_outcomes(path: str | Path) -> Came:
     Raises `ConfigError` with all faults of the document, `DataError` for a stable loop without decibels and
     for a survey that cannot be read.
     """
-    source = read_source(path)
+    source = read_source(path, OUTCOME)
     checked = check(source, source.data, {}, OutcomeForm, lambda _: [])
     raise_faults(list(checked.faults))
     form = checked.form

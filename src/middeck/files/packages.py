@@ -11,7 +11,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.atomic import replacing
 from middeck.files.json_input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json_output import write_json
-from middeck.files.looks import PACKAGE, looks_like
+from middeck.files.looks import BINARY, EMPTY, JSON, PACKAGE, is_json, looks_like, stray
 from middeck.files.sealed import doubled_key
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.binary import MAGIC, decode_package, encode_package, hash_package
@@ -61,6 +61,9 @@ def load_package(path: str | Path) -> ControllerPackage:
             data = file.read(LARGEST_FILE)
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="check the path") from None
+    strange = "" if data.startswith(MAGIC) else stray(path, PACKAGE, (EMPTY, BINARY, JSON))
+    if strange and not is_json(path):
+        raise DataError(strange, where=str(path), hint="a package of middeck generate")
     if data.startswith(MAGIC) or data.lstrip()[:1] != b"{":
         return decode_package(data, str(path))
     document = read_json(path, PACKAGE_SCHEMA, "a package of middeck generate")

@@ -14,6 +14,7 @@ from middeck.files.compensators import load_compensator
 from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.faults import raise_faults
 from middeck.files.form import Form, Log10Authority, NotNegative, Positive, whole
+from middeck.files.looks import PLAN
 from middeck.files.refinements import Refinement, load_refinement
 from middeck.files.source import check, read_source
 from middeck.structure.model.article import Structure
@@ -143,7 +144,7 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
     The refinement and compensators are sought beside it, environments as everywhere. Raises `ConfigError`
     with all faults of the document, and `DataError` for files that cannot be read.
     """
-    source = read_source(path)
+    source = read_source(path, PLAN)
     checked = check(source, source.data, {}, PlanForm, lambda _: [])
     raise_faults(list(checked.faults))
     form = checked.form

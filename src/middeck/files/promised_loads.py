@@ -12,6 +12,7 @@ from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.faults import raise_faults
 from middeck.files.form import Form, whole
 from middeck.files.gauge_form import GaugeForm, build_gauge
+from middeck.files.looks import LOADS
 from middeck.files.refinements import Refinement, load_refinement
 from middeck.files.source import check, read_source
 from middeck.structure.model.article import LoadCase, Structure
@@ -60,7 +61,7 @@ def load_promised_loads(path: str | Path, article: str | Path) -> PromisedLoads:
 
     The refinement is sought beside it. Raises `ConfigError` with all faults of the document.
     """
-    source = read_source(path)
+    source = read_source(path, LOADS)
     checked = check(source, source.data, {}, PromisedLoadsForm, lambda _: [])
     raise_faults(list(checked.faults))
     form = checked.form

@@ -15,6 +15,7 @@ from middeck.files.documents import find_document, load_setup
 from middeck.files.faults import raise_faults
 from middeck.files.form import Finite, Form, Positive
 from middeck.files.gauge_form import StaticForm, build_case, build_gauge, static_findings, value_of
+from middeck.files.looks import ARTICLE, REFINEMENT
 from middeck.files.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.source import check, read_source
 from middeck.files.survey_files import load_survey_modes
@@ -78,7 +79,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     Files of modes are sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
     the document, and `DataError` for modes that cannot be read.
     """
-    source = read_source(path)
+    source = read_source(path, REFINEMENT)
     checked = check(source, source.data, {}, RefinementForm, static_findings)
     raise_faults(list(checked.faults))
     form = checked.form
@@ -133,7 +134,7 @@ def build_unknown(form: UnknownForm) -> Unknown:
 def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:
     """The article's file with ``factors`` beside those that it had: they multiply."""
     text = Path(article).read_text(encoding="utf-8")
-    had: dict[str, float] = read_source(article, "article").data.get("factors", {})
+    had: dict[str, float] = read_source(article, ARTICLE).data.get("factors", {})
     names = dict.fromkeys([*had, *factors])
     lines = [f'"{n}" = {float(had.get(n, 1.0) * factors.get(n, 1.0))!r}' for n in names]
     return FACTORS.sub("", text).rstrip() + "\n\n[factors]\n" + "\n".join(lines) + "\n"

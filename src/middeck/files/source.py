@@ -23,6 +23,7 @@ from middeck.values import record
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
 DOCUMENTS = (looks.ARTICLE, looks.ENVIRONMENT, looks.STUDY)
+WANTED: dict[Kind, str] = dict(zip(("article", "environment", "study"), DOCUMENTS, strict=True))
 
 
 @record
@@ -45,10 +46,11 @@ class Checked(Generic[F]):
     place: Callable[[Finding], Fault]
 
 
-def read_source(path: str | Path, kind: Kind | None = None) -> Source:
+def read_source(path: str | Path, wanted: str = looks.CHANNELS) -> Source:
     """Parse a TOML file.
 
-    Raises `ConfigError` if it is missing, empty, not UTF-8, not TOML, or looks like another than ``kind``.
+    Raises `ConfigError` if it is missing, empty, not UTF-8, not TOML, or looks like another than ``wanted``,
+    a kind of `looks`.
     """
     file = str(path)
     try:
@@ -57,10 +59,8 @@ def read_source(path: str | Path, kind: Kind | None = None) -> Source:
         refuse(file, "is a folder, not a file", f"one of the files in {file}")
     except OSError as error:
         refuse(file, f"cannot be read: {error.strerror}", "check the path")
-    wanted = looks.CHANNELS if kind is None else with_article(kind)
-    strange = looks.stray(
-        path, wanted, (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8, *([] if kind else DOCUMENTS))
-    )
+    passing = (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8)
+    strange = looks.stray(path, wanted, (*passing, *(DOCUMENTS if wanted == looks.CHANNELS else ())))
     if strange:
         refuse(file, strange, f"{wanted} in this place")
     try:
@@ -86,18 +86,13 @@ def refuse(file: str, message: str, hint: str, *, line: int = 0) -> NoReturn:
     raise_fault(Fault(file=file, line=line, key="", message=message, hint=hint))
 
 
-def with_article(kind: Kind) -> str:
-    """The kind with its article."""
-    return f"an {kind}" if kind[0] in "ae" else f"a {kind}"
-
-
 def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Source]:
     """`read_source` of each path; the errors of all are raised together."""
     sources: list[Source] = []
     faults: list[Fault] = []
     for path, kind in zip(paths, kinds, strict=True):
         try:
-            sources.append(read_source(path, kind))
+            sources.append(read_source(path, WANTED[kind]))
         except ConfigError as error:
             faults += error.data["faults"]
     raise_faults(list(dict.fromkeys(faults)))

@@ -17,6 +17,7 @@ from middeck.files.documents import build_article, join_findings
 from middeck.files.environment_checks import environment_findings
 from middeck.files.environment_form import EnvironmentForm, build_environment
 from middeck.files.faults import Fault, Finding, finding, raise_faults
+from middeck.files.looks import STUDY
 from middeck.files.overrides import Target, apply_overrides
 from middeck.files.rig_build import build_loop_test, build_rig_settings
 from middeck.files.source import Checked, Kind, Source, check, place_in, read_source, read_sources
@@ -127,7 +128,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
 
     Raises `ConfigError` with every fault of the study, its articles and its environments together.
     """
-    source = read_source(path, "study")
+    source = read_source(path, STUDY)
     # The file names must be known, overridden or not, before the other documents can be overridden.
     (data,), (changed,) = apply_overrides(
         [Target(source.file, source.data, study_form.StudyForm)], [o for o in overrides if _is_reference(o)]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from middeck.structure.correlation.units import doubt_survey_units
 from middeck.updating.own_errors import sorts_of
 from middeck.updating.refine import MODAL, SORTS, Refined
 from middeck.updating.surveys import Compared, left_open
@@ -47,6 +48,11 @@ def together(refined: Refined) -> tuple[tuple[str, ...], ...]:
 def findings(refined: Refined) -> tuple[str, ...]:
     """A sentence for each thing that a reader must know before the refined article is used."""
     return (
+        *(
+            f"{c.survey.name}: {said}"
+            for c in refined.compared
+            for said in doubt_survey_units(c.modes, c.survey.measured)
+        ),
         *_of_the_search(refined),
         *_of_unknowns(refined),
         *_of_the_model(refined),

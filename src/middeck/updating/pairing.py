@@ -6,6 +6,7 @@ by what was said of the other: where this may be, it is said.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Literal
 
@@ -14,7 +15,8 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.measured_modes import MeasuredModes
+from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes
+from middeck.structure.correlation.units import doubt_frequencies_of_shapes
 from middeck.updating.surveys import WINDOW, pair_shapes
 from middeck.values import record
 
@@ -113,7 +115,14 @@ def pair_by_shape(
         hint = f"channels as {_few([' '.join(channel) for channel in here])}, or modes by name"
         raise DataError(what, where=where, hint=hint)
     said = promised.shape[[here.index(channel) for channel in common]]
-    alike = modal_assurance(said, measured.shape[[there.index(channel) for channel in common]])
+    seen = dataclasses.replace(
+        measured,
+        node=tuple(node for node, _ in common),
+        direction=tuple(way for _, way in common),
+        shape=measured.shape[[there.index(channel) for channel in common]],
+        shape_std=None,
+    )
+    alike = modal_assurance(said, seen.shape)
     apart = np.abs(np.log(promised.frequency_hz[:, None] / measured.frequency_hz))
     pairs = pair_shapes(alike, apart)
     paired = tuple(
@@ -127,7 +136,10 @@ def pair_by_shape(
         )
         for i, j in sorted(pairs.tolist())
     )
-    return paired, _of_the_survey(promised, measured, len(common), set(pairs[:, 1].tolist()))
+    straight = np.array([way in STRAIGHT for way in seen.direction])
+    units = doubt_frequencies_of_shapes(promised.frequency_hz, said, seen, straight)
+    found = _of_the_survey(promised, measured, len(common), set(pairs[:, 1].tolist()))
+    return paired, (*(f"{promised.environment}: {unit}" for unit in units), *found)
 
 
 def remarks_on(promised: PromisedModes, paired: Sequence[Paired]) -> tuple[str, ...]:

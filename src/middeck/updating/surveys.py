@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows, sort_rms
+from middeck.structure.correlation.units import doubt_survey_units
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
@@ -151,7 +152,12 @@ def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
         raise ConfigError(
             "no measured mode resembles any of the model's",
             where=survey.name,
-            hint="check nodes, directions, frequencies and the environment of the survey",
+            hint="; ".join(
+                (
+                    *doubt_survey_units(modes, survey.measured),
+                    "check nodes, directions, frequencies and the environment of the survey",
+                )
+            ),
         )
     c, c_std = _mixtures(modes, survey, pairs)
     k, j = np.nonzero(_neighbours(modes, pairs) & (c_std > 0.0))

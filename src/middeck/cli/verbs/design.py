@@ -181,13 +181,15 @@ def describe(
     """The JSON document; rms and decibels are null where there is none."""
     import numpy as np
 
+    from middeck.control.qualification import decibels
     from middeck.systems.stability import is_stable
     from middeck.systems.statespace import poles
 
     law, loop = designed.compensator, designed.loop
     upper = np.array(sorted((p for p in loop.poles if p.imag >= 0.0), key=abs))
     open_, closed = designed.rms_open, designed.rms_closed
-    db = 20.0 * np.log10(closed / open_) if loop.stable and np.isfinite(open_).all() else [None] * len(open_)
+    judged = loop.stable and np.isfinite(open_).all()
+    db = [decibels(a, b) if a > 0.0 and judged else None for a, b in zip(closed, open_, strict=True)]
     names = [p.name for p in loop.outputs]
 
     def by_output(values: Any) -> dict[str, Any]:

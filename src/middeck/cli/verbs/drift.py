@@ -86,10 +86,18 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     """The JSON document of a comparison."""
     from middeck.cli.blame import reading
     from middeck.cli.fitting import alike, identify
+    from middeck.errors import ConfigError
+    from middeck.files.looks import SCHEMAS, looks_like
     from middeck.files.models import load_fitted
+    from middeck.files.records import require_record
     from middeck.identification.uncertainty.covariance import as_exact
     from middeck.identification.uncertainty.drift import compare_fits
 
+    if looks_like(after) == SCHEMAS["model"]:
+        raise ConfigError(
+            "looks like a fitted model, not a record", where=after, hint="the model before the record"
+        )
+    require_record(after)
     if before.lower().endswith(".json"):
         model, covariance = load_fitted(before)
         second = identify([after], alike(settings, model, covariance))

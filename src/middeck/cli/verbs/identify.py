@@ -126,11 +126,14 @@ def verb(
     from middeck.cli.progress import status
     from middeck.cli.settings import FitSettings, settle
     from middeck.cli.systems import write_fit
+    from middeck.files.records import require_record
 
     names = None if reference is None else options.separate_names((reference,))
     joints = None if friction is None else options.separate_names((friction,))
     settings = settle(FitSettings, given | {"reference": names, "friction": joints}, overrides)
     told = told_columns(inputs, outputs, sample_hz, variable)
+    for file in validate:
+        require_record(file)
     with status("identify") as tell:
         found = identify(records, settings, told, tell)
         tell("zeros of the paths, held-out records, figures")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 from scipy.optimize import elementwise
 
 from middeck.control.analysis.lines import WIDEST
@@ -15,6 +15,10 @@ from middeck.values import record
 SKEW = 1.07
 """Exponent that keeps new points off the middle of an interval, where a pole on the axis may lie."""
 MOST_PEAKS, MOST_ROUNDS = 12, 12
+MOST = 300
+"""Crossings of a channel that are found: a delay makes thousands, most of them far from a gain of one."""
+REAL = 1e-9
+"""Imaginary part over the real one: that of a ratio without a phase of its own, by rounding."""
 FLAT = 1e-10
 """Drop to the neighbours of the highest point; a parabola through them rises by a quarter of it at most."""
 Ratio = Callable[[np.ndarray], np.ndarray]
@@ -36,9 +40,10 @@ class Crossings:
 
 
 def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
-    """Where L is real and negative, within 80 dB of one."""
+    """Where L is real and negative, within 80 dB of one; of many a channel, the `MOST` nearest to one."""
     # Project on a sphere: the curve stays finite through a pole on the axis, which is then recognised.
-    found = _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2))
+    none = _is_real(L) | _far(L)
+    found = _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2), none)
     size = np.abs(found.L)
     return _keep(found, (np.real(found.L) < 0.0) & (size < WIDEST) & (size > 1.0 / WIDEST))
 
@@ -49,16 +54,42 @@ def circle_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndar
     return _keep(found, np.isfinite(found.L))
 
 
+def _is_real(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
+    """Whether L is real at a line and the next: an undamped loop is, and its crossings would be rounding."""
+    real = np.abs(np.imag(L)) <= REAL * np.abs(np.real(L))
+    return real[1:] & real[:-1]
+
+
+def _far(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
+    """Steps across the positive real axis, and all but the `MOST` across the negative one nearest to one."""
+    positive, below = np.real(L) > 0.0, np.signbit(np.imag(L))
+    far = positive[1:] & positive[:-1]
+    with np.errstate(divide="ignore"):
+        level = np.abs(np.log(np.abs(L)))
+    for channel, across in enumerate((below[1:] != below[:-1]).T):
+        steps = np.flatnonzero(across & ~far[:, channel])
+        nearest = np.argsort(np.fmin(level[steps, channel], level[steps + 1, channel]), kind="stable")
+        far[steps[nearest[MOST:]], channel] = True
+    return far
+
+
 def _keep(found: Crossings, which: np.ndarray) -> Crossings:
     return Crossings(found.omega[which], found.channel[which], found.L[which])
 
 
 def _roots(
-    ratio: Ratio, omega: np.ndarray, L: np.ndarray, value: Callable[[np.ndarray], np.ndarray]
+    ratio: Ratio,
+    omega: np.ndarray,
+    L: np.ndarray,
+    value: Callable[[np.ndarray], np.ndarray],
+    none: np.ndarray | bool = False,
 ) -> Crossings:
-    """Roots bracketed by neighbouring frequency lines, found together by Chandrupatla's method (1997)."""
+    """Roots bracketed by neighbouring lines, found together by Chandrupatla's method (1997).
+
+    There are ``none`` at some of the steps from line to line.
+    """
     levels = value(L)
-    line, channel = np.nonzero(np.signbit(levels[1:]) != np.signbit(levels[:-1]))
+    line, channel = np.nonzero((np.signbit(levels[1:]) != np.signbit(levels[:-1])) & ~np.asarray(none))
     if not len(line):
         return Crossings(np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=complex))
 

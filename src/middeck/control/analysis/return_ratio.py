@@ -94,9 +94,12 @@ def _one_by_one(P: Complex[np.ndarray, "line channel channel"]) -> Complex[np.nd
         return -P[:, :, 0]
     difference = np.eye(P.shape[1]) - P
     bounded = np.isfinite(P).all(axis=(1, 2))
-    on_root = bounded & (np.linalg.det(difference) == 0.0)
-    regular = bounded & ~on_root
-    S = np.linalg.inv(difference[regular])
+    on_root = np.zeros(len(P), dtype=bool)
+    inverse = _inverse(difference[bounded])
+    if inverse is None:
+        on_root = bounded & (np.linalg.det(difference) == 0.0)
+        inverse = np.linalg.inv(difference[bounded & ~on_root])
+    regular, S = bounded & ~on_root, inverse
     through, own = np.sum(S * P[regular].transpose(0, 2, 1), axis=2), np.diagonal(S, axis1=1, axis2=2)
     # The ratio is unbounded where the other loops alone have a pole on the line.
     L = np.full(P.shape[:2], np.inf + 0.0j)
@@ -104,6 +107,14 @@ def _one_by_one(P: Complex[np.ndarray, "line channel channel"]) -> Complex[np.nd
     for k in np.flatnonzero(on_root):
         L[k, [bool(_minor(difference[k], i)) for i in range(P.shape[1])]] = -1.0
     return L
+
+
+def _inverse(matrices: np.ndarray) -> np.ndarray | None:
+    """None where one of them is singular."""
+    try:
+        return np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _minor(matrix: np.ndarray, i: int) -> complex:

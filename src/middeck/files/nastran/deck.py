@@ -8,7 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from middeck.errors import ConfigError
 from middeck.files.faults import Fault
+from middeck.files.looks import EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.cards import join_cards
 from middeck.files.nastran.case_control import Selection, read_selection
 from middeck.files.nastran.entries import Entries, Entry, raise_some, read_entries
@@ -46,6 +48,10 @@ def read_deck(path: str | Path) -> Deck:
 
     Raises `ConfigError` with what is wrong, by file, line, card and field.
     """
+    kind = looks_like(path)
+    if kind == EMPTY or kind in NO_DECK:
+        what = "the file is empty" if kind == EMPTY else f"looks like {kind}, not a Nastran deck"
+        raise ConfigError(what, where=str(path), hint="a deck in this place")
     with _without_collection():
         sections = read_sections(path)
         cards = join_cards(sections.bulk)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
+import dataclasses
 import math
 import re
 from collections import Counter
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from itertools import repeat, zip_longest
 from typing import Any, NamedTuple
 
-from middeck.files.faults import Fault, raise_faults
+from middeck.files.faults import Fault, nearest, raise_faults
 from middeck.files.nastran.cards import Card
 from middeck.files.nastran.formats import (
     CONTINUA,
@@ -143,6 +143,10 @@ def read_entries(cards: Iterable[Card]) -> Entries:
             idle[name] = len(found)
         else:
             faults.append(_refusal(name, found))
+    if groups and not by_name and not idle and all(f.hint in (COLUMNS, CARDS) for f in faults):
+        faults = [
+            dataclasses.replace(faults[0], key="", message="no card of a Nastran deck in it", hint=CARDS)
+        ]
     raise_some(faults)
     return Entries(by_name, idle)
 
@@ -293,6 +297,10 @@ def _twice(entry: Entry, other: Entry, space: str) -> list[Fault]:
     ]
 
 
+COLUMNS = "columns of eight, or commas"
+CARDS = "docs/how-to/your-nastran-deck.md lists the cards that are read"
+
+
 def _refusal(name: str, found: list[Card]) -> Fault:
     line = found[0].line()
     count = f"{len(found)} of them" if len(found) > 1 else "one of them"
@@ -303,14 +311,7 @@ def _refusal(name: str, found: list[Card]) -> Fault:
     elif name in NOT_YET:
         message, hint = f"not converted yet, and without it the modes would be others ({count})", ""
     else:
-        message, hint = f"no card of this name ({count})", _likely(name)
+        near = nearest(name, sorted((*PARSED, *IDLE)))
+        message, hint = f"no card of this name ({count})", near if near.startswith("did") else CARDS
+        hint = hint if name.isalnum() else COLUMNS
     return Fault(file=line[1], line=line[2], key=name, message=message, hint=hint)
-
-
-def _likely(name: str) -> str:
-    """What a card of an unknown name may have been meant to be."""
-    if not name.isalnum():
-        return "columns of eight, or commas"
-    known = sorted((*PARSED, *IDLE))
-    close = difflib.get_close_matches(name, known, 1, 0.6)
-    return f"did you mean {close[0]!r}?" if close else f"one of {', '.join(PARSED)}, or leave it out"

@@ -79,7 +79,7 @@ def read_record(path: str | Path, columns: Columns | None = None) -> Reading:
 
     Raises `DataError` and `ConfigError` as `load_record` does, but for samples that are not finite.
     """
-    file = _present(path)
+    file = require_record(path)
     told = columns if columns is not None else columns_beside(file)
     raw = _reader(file)(file, "" if told is None else told.variable)
     taken = build_record(raw, told, str(path))
@@ -101,7 +101,7 @@ def load_campaign(paths: Sequence[str | Path], columns: Columns | None = None) -
 
 def _experiments(path: str | Path, columns: Columns | None) -> list[Record]:
     """One record, or one for each experiment of a universal file, where they may differ in length."""
-    file = _present(path)
+    file = require_record(path)
     if file.suffix.lower() not in UFF:
         return [load_record(path, columns)]
     from middeck.files.records.uff import raw_run, read_runs
@@ -121,7 +121,7 @@ def load_response(path: str | Path) -> FrequencyResponse:
     """
     from middeck.files.records.uff import read_response
 
-    return read_response(_present(path))
+    return read_response(require_record(path))
 
 
 def open_record(path: str | Path, columns: Columns | None = None) -> RecordStream:
@@ -132,7 +132,7 @@ def open_record(path: str | Path, columns: Columns | None = None) -> RecordStrea
     """
     from middeck.files.records import streams
 
-    file = _present(path)
+    file = require_record(path)
     told = columns if columns is not None else columns_beside(file)
     openers = {".npz": streams.stream_npz, ".csv": streams.stream_csv}
     openers |= dict.fromkeys(UFF, streams.stream_uff) | dict.fromkeys(HDF5, streams.stream_hdf5)
@@ -200,7 +200,8 @@ def write_stream(path: str | Path, stream: RecordStream) -> None:
     write(file, stream)
 
 
-def _present(path: str | Path) -> Path:
+def require_record(path: str | Path) -> Path:
+    """The path of a file that may hold a record; `DataError` for what is missing, empty or something else."""
     file = Path(path)
     if file.is_dir():
         raise DataError("is a folder, not a file", where=str(path), hint="name the record in it")

@@ -144,6 +144,9 @@ def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: 
     """The channel meant: by number, else by name, else in a file without names by its place in the list."""
     names = [h.name for h in heads]
     if column.number is None and any(names):
+        meant = [k for k, h in enumerate(heads) if h.name == column.name and column.side in (h.side, "")]
+        if len(meant) == 1 and column.side:  # an input and an output may have one name
+            return meant[0]
         if names.count(column.name) == 1:
             return names.index(column.name)
         what = "no channel is" if column.name not in names else "two channels are"

@@ -47,6 +47,11 @@ def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
                     where=name,
                     hint="resample or cut the files alike, or use them one at a time",
                 )
+    for k, (name, other) in enumerate(zip(names, records, strict=True)):
+        twin = next((i for i in range(k) if np.array_equal(other.y, records[i].y)), None)
+        if twin is not None:
+            what = f"the same samples as {names[twin]}: one test counts once"
+            raise DataError(what, where=name, hint="leave one of them out")
     u, y = np.concatenate([r.u for r in records]), np.concatenate([r.y for r in records])
     held = first.held if all(r.held == first.held for r in records) else None
     return dataclasses.replace(first, u=u, y=y, held=held)

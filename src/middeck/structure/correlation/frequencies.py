@@ -14,7 +14,7 @@ from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.correlation.evaluation import WINDOW, Candidates, Evaluation, criterion_values
 from middeck.structure.correlation.measured_modes import MeasuredModes, not_measured
 from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
-from middeck.structure.correlation.units import doubt_frequency_units
+from middeck.structure.correlation.units import doubt_survey_units
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
@@ -148,11 +148,7 @@ def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
     modes, hz = found.modes, found.measured.frequency_hz
     partner = dict(zip(found.pairs[:, 1].tolist(), found.pairs[:, 0].tolist(), strict=True))
     said = list(found.measured.warnings)
-    moving = np.array([kind != "rigid" for kind in modes.kind]) & (modes.frequency_hz > 0.0)
-    bends = moving & np.array([kind == "flexible" for kind in modes.kind])
-    said += doubt_frequency_units(modes.frequency_hz[moving], hz) or doubt_frequency_units(
-        modes.frequency_hz[bends], hz
-    )
+    said += doubt_survey_units(modes, found.measured)
     said += ["frequencies alone: pairs rest on their order of size, not on shapes"]
     if found.unjudged:
         said.append(f"{len(found.unjudged)} criteria of {found.profile.name} need shapes and are not judged")

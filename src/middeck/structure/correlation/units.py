@@ -7,15 +7,16 @@ in frequency nor one between metres and radians hides the match.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes, sort_rms
+from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes, sensor_rows, sort_rms
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 
 ALIKE = 0.8  # assurance from which on two shapes are taken for one mode
 FEWEST = 3  # modes that must agree on a factor
+VERY_ALIKE, FEW_CHANNELS = 0.95, 6  # where fewer agree: assurance, and channels from which it says something
 IN_STEP = 0.15  # on a logarithmic scale: how far a survey without shapes may be off the model's lowest modes
 AGREE = 0.25  # on a logarithmic scale: how far factors may lie from each other and from that of a unit
 MOVES = 0.3  # of a mode's rms: what a channel must move to tell its own scale
@@ -27,6 +28,11 @@ FREQUENCY = {
     1e3: "mHz in place of Hz",
     1e-3: "kHz in place of Hz",
 }
+# What takes the place of a frequency f is FACTOR f^POWER.
+POWERS = {
+    (4.0 * np.pi**2, 2.0): "eigenvalues in (rad/s)^2 in place of Hz",
+    (1.0, -1.0): "periods in s in place of Hz",
+}
 SCALES = {
     180.0 / np.pi: "degrees beside metres",
     np.pi / 180.0: "radians over 57.3",
@@ -36,6 +42,17 @@ SCALES = {
     1.0 / 25.4e-3: "inches beside m",
 }
 PERCENT, LOSS = 100.0, 0.2
+
+
+def doubt_survey_units(modes: Modes, measured: MeasuredModes) -> tuple[str, ...]:
+    """Warnings of wrong units in ``measured``, by its shapes or, without any, by its frequencies."""
+    if measured.node:
+        rows = sensor_rows(modes, measured.node, measured.direction)
+        return doubt_units(modes, measured, np.asarray(rows @ modes.shapes))
+    moving = np.array([kind != "rigid" for kind in modes.kind]) & (modes.frequency_hz > 0.0)
+    bends = moving & np.array([kind == "flexible" for kind in modes.kind])
+    ours, theirs = modes.frequency_hz, measured.frequency_hz
+    return doubt_frequency_units(ours[moving], theirs) or doubt_frequency_units(ours[bends], theirs)
 
 
 def doubt_units(
@@ -53,12 +70,26 @@ def doubt_units(
     near = _nearest(modes.frequency_hz[index], measured.frequency_hz)
     ours, theirs = (alike if len(alike) >= FEWEST else near).T
     said = [levels] if levels else []
-    said += _frequency(measured.frequency_hz[alike[:, 1]] / modes.frequency_hz[index[alike[:, 0]]])
+    said += doubt_frequencies_of_shapes(modes.frequency_hz[index], phi, measured, straight)
     said += _damping(modes, measured, index[ours], theirs)
     sorts = _sorts(phi, np.asarray(measured.shape), straight, alike)
     # One channel of a thousandfold scale makes any two shapes alike: then frequencies tell the pairs.
     channels = sorts or _channels(phi, measured, alike) or _channels(phi, measured, near)
     return tuple(said + ([] if levels else channels))
+
+
+def doubt_frequencies_of_shapes(
+    frequency_hz: Float[np.ndarray, " mode"],
+    phi: Float[np.ndarray, "channel mode"],
+    measured: MeasuredModes,
+    straight: Bool[np.ndarray, " channel"],
+) -> tuple[str, ...]:
+    """A warning where modes of one shape have frequencies that differ by a unit: three, or very alike."""
+    shape, theirs = np.asarray(measured.shape), measured.frequency_hz
+    least = ALIKE if len(theirs) >= FEWEST else VERY_ALIKE
+    ours, there = _matches(phi, shape, straight, least).T
+    known = len(there) >= FEWEST or (least == VERY_ALIKE and len(phi) >= FEW_CHANNELS)
+    return doubt_frequencies(frequency_hz[ours], theirs[there]) if known else ()
 
 
 def doubt_frequency_units(
@@ -77,14 +108,16 @@ def doubt_frequency_units(
     return (f"the {count} lowest frequencies are {times}: {unit}?",)
 
 
-def _matches(phi: np.ndarray, shape: np.ndarray, straight: np.ndarray) -> Int[np.ndarray, "pair 2"]:
+def _matches(
+    phi: np.ndarray, shape: np.ndarray, straight: np.ndarray, least: float = ALIKE
+) -> Int[np.ndarray, "pair 2"]:
     """(mode of the model, measured mode) whose shapes are alike in every sort of channel."""
     score = np.ones((phi.shape[1], shape.shape[1]))
     for sort in (straight, ~straight):
         if np.any(sort):
             score = np.minimum(score, modal_assurance(phi[sort], shape[sort]))
     best = score.argmax(axis=0)
-    keep = np.flatnonzero(score[best, np.arange(len(best))] > ALIKE)
+    keep = np.flatnonzero(score[best, np.arange(len(best))] > least)
     return np.stack([best[keep], keep], axis=1)
 
 
@@ -108,11 +141,23 @@ def _unit(factor: float | None, units: dict[float, str]) -> str:
     return next((u for f, u in units.items() if factor and abs(np.log(factor / f)) < AGREE), "")
 
 
-def _frequency(ratio: np.ndarray) -> list[str]:
-    factor = _factor(ratio) if len(ratio) >= FEWEST else None
+def doubt_frequencies(
+    ours: Float[np.ndarray, " pair"], theirs: Float[np.ndarray, " pair"]
+) -> tuple[str, ...]:
+    """A warning where the frequencies of pairs differ by a unit."""
+    factor = _factor(theirs / ours)
     unit = _unit(factor, FREQUENCY)
-    modes = f"the frequencies of {len(ratio)} modes are"
-    return [f"{modes} {factor:.4g} times the model's of the same shapes: {unit}?"] if unit else []
+    if unit:
+        modes = f"the frequencies of {len(ours)} mode{'s' if len(ours) > 1 else ''} are"
+        return (f"{modes} {factor:.4g} times the model's of the same shapes: {unit}?",)
+    if factor is not None and abs(np.log(factor)) < AGREE:
+        return ()
+    said = (
+        power
+        for (size, p), power in POWERS.items()
+        if len(ours) >= FEWEST and _unit(_factor(theirs / ours**p), {size: power})
+    )
+    return tuple(f"the frequencies are not those of the same shapes: {power}?" for power in said)
 
 
 def _damping(modes: Modes, measured: MeasuredModes, ours: np.ndarray, theirs: np.ndarray) -> list[str]:

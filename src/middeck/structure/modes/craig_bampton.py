@@ -114,6 +114,9 @@ def reduce_structure(
     stiffness, mass = inner.T @ (K @ inner), inner.T @ (M @ inner)
     # Static motions of the boundary do no work on motions of the interior alone: what is left is rounding.
     stiffness[: len(rows), len(rows) :] = stiffness[len(rows) :, : len(rows)] = 0.0
+    # One boundary node holds nothing: its stiffness is what cancels there, and would be neither sign.
+    held, static = stiffness[: len(rows), : len(rows)], np.abs(inner[:, : len(rows)])
+    held[np.abs(held) < order(K) * np.finfo(float).eps * (static.T @ (abs(K) @ static))] = 0.0
     seen = (6 * np.array([nodes.index(r) for r in recover], dtype=int)[:, None] + np.arange(6)).ravel()
     component = Component(
         name=name or "component",
