@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Else every process of the tests would compile the package and the asserts anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: study pictures test test-all kernels check docs bench lock clean
+.PHONY: study pictures test test-all suite kernels check docs bench lock clean
 
 study: $(VENV)/run.stamp  ## the paper: out/mace-1993/report.html
 	$(BIN)/middeck study $(STUDY) -o out/mace-1993
@@ -17,11 +17,14 @@ study: $(VENV)/run.stamp  ## the paper: out/mace-1993/report.html
 pictures: $(VENV)/run.stamp  ## docs/images/*.svg, the pictures of the pages
 	$(BIN)/python docs/pictures.py
 
-test: check  ## lint, types, import contract, tests, docs examples
-	$(BIN)/python -m pytest -rs -n 2 --dist loadfile
+test: $(VENV)/dev.stamp  ## lint, types, import contract beside tests and docs examples
+	$(MAKE) -j2 check suite
 
-test-all: check  ## the same with every long campaign whole; writes tests/results.json
-	MIDDECK_LONG=1 $(BIN)/python -m pytest -rs -n 2 --dist loadfile
+test-all: export MIDDECK_LONG = 1  ## the same with every long campaign whole; writes tests/results.json
+test-all: test
+
+suite: $(VENV)/dev.stamp
+	$(BIN)/python -m pytest -rs -n 2 --dist loadfile --no-loadscope-reorder
 
 kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors compute them, and what differs
 	$(BIN)/python .ci/kernels.py -o out/kernels

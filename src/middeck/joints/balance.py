@@ -12,6 +12,7 @@ from middeck.joints.friction import Friction
 
 MOST_ITERATIONS = 100
 """Most iterations: 60 halvings of a bracket; Newton's method takes three or four."""
+UNSETTLED = "the torques of the joints' elements do not settle within a step"
 
 
 class Balance:
@@ -54,7 +55,7 @@ class Balance:
             if settled or alone:
                 return torque
         raise NumericalError(
-            "the torques of the joints' elements do not settle within a step",
+            UNSETTLED,
             hint="more substeps in a tick",
         )
 

@@ -113,6 +113,7 @@ def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, p
 
     ``gain_at`` takes fractions of a period from 0 to 1.
     """
+    gain_at = functools.cache(gain_at)  # the ends are asked for again
     parts = np.arange(count := _steps(system, period_s)) / count
     first = [_first_unstable(gain_at(float(part))) for part in parts]
     k = int(np.argmin(first + parts))
@@ -123,7 +124,7 @@ def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, p
         if whole == 0:
             return 0.0
         whole, high = whole - 1, 1.0
-    low = high - 1.0 / count
+    low = float(parts[k - 1])
     tolerance = max(PRECISION * (whole + high), 1e-14)
 
     def clearance(part: float) -> float:

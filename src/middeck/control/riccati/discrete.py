@@ -118,17 +118,12 @@ def _solve_scaled(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
 
 def _solve_doubling(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
     """X = A'X(I + BB'X)^-1 A + Q by doubling; None where it does not settle."""
-    n = len(A)
     step, reach, cost = A, B @ B.T, Q
     for _ in range(DOUBLINGS):
         try:
-            half = np.linalg.solve(np.eye(n) + reach @ cost, np.hstack([step, reach]))
+            step, reach, cost, more = _doubled(step, reach, cost)
         except np.linalg.LinAlgError:
             return None
-        over, damped = half[:, :n], half[:, n:]
-        more = step.T @ (cost @ over)
-        reach, cost, step = reach + step @ damped @ step.T, cost + more, step @ over
-        reach, cost = (reach + reach.T) / 2.0, (cost + cost.T) / 2.0
         change, size = float(np.linalg.norm(more)), float(np.linalg.norm(cost))
         if not np.isfinite(change + size):
             return None
@@ -136,6 +131,18 @@ def _solve_doubling(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.nda
         if change <= 1e-12 * size:
             return cost
     return None
+
+
+def _doubled(
+    step: np.ndarray, reach: np.ndarray, cost: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The three over twice as many samples, and what was added to the cost."""
+    n = len(step)
+    half = np.linalg.solve(np.eye(n) + reach @ cost, np.hstack([step, reach]))
+    over, damped = half[:, :n], half[:, n:]
+    more = step.T @ (cost @ over)
+    reach, cost = reach + step @ damped @ step.T, cost + more
+    return step @ over, (reach + reach.T) / 2.0, (cost + cost.T) / 2.0, more
 
 
 def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:

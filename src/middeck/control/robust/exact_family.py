@@ -191,11 +191,14 @@ def _growing(plant: _Poles, late: np.ndarray, known: FamilyLaw, path: Resolvent)
         within = np.concatenate([np.arange(1, n) / n for n in pieces])
         new = np.repeat(omega[rough], pieces - 1) + within * np.repeat(width, pieces - 1)
         more = _returned(path, known.evaluate, new)
-        omega = np.concatenate([omega, new])
-        order = np.argsort(omega, kind="stable")
-        omega, safe = omega[order], np.concatenate([safe, np.zeros(len(new), dtype=bool)])[order]
-        loop, back = (np.concatenate(x)[order] for x in ((loop, more), (back, np.linalg.inv(more))))
+        order = np.argsort(np.concatenate([omega, new]), kind="stable")
+        omega, safe = _merged(omega, new, order), _merged(safe, np.zeros(len(new), dtype=bool), order)
+        loop, back = _merged(loop, more, order), _merged(back, np.linalg.inv(more), order)
     return None
+
+
+def _merged(lines: np.ndarray, new: np.ndarray, order: np.ndarray) -> np.ndarray:
+    return np.concatenate([lines, new])[order]
 
 
 def _first_lines(poles: np.ndarray, top: float) -> Float[np.ndarray, " line"]:

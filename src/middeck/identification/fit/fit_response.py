@@ -39,7 +39,7 @@ from middeck.identification.search.fit_warnings import (
     refuse_a_lead,
 )
 from middeck.identification.search.likelihood import likelihood_polish
-from middeck.identification.search.polish import Polished, logarithmic_polish, settle
+from middeck.identification.search.polish import Polished, logarithmic_polish, polish, settle
 from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
@@ -48,6 +48,8 @@ from middeck.systems.response import FrequencyResponse
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
+# Steps from a fit of nearly the same response, and how many times more than that one it may leave.
+NEAR_STEPS, MORE_LEFT = 6, 1.5
 
 
 @record(kw_only=True)
@@ -167,17 +169,17 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     """`fit_response` with its options as one value.
 
     A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
-    some thousandths of the response at an eighth of the rate.
+    some thousandths of the response at an eighth of the rate. So a fit of as many states goes on from there.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
         return fit_lines(measured, asked, cost)
     if not hold_s:
         return marked(fit_lines(measured, asked, cost), hold_s)
-    first = fit_lines(release_hold(measured), asked, cost).model
-    folded = folded_response(first, measured.frequency_hz, 1.0 / hold_s)
+    first = _searched(release_hold(measured), asked, cost)
+    folded = folded_response(_model_of(first)[0], measured.frequency_hz, 1.0 / hold_s)
     alone = dataclasses.replace(measured, H=measured.H - folded)
-    return marked(fit_lines(release_hold(alone), asked, cost), hold_s)
+    return marked(_result(_searched(release_hold(alone), asked, cost, first)), hold_s)
 
 
 def marked(fit: FitResult, hold_s: float | None) -> FitResult:
@@ -188,6 +190,25 @@ def marked(fit: FitResult, hold_s: float | None) -> FitResult:
 
 def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
     """Fit a response as it is, whatever its inputs did between samples."""
+    return _result(_searched(measured, asked, cost))
+
+
+@record(kw_only=True)
+class _Searched:
+    """The end of a search: what was fitted, the best run, its weights, and why it has its order."""
+
+    measured: FrequencyResponse
+    data: Data
+    best: Polished
+    spread: Spread
+    followed: Spread
+    reason: str
+
+
+def _searched(
+    measured: FrequencyResponse, asked: FitOptions, cost: Cost, near: _Searched | None = None
+) -> _Searched:
+    """The search; ``near`` is one on nearly the same response."""
     check_word("cost", cost, get_args(Cost))
     options, states = decided(measured, asked), asked.states
     check_response(measured, count_unknowns(measured, options))
@@ -208,7 +229,7 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     if states is None:
         best, reason = choose_order(measured, data, spread, options, asked)
     else:
-        best, reason = race(data, spread, options), f"{states} states were asked for"
+        best, reason = _raced(data, spread, options, near), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
     best = settle(data, best, followed)
     if states is None:
@@ -217,30 +238,44 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
         best, followed = likelihood_polish(data, best, measured.covariance), spread
-    return _result(measured, data, best, spread, followed, reason)
+    return _Searched(measured=measured, data=data, best=best, spread=spread, followed=followed, reason=reason)
 
 
-def _result(
-    measured: FrequencyResponse,
-    data: Data,
-    best: Polished,
-    spread: Spread,
-    followed: Spread,
-    reason: str,
-) -> FitResult:
+def _raced(data: Data, spread: Spread, options: FitOptions, near: _Searched | None) -> Polished:
+    """From where ``near`` ended, where that follows these data as well; else a race of new starts."""
+    if near is not None:
+        start, share = near.best.start, near.best.share
+        found = polish(data, start, spread, steps=NEAR_STEPS, rounds=1, share=share)
+        if found is not None and model_error(found, spread) <= max(
+            EXPLAINED, MORE_LEFT * model_error(near.best, near.spread)
+        ):
+            return found
+    return race(data, spread, options)
+
+
+def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
+    """The model, the covariance of the model with its leads, and what is said of those."""
+    measured, best = run.measured, run.best
     found = model_of(best, measured.inputs, measured.outputs)
-    covariance = estimate_covariance(
-        found, structure_of(best.layout), measured, assumed=followed.at(best.share), noise=spread.variance
-    )
-    covariance = checked_covariance(covariance)
-    uncertainty = uncertainty_of(covariance)
-    delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty)
+    covariance = checked_covariance(
+        estimate_covariance(
+            found, structure_of(best.layout), measured, assumed=run.followed.at(best.share),
+            noise=run.spread.variance,
+        )
+    )  # fmt: skip
+    delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty_of(covariance))
     model = dataclasses.replace(found, delay_s=delay_s)
-    residual = model_response(model, measured.frequency_hz) - measured.H
-    r = np.abs(residual) ** 2
-    if not np.isfinite(r).all():
+    if not np.isfinite(model_response(model, measured.frequency_hz)).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
     refuse_a_lead(measured, found, model)
+    return model, covariance, warnings
+
+
+def _result(run: _Searched) -> FitResult:
+    model, covariance, warnings = _model_of(run)
+    measured, data, best, spread, followed = run.measured, run.data, run.best, run.spread, run.followed
+    residual = model_response(model, measured.frequency_hz) - measured.H
+    r = np.abs(residual) ** 2
     if followed is not spread:
         best = dataclasses.replace(best, share=excess_share(by_output(residual), spread))
     error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
@@ -266,10 +301,10 @@ def _result(
         cost=2.0 * best.refined.step.cost / r.size,
         error=error,
         excess=np.sqrt(best.share * np.mean(np.abs(measured.H) ** 2, axis=(0, 2))),
-        uncertainty=uncertainty,
+        uncertainty=uncertainty_of(covariance),
         covariance=dataclasses.replace(covariance, model=model),
         history=np.array(best.refined.history),
-        order_reason=reason,
+        order_reason=run.reason,
         warnings=tuple(warnings),
         standing=standing,
         delay_standing=of_delays,

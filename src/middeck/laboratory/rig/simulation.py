@@ -17,6 +17,7 @@ from jaxtyping import Float
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.laboratory.rig.ageing import follow_ageing
+from middeck.laboratory.rig.compiled import TickRows, run_compiled
 from middeck.laboratory.rig.computer import Computer, build_computer
 from middeck.laboratory.rig.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.law import place_law
@@ -162,33 +163,42 @@ def _run_ticks(
     step = computer.step.copy()
     step[:, states:] *= count
     shift = step[:, states:] @ (start.trim / count)
-    trims, compute = bool(shift.any()), step.dot
     issued = np.vstack([start.issued, np.empty_like(e)])
     new = issued[len(start.issued) :]
     rows = np.empty((len(e), len(step)))
     digital = np.empty((len(e) + 1, step.shape[1]))
     digital[0, :states] = start.computer
-    counts, commands = digital[:-1, states:], rows[:, answer:]
+    ticks = TickRows(step, shift, states, e, offset / count, noise, digital, rows, issued)
+    x, joints = run_compiled(rig, plant, ticks, start) or _run_in_python(rig, plant, ticks, start)
+    momentum = np.subtract.accumulate(np.vstack([start.momentum, new]))[1:]
+    end = RigState(
+        x=x, computer=digital[-1, :states].copy(), issued=issued[len(e) :], momentum=momentum[-1],
+        joints=joints, bias=bias, trim=start.trim, tick=start.tick + len(e),
+    )  # fmt: skip
+    return RigBlock(
+        rows[:, states:answer], digital[:-1, states:] * count, rows[:, answer:], new, momentum, end
+    )
+
+
+def _run_in_python(rig: Rig, plant: HybridPlant, ticks: TickRows, start: RigState) -> tuple[Array, Array]:
+    """`run_compiled` without a compiler, and for elements of every kind."""
+    e, digital, rows, issued, states = ticks.excitation, ticks.digital, ticks.rows, ticks.issued, ticks.kept
+    trims, compute = bool(ticks.shift.any()), ticks.compute.dot
     tick = Tick(rig, plant, start)
-    windows = pair_rows(issued)[: len(e)]
     parts = zip(
-        digital[:-1], counts, digital[1:, :states], rows, commands, (offset / count).tolist(), e.tolist(),
-        new, windows, noise, strict=True,
+        digital[:-1], digital[:-1, states:], digital[1:, :states], rows, rows[:, states + len(rig.outputs) :],
+        ticks.offset.tolist(), e.tolist(), issued[len(start.issued) :], pair_rows(issued)[: len(e)],
+        ticks.noise, strict=True,
     )  # fmt: skip
     for now, reading, kept, row, command, off, excitation, torque, window, white in parts:
         tick.read(off, reading)
         compute(now, row)
         if trims:
-            np.subtract(row, shift, row)
+            np.subtract(row, ticks.shift, row)
         kept[:] = row[:states]
         tick.limit(command.tolist(), excitation, torque)
         tick.move(window, white)
-    momentum = np.subtract.accumulate(np.vstack([start.momentum, new]))[1:]
-    end = RigState(
-        x=tick.x, computer=digital[-1, :states].copy(), issued=issued[len(e) :], momentum=momentum[-1],
-        joints=tick.joint_states(), bias=bias, trim=start.trim, tick=start.tick + len(e),
-    )  # fmt: skip
-    return RigBlock(rows[:, states:answer], counts * count, commands, new, momentum, end)
+    return tick.x, tick.joint_states()
 
 
 def draw_errors(

@@ -19,7 +19,7 @@ from middeck.laboratory.rig.state import RigState
 Array = np.ndarray
 
 
-class _Output(NamedTuple):
+class ConverterEnds(NamedTuple):
     """Ends of one converter's range, in its counts; those below ``whole`` are rounded."""
 
     lower: float
@@ -36,7 +36,7 @@ class Tick:
         self.after = np.concatenate([start.x, np.zeros(len(plant.angle))])
         self.x, self.free = self.after[:size], self.after[size:]
         self.limit = LimitedMotors(rig.bank, start.issued[-1], start.momentum).drive
-        self.sensors = _outputs(rig.readout)
+        self.sensors = converter_ends(rig.readout)
         first = np.vstack([plant.step[0], plant.read / rig.readout.step[:, None]])
         self.ahead = np.empty(len(first))
         self.after_first, self.sampled = np.split(self.ahead, [len(plant.step[0])])
@@ -116,7 +116,8 @@ class Tick:
         self.take(self.x, self.pushed, self.x)
 
 
-def _outputs(readout: Readout) -> list[_Output]:
+def converter_ends(readout: Readout) -> list[ConverterEnds]:
+    """The ends of every output's converter."""
     reach = readout.range / readout.step
     whole = np.where(readout.step > EXACT, WHOLE, 0.0)
-    return [_Output(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]
+    return [ConverterEnds(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]

@@ -1,0 +1,104 @@
+"""Ticks in C are the ticks in Python: joints that move each other, limits, steps, delays, drift."""
+
+import numpy as np
+import pytest
+
+from middeck.joints.attachment import JointElements
+from middeck.joints.deadband import Deadband
+from middeck.joints.friction import Friction
+from middeck.laboratory.rig import simulation
+from middeck.laboratory.rig.compiled import TickRows, run_compiled
+from middeck.laboratory.rig.drift import Drift
+from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.rig import build_rig
+from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
+from middeck.laboratory.rig.simulation import switch_on
+from middeck.signals.ports import Port
+from middeck.systems.modal import ModalSystem
+from middeck.systems.plant import Plant
+from middeck.systems.statespace import SampledStateSpace
+from rig_checks import on_rig, run_through
+
+SAMPLES = 3000
+FRICTION = (Friction(0.02, 20.0, 0.01), Friction(0.05, 8.0))
+LAW = SampledStateSpace(
+    [[0.8, 0.1], [0.0, 0.7]], [[0.2, 0.1, 0.0], [0.0, 0.3, 1e-3]], [[-2.0, 0.5], [0.1, -1.0]],
+    [[-0.5, 0.0, 1e-3], [0.0, -0.8, 0.0]], period_s=0.002,
+)  # fmt: skip
+
+
+def two_joints() -> Plant:
+    """Three modes, torques and angles at two joints, and an accelerometer that feels both."""
+    omega = 2.0 * np.pi * np.array([1.5, 9.0, 31.0])
+    beside = np.array([[1.0, 0.3], [0.6, -0.8], [0.2, 0.4]])
+    modes = ModalSystem(
+        omega=omega, zeta=np.array([0.02, 0.01, 0.01]), psi=beside, phi=np.vstack([beside.T, 0.0 * omega]),
+        phi_rate=np.zeros((3, 3)), phi_acceleration=np.vstack([np.zeros((2, 3)), [0.5, 0.4, -0.7]]),
+        names=("slow", "middle", "fast"),
+    )  # fmt: skip
+    torques = tuple(Port(name, "N m") for name in ("a", "b"))
+    return Plant(
+        dynamics=modes, inputs=torques, outputs=(*(Port(n, "rad") for n in "AB"), Port("acc", "m/s^2"))
+    )
+
+
+def rig_with(**changes):
+    given = {
+        "motors": {"a": Motor(torque_limit=0.6, slew_limit=150.0, resolution=1e-3),
+                   "b": Motor(torque_limit=0.9, holding=0.2, rotor=Rotor(0.001, 60.0))},
+        "sensors": {"A": Gyro(bandwidth_hz=100.0, noise=1e-4, bias=1e-3, bias_walk=1e-5, range=0.3,
+                              resolution=1e-5, anti_alias_hz=200.0),
+                    "B": Encoder(1e-6), "acc": Sampler(1e-3)},
+        "joints": [JointElements("a", "A", FRICTION[:1]), JointElements("b", "B", FRICTION[1:])],
+        "sample_hz": 500.0, "delay_s": 0.0083,
+    }  # fmt: skip
+    return build_rig(two_joints(), **{**given, **changes})
+
+
+RIGS = {
+    "all": rig_with,
+    "substeps": lambda: rig_with(substeps=3),
+    "drifting": lambda: rig_with(drifts=(Drift(("middle",), 2.0, 5.0),)),
+    "one joint": lambda: rig_with(joints=[JointElements("a", "A", (FRICTION[0],))]),
+    "no joints": lambda: rig_with(joints=()),
+    "a tick of delay": lambda: rig_with(delay_s=0.0068),
+}
+
+
+def ran(rig, law):
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.uniform(-1.0, 1.0, (SAMPLES // 5, 2)), 5, axis=0)
+    start = switch_on(rig, on_rig(rig, law), 0.2, rng)
+    return run_through(rig, law, u, rng, start=start)
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("law", [None, LAW], ids=["open", "closed"])
+@pytest.mark.parametrize("name", RIGS)
+def test_every_number_of_a_run_is_that_of_the_ticks_in_python(name, law, monkeypatch):
+    rig, used = RIGS[name](), []
+
+    def seen(*asked):
+        used.append(run_compiled(*asked))
+        return used[-1]
+
+    monkeypatch.setattr(simulation, "run_compiled", seen)
+    compiled = ran(rig, law)
+    assert used
+    assert all(done is not None for done in used)
+    monkeypatch.setattr(simulation, "run_compiled", lambda *asked: None)
+    python = ran(rig, law)
+    torque = np.abs(python["torque"])
+    assert name != "all" or torque.max(axis=0)[0] == 0.6  # the limits are met
+    states = [vars(run.pop("state")) for run in (compiled, python)]
+    for one, other in ((compiled, python), states):
+        for key, value in other.items():
+            # Rounding; were a count to fall the other way, it would be 1e-5.
+            largest = np.abs(value).max(initial=0.0)
+            np.testing.assert_allclose(one[key], value, rtol=0.0, atol=1e-9 * (1.0 + largest), err_msg=key)
+
+
+def test_a_joint_with_a_gap_is_left_to_python():
+    rig = rig_with(joints=[JointElements("a", "A", (Deadband(1e-3, 20.0),))])
+    ticks = TickRows(*[np.zeros((0, 0))] * 2, 0, *[np.zeros((0, 0))] * 6)
+    assert run_compiled(rig, rig.plant, ticks, switch_on(rig, None, 0.0, np.random.default_rng(1))) is None
