@@ -104,7 +104,7 @@ def test_no_gain_of_an_undamped_position_loop_is_a_limit(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", repeats(range(10), 1))
 def test_of_thousands_of_crossings_those_nearest_to_one_are_found(seed: int) -> None:
-    """A late force on a damped body: -k L is real and negative where atan(w/c) + w tau is an odd half turn."""
+    """A late force on a damped body: -k L is real and negative where atan(w/c) + w tau is odd half turns."""
     rng = np.random.default_rng([31, seed])
     c, tau = 10.0 ** rng.uniform(-1.0, 0.0), 10.0 ** rng.uniform(0.0, 0.5)
     body = StateSpace(np.array([[-c]]), np.array([[1.0]]), np.array([[1.0]]), np.zeros((1, 1)))
