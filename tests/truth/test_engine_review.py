@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -28,7 +29,7 @@ from engine_cases import (
 )
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
-from middeck.realtime.engine.build import build_engine
+from middeck.realtime.engine.build import build_engine, engine_sources
 from middeck.realtime.engine.monitors import Monitor
 from middeck.realtime.engine.shared_file import open_shared_file
 from middeck.realtime.engine.supervisor import DriverRig, Supervisor
@@ -317,3 +318,19 @@ def test_settings_are_read_without_a_library_of_filters():
     said = "import sys, middeck.realtime.engine.supervisor; print('scipy.signal' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
     assert found.stdout == "False\n"
+
+
+def test_what_is_published_is_fenced_where_stores_are_reordered(small_processors, tmp_path):
+    """On ARM a record is opened, a barrier stands, and a release closes it: nobody reads half of one."""
+    for name, text in engine_sources().items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "string.h").write_text(
+        "#include <stddef.h>\nvoid *memcpy(void *, const void *, size_t);\n"
+        "void *memset(void *, int, size_t);\nint memcmp(const void *, const void *, size_t);\n"
+    )
+    flags = ["-ffreestanding", "-I.", "-march=armv8-a", "-O2", "-S"]
+    subprocess.run([small_processors[0], *flags, "publish.c"], cwd=tmp_path, check=True)
+    bodies = re.split(r"^(\w+):$", (tmp_path / "publish.s").read_text(), flags=re.MULTILINE)
+    found = dict(zip(bodies[1::2], bodies[2::2], strict=True))
+    for function in ("publish_events", "publish_record", "answer_command"):
+        assert 0 < found[function].find("dmb") < found[function].rfind("stl"), function

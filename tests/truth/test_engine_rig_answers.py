@@ -14,6 +14,7 @@ from middeck.errors import DataError
 from middeck.realtime.engine.rig_server import LOOPBACK
 from middeck.realtime.engine.rig_session import REPLY, REQUEST
 from middeck.realtime.engine.supervisor import Supervisor, UdpRig
+from middeck.realtime.engine.udp_client import RigClient
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -88,10 +89,18 @@ def test_datagrams_that_are_no_answers_are_not_read_for_ever(others):
         return [*spoilt, sensors_of(magic, sample)] if others < 64 else spoilt
 
     settings = plain_settings(answer_s=2.0)
-    with answering(reply) as rig, Supervisor(settings, rig) as engine:
-        engine.reset()
-        engine.run(20)
-        assert kinds(engine) == ["reset done"] + (["rig dead"] if others > 64 else [])
+    with answering(reply) as rig:
+        with Supervisor(settings, rig) as engine:
+            engine.reset()
+            engine.run(20)
+            assert kinds(engine) == ["reset done"] + (["rig dead"] if others > 64 else [])
+        client = RigClient(rig, OUTPUTS, answer_s=2.0)
+        if others > 64:
+            with pytest.raises(DataError, match="does not answer"):
+                client.read()
+        else:
+            assert client.read().tolist() == (0.01 * np.sin(np.arange(SENSORS))).tolist()
+        client.close()
 
 
 def test_what_is_played_is_what_was_given_at_the_start():

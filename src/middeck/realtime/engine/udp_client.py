@@ -14,7 +14,8 @@ from middeck.realtime.engine.rig_server import LARGEST, LOOPBACK
 from middeck.realtime.engine.rig_session import END, REPLY, REQUEST
 from middeck.realtime.engine.supervisor import UdpRig
 
-TRIES = 20
+TRIES, OTHERS = 20, 64
+"""How often it asks, and datagrams that are no answer after which a try is over."""
 
 
 class RigClient(EngineRig):
@@ -33,13 +34,12 @@ class RigClient(EngineRig):
         for _ in range(TRIES if self.now is None else 0):
             try:
                 self.socket.send(self.request)
-                data = self.socket.recv(LARGEST)
-                while not self._answers(data):
-                    data = self.socket.recv(LARGEST)
+                data = next(filter(self._answers, (self.socket.recv(LARGEST) for _ in range(OTHERS))), None)
             except (TimeoutError, ConnectionError):
                 continue
-            self.now = np.frombuffer(data, "<f8", offset=REPLY.size)
-            break
+            if data is not None:
+                self.now = np.frombuffer(data, "<f8", offset=REPLY.size)
+                break
         if self.now is None:
             raise DataError("the rig does not answer", where="UDP", hint="is its process alive?")
         return self.now

@@ -1,5 +1,6 @@
 #include "fit.h"
 
+#include <math.h>
 #include <stddef.h>
 
 enum { STATES_MOST = 1024, HISTORY_MOST = 63, PERIOD_MOST_S = 1000000 };
@@ -24,6 +25,12 @@ static int all_finite(const real *v, size_t count)
         if (!finite(v[i]))
             return 0;
     return 1;
+}
+
+/* Both poles inside the unit circle: the triangle of a1 and a2. */
+static int is_stable(const real *g)
+{
+    return fabs(g[4]) < 1 && fabs(g[3]) < 1 + g[4];
 }
 
 /* Room for ``count`` of ``size`` bytes at ``place``, before ``next``. */
@@ -88,8 +95,8 @@ static const char *misfit_of_tests(const settings *set)
             return "a monitor of no channel, without a window or with a band that is not finite";
     for (k = 0; k < set->paths; ++k)
         if (!between(0, set->path[k].sensor, set->inputs - 1) || !between(0, set->path[k].output, set->outputs - 1)
-            || !all_finite(set->path[k].s.g, 5))
-            return "a hold from no sensor, to no output or with a section that is not finite";
+            || !all_finite(set->path[k].s.g, 5) || !is_stable(set->path[k].s.g))
+            return "a hold from no sensor, to no output or with a section that is not finite or not stable";
     if (!between(-1, set->adaptive.monitor, set->monitors - 1))
         return "an adaptive gain without its monitor";
     if (!(set->adaptive.least >= 0 && set->adaptive.least <= set->adaptive.most) || !finite(set->adaptive.most) || !(set->adaptive.rate >= 0))

@@ -76,7 +76,7 @@ void publish_status(shared *f, const engine *e)
     }
     if (s->blacklisted != e->blacklisted) {
         memcpy(s->blacklist, e->blacklist, sizeof s->blacklist);
-        s->blacklisted = e->blacklisted;
+        word_set(&s->blacklisted, e->blacklisted);
     }
     word_set(&s->sample, e->sample);
 }
