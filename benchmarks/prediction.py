@@ -3,14 +3,15 @@ refined on some of what was measured, against the rest.
 
     python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five, rig, promise, slip, frontier, multimodel, Sag and Torsion, are run alone and the other
-rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with one BLAS thread. Sheet and
-five are refined on modal surveys of the truth, rig on records of it, which take an hour.
+CASES, of sheet, five, rig, promise, slip, frontier, multimodel, motors, Sag and Torsion, are run alone and
+the other rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with one BLAS thread.
+Sheet and five are refined on modal surveys of the truth, rig on records of it, which take an hour.
 """
 
 from __future__ import annotations
 
 from measured import (
+    all_motors,
     garteur_promise,
     multimodel_bound,
     pazy_promise,
@@ -29,6 +30,7 @@ CASES = {
     "slip": slip_promise.rows,
     "frontier": promise.frontier_rows,
     "multimodel": multimodel_bound.rows,
+    "motors": all_motors.rows,
     "Sag": lambda o: pazy_promise.rows(o.data),
     "Torsion": lambda o: garteur_promise.rows(o.data),
 }

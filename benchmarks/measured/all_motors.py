@@ -36,9 +36,9 @@ from middeck.updating.refine import Refined
 from middeck.updating.surveys import set_up
 
 STUDY = Path(__file__).resolve().parents[2] / "studies" / "mace-1993.toml"
-SEEDS = (1993, 0, 1, 2)
+SEEDS = (1993, 0, 1)
 LOG10_AUTHORITY = np.array([0.0, 2.0, 4.0])
-DRAWS = 30
+DRAWS = 20
 LEAST_DB, ASKED_DB = -20.0, 3.0
 # The record in orbit: from below the PD loops' corners at 0.03 Hz.
 BAND_HZ, PERIOD_S, PERIODS = (0.03, 60.0), 32.0, 2
@@ -72,10 +72,10 @@ def rows(_: Any) -> list[dict[str, Any]]:
         row(title, "designed on a 0-g record, worst", "dB", max(c.measured for c in found), LEAST_DB),
         row(title, "refined behind measured, largest", "dB", max(behind), ASKED_DB),
         row(title, "the same, median", "dB", np.median(behind)),
-        row(title, "as drawn, unstable", "", np.sum(~np.isfinite(drawn))),
-        row(title, "as drawn behind measured, median", "dB", np.median(drawn)),
+        row(title, "as drawn, without a record", "", float(np.sum(~np.isfinite(drawn)))),
+        row(title, "as drawn behind measured, largest of the others", "dB", max(filter(np.isfinite, drawn))),
         row(title, "|promised median - rig|, median", "dB", np.median(error), 0.5),
-        row(title, "95 % intervals that miss", "%", missed),
+        row(title, "95 % intervals that miss", "%", float(missed)),
         row(title, "a truth with all of it", "CPU s", np.median([c.seconds for c in found])),
     ]  # fmt: skip
 
@@ -93,7 +93,7 @@ def _flown(seed: int) -> list[Came]:
     truth = build_rig_article(article, orbit, settings)
     refined = design_ladder(_in_orbit(ground.refined, asked), asked)
     laws = {
-        **asked.laws,
+        **_named(SHEET, design_ladder(find_modes(article, orbit), asked)),
         **refined,
         **measured_ladder(_identified(study, truth, settings, asked, rng), asked),
     }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import importlib
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +17,8 @@ import numpy as np
 import middeck as md
 from measured.rows import row
 from middeck.control.law.compensator import Compensator
-from middeck.control.robust.monte_carlo import noise_on
+from middeck.control.robust.monte_carlo import which_decay
+from middeck.structure.modes.solve import Modes
 from middeck.systems.plant import Plant
 from middeck.updating.bound import Bound
 from middeck.updating.draws import DrawnPlants, draw_plants
@@ -30,10 +33,9 @@ SEEDS, DRAWS = 50, 60
 LADDERS, ALL_DRAWS = 3, 300
 AUTHORITY = 10.0 ** np.array([0.0, 2.0, 4.0, 6.0])
 RUNGS = 10.0 ** np.arange(-2.0, 12.01, 0.125)
-ALL_RUNGS = 10.0 ** np.arange(-2.0, 6.01, 0.25)
-COARSE = 8
+# A decade is 6 dB here: rungs a quarter apart are 1.5 dB, and "one rung below" was most of the distance.
+ALL_RUNGS = 10.0 ** np.arange(-2.0, 6.01, 0.0625)
 LEAST_DB = -20.0
-TOGETHER = 50  # draws that are decided at once
 
 
 class Came(NamedTuple):
@@ -114,38 +116,52 @@ def _frontiers(seed: int, asked: Plan) -> list[float]:
     truth = case.true_plant(seed)
     sheet = md.solve_modes(md.solve_equilibrium(case.sheet()[0], place))
     models = case.modes_in_orbit(refined), sheet
-    return [_distance(design_ladder(modes, asked), drawn, truth, asked) for modes in models]
+    return [_distance(modes, drawn, truth, asked) for modes in models]
 
 
-def _distance(laws: Mapping[str, Compensator], drawn: DrawnPlants, truth: Plant, asked: Plan) -> float:
-    ladder = list(laws.values())
-    u, y = (tuple(p.name for p in side) for side in (ladder[0].outputs, ladder[0].inputs))
-    came = [case.true_db(group_loop(asked, truth, u, y), law, asked) for law in ladder]
-    true = next((k for k, db in enumerate(came) if not np.isfinite(db)), len(ladder)) - 1
-    said = _first_not_promised(ladder, drawn, asked) - 1
-    print(f"true frontier {true}, promised {said} of {len(ladder)}; {came[max(true, 0)]:.2f} dB", flush=True)
+def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> float:
+    assert asked.ladder is not None
+    ladder, count = asked.ladder, len(asked.ladder.authority)
+    decade = round(1.0 / np.log10(ladder.authority[1] / ladder.authority[0]))
+
+    @functools.cache
+    def rung(k: int) -> Compensator:
+        alone = dataclasses.replace(ladder, authority=ladder.authority[k : k + 1])
+        return next(iter(design_ladder(modes, dataclasses.replace(asked, ladder=alone)).values()))
+
+    @functools.cache
+    def came(k: int) -> float:
+        return case.true_db(group_loop(asked, truth, ladder.drives, ladder.reads), rung(k), asked)
+
+    true = _first_not(lambda k: bool(np.isfinite(came(k))), count, decade) - 1
+    worst = list(drawn.plants)
+    said = _first_not(lambda k: _all_stable(rung(k), worst, asked), count, decade) - 1
+    print(f"true frontier {true}, promised {said} of {count}; {came(max(true, 0)):.2f} dB", flush=True)
     if said < 0 or true < 0:
         return 0.0 if said == true else (np.nan if said < 0 else -np.inf)
-    return -1.0 if said > true else came[said] - came[true]
+    return -1.0 if said > true else came(said) - came(true)
 
 
-def _first_not_promised(ladder: Sequence[Compensator], drawn: DrawnPlants, asked: Plan) -> int:
-    """Coarse rungs up to the first that fails, then all between."""
+def _first_not(holds: Callable[[int], bool], count: int, stride: int) -> int:
+    """Rungs a ``stride`` apart up to the first that does not hold, then between."""
     last = -1
-    for k in range(0, len(ladder), COARSE):
-        if not _all_stable(ladder[k], drawn, asked):
+    for k in range(0, count, stride):
+        if not holds(k):
             low, high = last, k
             while high - low > 1:
                 middle = (low + high) // 2
-                low, high = (middle, high) if _all_stable(ladder[middle], drawn, asked) else (low, middle)
+                low, high = (middle, high) if holds(middle) else (low, middle)
             return high
         last = k
-    return len(ladder)
+    return count
 
 
-def _all_stable(law: Compensator, drawn: DrawnPlants, asked: Plan) -> bool:
+def _all_stable(law: Compensator, plants: list[Plant], asked: Plan) -> bool:
+    """The plant that fails comes first in the list: it is the one to ask next."""
     u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
     weights = weights_of(asked, law.outputs, law.inputs)
-    plants = [group_loop(asked, plant, u, y) for plant in drawn.plants]
-    parts = [plants[k : k + TOGETHER] for k in range(0, len(plants), TOGETHER)]
-    return all(bool(np.all(noise_on(part, law, weights)[0])) for part in parts)
+    for k, plant in enumerate(plants):
+        if not which_decay([group_loop(asked, plant, u, y)], law, weights)[0]:
+            plants.insert(0, plants.pop(k))
+            return False
+    return True

@@ -37,6 +37,7 @@ PARTS = [
 ]
 DELAY = Unknown(name="delay", parameters=("loop.delay_s",), spread=1e-3, added=True)
 GAIN = Unknown(name="gain", parameters=("loop.sensor_gain.pri_in_z",), spread=0.02)
+MOTOR = Unknown(name="motor", parameters=("loop.motor_gain.bus_z",), spread=0.02)
 
 
 def modes_at(x: np.ndarray) -> Modes:
@@ -135,33 +136,35 @@ def noisy(plant: Plant, noise: float, rng: np.random.Generator) -> FrequencyResp
 
 
 def truth(seed: int) -> tuple[Survey, dict[str, float]]:
-    """Modes and a response of the frozen truth on the ground, with its delay and the gain of one sensor."""
+    """Modes and responses of the frozen truth on the ground, its delay, and gains of one sensor and motor."""
     _, lab = case.sheet()
     modes, rng = case.true_modes(seed, lab), np.random.default_rng([seed, 5])
     article, _ = case.sheet()
     hidden = draw_hidden_errors(article, seed)
     survey = case.survey(seed, 0, case.STRAIGHT, range(18))
-    plant = md.build_plant(modes, inputs=IN[:1], outputs=OUT[:2], count=60)
+    plant = md.build_plant(modes, inputs=IN, outputs=OUT[:2], count=60)
     zeta = case.true_damping(seed, modes, 60)[:60]
     assert plant.modal is not None
     plant = dataclasses.replace(plant, dynamics=dataclasses.replace(plant.modal, zeta=zeta))
     delay, gain = float(hidden.delay_s), float(np.log(dict(hidden.gain)["pri_in_z"]))
     heard = noisy(delay_plant(plant, 0.010 + delay), 0.003, rng)
+    motor = 0.02 * float(rng.standard_normal())
     H = heard.H.copy()
     H[:, 0] *= np.exp(gain)
+    H[:, :, 1] *= np.exp(motor)
     response = MeasuredResponse(response=dataclasses.replace(heard, H=H), delay_s=0.010, band_hz=(0.7, 12.0))
-    return dataclasses.replace(survey, response=response), {"delay": delay, "gain": gain}
+    return dataclasses.replace(survey, response=response), {"delay": delay, "gain": gain, "motor": motor}
 
 
 @pytest.mark.parametrize("seed", repeats(range(20)))
-def test_delay_and_gain_of_a_truth_with_another_mesh_are_seen(seed: int):
-    """Within three deviations, which are a tenth and 0.6 of those before; modes alone see neither."""
+def test_delay_and_gains_of_a_truth_with_another_mesh_are_seen(seed: int):
+    """Within three deviations, which are a tenth and 0.6 of those before; modes alone see none of them."""
     article, _ = case.sheet()
     survey, true = truth(seed)
-    found = refine(article, [survey], [*case.sheet_unknowns(article), DELAY, GAIN])
+    found = refine(article, [survey], [*case.sheet_unknowns(article), DELAY, GAIN, MOTOR])
     assert found.converged
     named = {u.name: k for k, u in enumerate(found.unknowns)}
-    for name, narrower in (("delay", 0.1), ("gain", 0.6)):
+    for name, narrower in (("delay", 0.1), ("gain", 0.6), ("motor", 0.6)):
         k = named[name]
         std = found.estimate.x_std[k]
         assert std < narrower * found.unknowns[k].spread

@@ -172,15 +172,15 @@ def _squared(A: np.ndarray, B: np.ndarray, C: np.ndarray, p: float) -> _Found:
             size = _size(power)
             peak = np.fmax(peak, size)
             trace = np.abs(np.einsum("lii->l", power))
-            grows = (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
-            falls = ~grows & (size < SMALL)
-            grown[left[grows]] = True
-            proved[left[falls]] = (feigned * peak**2 * 3.0 * 2.0**k < DOUBT)[falls]
-            if falls.any():
+            kept = (size >= SMALL) & (trace <= GROWN * n) & (size < LOST)
+            if not kept.all():
+                grows = (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
+                falls = ~grows & (size < SMALL)
+                grown[left[grows]] = True
+                proved[left[falls]] = (feigned * peak**2 * 3.0 * 2.0**k < DOUBT)[falls]
                 at, sums = left[falls], _gram(columns[falls]) if total is None else total[falls]
                 found.rms[at], found.residual[at] = _finish(power[falls], sums, A[at], B[at], C[at])
-            kept = ~(grows | falls) & (size < LOST)
-            if not kept.all():
+                kept = ~(grows | falls) & (size < LOST)
                 left = left[kept]
                 power, columns, feigned, peak = (x[kept] for x in (power, columns, feigned, peak))
                 total = None if total is None else total[kept]
@@ -200,7 +200,7 @@ def _finish(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rms and residual from the sum of the terms so far and the small power that comes after them."""
     count, n, outputs = len(A), A.shape[1], C.shape[1]
-    if not B.shape[2]:
+    if not (count and B.shape[2]):
         return np.zeros((count, outputs)), np.zeros(count)
     probes = np.broadcast_to(_probes(n), (count, PROBES, n))
     rows = np.concatenate([C, probes, probes @ A], axis=1)
