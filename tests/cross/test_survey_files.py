@@ -194,6 +194,8 @@ CSV = {
     "decimals.csv": "frequency [Hz];damping [%];n1.x;n2.y [mm]\n4,25;1;0,5;250\n11,5;2;-1e-1;40,5\n",
     "radians.csv": "Frequency [rad/s]\tdamping\tn1.x [cm]\tn2.y\n"
     + f"{8.5 * np.pi!r}\t0.01\t50\t0.25\n{23.0 * np.pi!r}\t0.02\t-10\t0.0405\n",
+    "counted.csv": "Mode;Mode name;Freq. (Hz);Damping Ratio (%);n1.x;n2.y (mm)\n"
+    + "1;1,5 of 2nd;4,25;1;0,5;250\n2;2.;11,5;2;-1e-1;40,5\n",
 }
 
 
@@ -216,6 +218,8 @@ def test_a_survey_in_csv(name: str, tmp_path: Path) -> None:
         ("damping\n1\n", "no column of frequencies"),
         ("frequency,frequency\n1,2\n", "two columns"),
         ("frequency,damping\n1\n", "1 cells for 2"),
+        ("mode,frequency,damping\n1,1\n", "2 cells for 3"),
+        ("mode,frequency,quality\n1,1,1\n", "'quality'"),
         ("frequency;damping\n1.234,5;0,1\n", "no number"),
         ("frequency\nx\n", "could not convert"),
         ("frequency\n-1\n", "-1.0 Hz"),

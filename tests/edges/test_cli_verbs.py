@@ -52,6 +52,9 @@ def test_modes_in_the_laboratory(capfd: Capture, lab: Any) -> None:
     assert found["kind"] == list(lab.kind[:26])
     assert found["name"] == list(lab.name[:26])
     assert found["residual"] == lab.residual[:26].max()
+    strained = [most is not None for most in found["most_strained"]]
+    assert strained == (lab.strain_share[:26] >= 5e-4).tolist()  # a bounce on the cables strains no part
+    assert 0 < strained.count(False) < 13
     assert found["equilibrium_residual"] == rest.residual
     assert found["rigid_residual"] == lab.rigid_residual
     assert found["reactions_n"] == dict(zip(["n1", "n3", "n5"], rest.suspension.reaction, strict=True))

@@ -72,6 +72,13 @@ def test_the_laboratory_of_nobody_says_where_it_hangs_an_article(
     chosen.write_text(TEXT.replace("[[attach]]", own, 1))
     assert "every attach point" not in middeck(capfd, "modes", chosen).err
     assert "every attach point" not in middeck(capfd, "modes", tower, "--environment", "orbit").err
+    slack = tower.with_name("slack.toml")
+    slack.write_text(
+        TEXT.replace("[-0.2, 0.1, 0.1]", "[0.3, 0.1, 0.1]").replace("[0.0, 0.3, 0.0]", "[0.5, 0.3, 0.0]")
+    )
+    refused = middeck(capfd, "modes", slack)
+    assert refused.code != 0
+    assert refused.err.count("the default environment") == 1
 
 
 def test_every_verb_says_that_an_article_hangs_far_from_level(capfd: pytest.CaptureFixture[str]):

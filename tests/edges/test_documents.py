@@ -713,7 +713,7 @@ y = 2
 """
     lines = key_lines(text)
     assert {k: lines[k] for k in [("a",), ("b", "c"), ("b", "c", 1), ("t", "s")]} == {
-        ("a",): 2, ("b", "c"): 3, ("b", "c", 1): 3, ("t", "s"): 8
+        ("a",): 2, ("b", "c"): 3, ("b", "c", 1): 5, ("t", "s"): 8
     }  # fmt: skip
     assert ("t", "x") not in lines
     assert lines["n", 0, "sub", "y"] == 14

@@ -249,6 +249,26 @@ def test_a_picture_of_many_shapes_says_how_many_it_leaves_out(page: ShapePage) -
     assert figure.get_figheight() < 25.0
 
 
+def test_the_scale_of_an_upright_article_has_its_length_and_words() -> None:
+    """A narrow panel cuts off neither the bar of length nor the words over it, nor those of gravity."""
+    bench = md.Environment.clamped("a")
+    mast = dataclasses.replace(bench, gravity=np.array([-9.81, 0.0, 0.0]))
+    modes = md.solve_modes(md.solve_equilibrium(straight_beam(TUBE, 2.0, 8), mast), 4)
+    drawing = build_mode_drawing(modes, range(4))
+    figure = shapes_figure([drawing], [[Shown(0, i)] for i in range(4)])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    axes = figure.axes[0]
+    words = {text.get_text(): text for text in axes.texts}
+    bar = next(line for line in axes.lines if line.get_linewidth() == 1.6)
+    length = float(np.ptp(bar.get_xdata()))
+    ends = axes.transData.transform([(0.0, 0.0), (length, 0.0)])
+    drawn = bar.get_tightbbox(canvas.get_renderer())
+    assert drawn.width == pytest.approx(ends[1, 0] - ends[0, 0], abs=3.0)
+    for said in (f"{length:g} m", "g 9.81 m/s²"):
+        assert words[said].get_tightbbox(canvas.get_renderer()).width > 5.0
+
+
 @pytest.mark.parametrize(("constants", "up"), [
     ("", None), ("gravity_m_s2 = 0.0\ngravity_direction = [0.0, 0.0, -2.0]", [0.0, 0.0, 1.0]),
     ("gravity_m_s2 = 1.62\ngravity_direction = [-3.0, 0.0, 0.0]", [1.0, 0.0, 0.0]),

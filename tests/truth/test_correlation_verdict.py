@@ -153,6 +153,24 @@ def test_alike_shapes_octaves_apart_are_no_pair():
 # Profiles
 
 
+def test_a_mode_that_no_sensor_sees_resembles_none():
+    """The torsion of a straight beam moves no point of its axis: its MAC is zero."""
+    soft = dataclasses.replace(CANTILEVER, GJ=1e-4)
+    held = Environment.clamped("a", gravity=0.0)
+    beam = solve_modes(solve_equilibrium(straight_beam(soft, 2.0, 12), held), 12)
+    channels = [(f"a-b/{i}", d) for i in (2, 5, 9, 11) for d in "xyz"]
+    bent = [i for i, name in enumerate(beam.name) if "bending" in name][:3]
+    turned = [i for i, name in enumerate(beam.name[: bent[-1]]) if "torsion" in name]
+    noise = MeasurementNoise(0.001, 0.02)
+    test = measure_modes(beam, channels, chosen=bent, noise=noise, rng=np.random.default_rng(4))
+    found = correlate_modes(beam, test, ORION, rng=np.random.default_rng(5), runs=20)
+    unseen = np.isin(found.candidates, turned)
+    assert unseen.any()
+    assert not found.evaluation.mac[unseen].any()
+    assert found.evaluation.mac[~unseen].max(axis=0) == pytest.approx(1.0, abs=0.01)
+    assert not set(turned) & set(found.pairs[:, 0].tolist())
+
+
 def test_groups_are_the_fundamental_the_massive_and_the_others():
     """A cantilever's bendings: 61, 19, 6 and 3 % of the mass, 38, 19, 11 and 7 % of the inertia."""
     modes = clamped(straight_beam(CANTILEVER, 2.0, 8))

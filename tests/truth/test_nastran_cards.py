@@ -156,6 +156,7 @@ def test_continuations(name):
         ("GRID 1 0 0. 0. 0.", "columns of eight, or commas"),
         ("GRID,1,,1.\nGRID,1,,2.", "a second grid 1 with other content; the first is GRID 1 at a.dat:1"),
         ("CBAR,1,1,1,2,0.,1.,0.\nRBE2,1,2,123,3", "a second element 1"),
+        ("CONM2,1,2,,3.\nCMASS2,1,3.,2,1", "a second mass element 1"),
         ("PBAR,1,1,1.\nPBARL,1,1,,ROD,,,,,\n,1.", "a second property 1"),
         ("PARAM,WTMASS,1.\nPARAM,WTMASS,2.", "a second PARAM WTMASS"),
         ("CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,1,2,3,4", "shells and solids are not read (2 of them)"),
@@ -167,6 +168,15 @@ def test_complaints_name_line_card_and_field(text, words):
 
 def test_equal_duplicates_pass():
     assert len(entries("GRID,1,,1.,2.\ngrid,1,,1.0,2.+0,0.").of("GRID")) == 1
+
+
+def test_numbers_that_cannot_be_read_are_told_once():
+    assert "second" not in refused("CONM2,1 1,2,,3.\nCONM2,1 2,2,,4.")
+
+
+def test_a_mass_may_have_the_number_of_another_element():
+    """As in MSC Nastran's own example of a wing with its masses on rigid bars."""
+    assert len(entries("RBAR,111,110,111,123456\nCONM2,111,111,0,600.").of("RBAR", "CONM2")) == 2
 
 
 def test_places_follow_chains_of_systems():

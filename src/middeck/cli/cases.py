@@ -88,8 +88,9 @@ def solve_in(
     except MiddeckError as error:
         # A slipped unit shows as a mechanism or as no rest at all: what may be the cause comes first.
         default = "'lab', the default environment, hangs every attach point: give one with --environment"
-        hung = [default] if files[-1] == BUILT_IN["lab"] else []
-        error.hint = "; ".join([*doubts, *hung, *([error.hint] if error.hint else [])])
+        hung = [default] if files[-1] == BUILT_IN["lab"] and not _hung_anywhere(structure, *files) else []
+        advice = [*doubts, *hung, *error.hint.split("; ")]
+        error.hint = "; ".join(a for i, a in enumerate(advice) if not any(a in told for told in advice[:i]))
         raise
     shown = count or COUNT
     if top_hz is not None:

@@ -11,6 +11,9 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
 from middeck.systems.response import FrequencyResponse
 
+# Share of a mode's energy below which its strain prints as 0.0 %: what holds it is the suspension.
+LEAST_STRAIN = 5e-4
+
 
 def mode_numbers(modes: Modes, count: int) -> dict[str, Any]:
     """The lowest ``count`` modes and how far they are to be trusted."""
@@ -26,12 +29,12 @@ def mode_numbers(modes: Modes, count: int) -> dict[str, Any]:
 
 
 def most_strained(modes: Modes, count: int) -> list[dict[str, Any] | None]:
-    """The part with most of the strain energy of each of the lowest modes; None for a rigid-body mode."""
+    """The part with most of the strain energy of each of the lowest modes; None where nothing is strained."""
     parts, shares = strained_parts(modes.equilibrium, modes.shapes[:, :count])
     named = [leading_parts(parts, share) for share in shares]
     return [
-        None if kind == "rigid" or not part else {"part": part, "share": share}
-        for kind, (part, share) in zip(modes.kind, named, strict=False)
+        None if kind == "rigid" or strain < LEAST_STRAIN or not part else {"part": part, "share": share}
+        for kind, strain, (part, share) in zip(modes.kind, modes.strain_share, named, strict=False)
     ]
 
 

@@ -22,13 +22,17 @@ TOLD = {
     "frequency": ("frequency", FREQUENCY), "damping": ("damping", DAMPING),
     "frequency std": ("frequency_std_hz", FREQUENCY), "damping std": ("damping_std", DAMPING),
 }  # fmt: skip
+ALIKE = {"freq": "frequency", "freq.": "frequency", "damping ratio": "damping"}
+# Columns that only count or name the modes.
+PASSED_OVER = ("no", "no.", "number", "mode", "mode no", "mode no.", "mode number", "mode name", "name")
 
 
 def load_csv(path: Path) -> MeasuredModes:
     """The survey in a CSV file; without columns of shapes, one of frequencies alone.
 
     Columns are ``frequency [Hz]``, ``damping`` (a ratio, or ``[%]``), ``frequency std [Hz]``, ``damping std``
-    and real shapes headed node.direction, as ``n1.x [mm]``. A damping that is not there is not a number.
+    and real shapes headed node.direction, as ``n1.x [mm]``; units may stand in round brackets. A column that
+    numbers or names the modes is passed over. A damping that is not there is not a number.
 
     Raises `DataError`, with file and line, for headings that are not these, for units that are not known, and
     for cells that are not numbers.
@@ -40,7 +44,7 @@ def load_csv(path: Path) -> MeasuredModes:
     if twice or "frequency" not in dict(keys):
         what = f"two columns {twice[0]!r}" if twice else "no column of frequencies"
         raise DataError(what, where=f"{path}:{head[0]}", hint=ADVICE)
-    table = np.array([_numbers(cells, len(keys), f"{path}:{n}") for n, cells in body])
+    table = np.array([_numbers(cells, f"{path}:{n}") for n, cells in body])
     table = table.reshape(-1, len(keys)) * np.array([scale for _, scale in keys])
     columns = dict(zip([name for name, _ in keys], table.T, strict=True))
     plain = {field: columns.pop(name) for name, (field, _) in TOLD.items() if name in columns}
@@ -60,7 +64,7 @@ def load_csv(path: Path) -> MeasuredModes:
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Line number and cells of each line that says something."""
+    """Line number and cells of each line that says something, without the columns that count the modes."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         told = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
@@ -70,7 +74,16 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         raise DataError(f"not CSV text: {error}", where=str(path), hint="save it as UTF-8 CSV") from None
     if len(found) < 2:
         raise DataError("no modes" if found else "the file has no lines", where=str(path), hint=ADVICE)
+    read = [i for i, cell in enumerate(found[0][1]) if cell.lower().replace("_", " ") not in PASSED_OVER]
+    width = len(found[0][1])
+    found = [(n, _told(cells, read, width, f"{path}:{n}")) for n, cells in found]
     return found if mark == "," else [found[0], *((n, _pointed(c, f"{path}:{n}")) for n, c in found[1:])]
+
+
+def _told(cells: list[str], read: list[int], width: int, where: str) -> list[str]:
+    if len(cells) != width:
+        raise DataError(f"{len(cells)} cells for {width} columns", where=where, hint="one number a column")
+    return [cells[i] for i in read]
 
 
 def _pointed(cells: list[str], where: str) -> list[str]:
@@ -84,11 +97,12 @@ def _pointed(cells: list[str], where: str) -> list[str]:
 
 def _key(cell: str, where: str) -> tuple[str, float]:
     """Name of a column in small letters, or node.direction; the factor that makes SI of it."""
-    found = re.fullmatch(r"([^\[\]]+?)\s*(?:\[([^\]]*)\])?", cell)
+    found = re.fullmatch(r"([^\[\]]+?)\s*(?:\[([^\]]*)\])?", re.sub(r"\(([^()]*)\)$", r"[\1]", cell))
     if found is None:
         raise DataError(f"a column is headed {cell!r}", where=where, hint=ADVICE)
     name, unit = found[1], (found[2] or "").strip()
     plain = name.lower().replace("_", " ")
+    plain = ALIKE.get(plain, plain)
     if plain in TOLD:
         scales = TOLD[plain][1]
         plain_unit = unit or ("Hz" if scales is FREQUENCY else "")
@@ -104,9 +118,7 @@ def _key(cell: str, where: str) -> tuple[str, float]:
     return plain, scales[plain_unit]
 
 
-def _numbers(cells: list[str], width: int, where: str) -> list[float]:
-    if len(cells) != width:
-        raise DataError(f"{len(cells)} cells for {width} columns", where=where, hint="one number a column")
+def _numbers(cells: list[str], where: str) -> list[float]:
     try:
         return [float(c) for c in cells]
     except ValueError as error:

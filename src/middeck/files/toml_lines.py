@@ -11,10 +11,12 @@ Path = tuple[str | int, ...]
 def key_lines(text: str) -> dict[Path, int]:
     """Line, counted from one, of every table and key of a valid TOML ``text``.
 
-    Items of arrays of tables are numbered from zero; the items of a plain array stand at its key.
+    Items of arrays of tables are numbered from zero; those of an array in brackets stand where they end.
 
     >>> key_lines("[[node]]\\nx = 1\\n[[node]]\\nx = 2\\n")[("node", 1, "x")]
     4
+    >>> key_lines("node = [\\n{x = 1},\\n{x = 2},\\n]\\n")[("node", 1, "x")]
+    3
     """
     lines = text.splitlines()
     found: dict[Path, int] = {}
@@ -30,8 +32,11 @@ def key_lines(text: str) -> dict[Path, int]:
                 found.setdefault(table[:end], number + 1)
         elif line and not line.startswith("#"):
             value, span = _value(lines, number)
+            ends = _ends_of_items(lines[number : number + span])
             for path in _paths(value):
-                found.setdefault(table + path, number + 1)
+                item = next((key for key in path if isinstance(key, int)), None)
+                below = 0 if item is None else ends[item] if item < len(ends) else span - 1
+                found.setdefault(table + path, number + 1 + below)
         number += span
     return found
 
@@ -76,6 +81,20 @@ def _value(lines: list[str], first: int) -> tuple[dict[str, Any], int]:
         except tomllib.TOMLDecodeError:
             continue
     return {}, 1
+
+
+def _ends_of_items(lines: list[str]) -> list[int]:
+    """For each item of an array over several ``lines``, but for those on the last one, where it ends."""
+    ends: list[int] = []
+    for end in range(len(lines) - 1):
+        try:
+            value: Any = tomllib.loads("\n".join([*lines[: end + 1], "]"]))
+        except tomllib.TOMLDecodeError:
+            continue
+        while isinstance(value, dict):
+            value = next(iter(cast("dict[str, Any]", value).values()))
+        ends += [end] * (len(value) - len(ends))
+    return ends
 
 
 def _paths(value: Any) -> list[Path]:

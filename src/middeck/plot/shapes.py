@@ -369,7 +369,7 @@ def draw_axes(axes: Axes, drawing: Drawing, view: np.ndarray) -> None:
         _arrow(axes, corner, tip, COLOUR["ink"])
         note(axes, name, tip + 0.2 * (tip - corner), (0, 0), fontsize=6.0, ha="center", va="center")
     bar = np.array([left + 0.2 * span, low + 0.025 * span]) + np.outer([0.0, length], [1.0, 0.0])
-    axes.plot(*bar.T, color=COLOUR["ink"], linewidth=1.6, solid_capstyle="butt")
+    axes.plot(*bar.T, color=COLOUR["ink"], linewidth=1.6, solid_capstyle="butt", clip_on=False)
     note(axes, f"{length:g} m", bar.mean(axis=0), (0, 3), fontsize=6.0, ha="center")
     size = float(np.linalg.norm(drawing.gravity))
     if size > 0.0:
@@ -390,4 +390,10 @@ def _round_bar(x: float) -> float:
 
 
 def _arrow(axes: Axes, start: np.ndarray, end: np.ndarray, colour: str) -> None:
-    axes.annotate("", (end[0], end[1]), (start[0], start[1]), arrowprops=ARROW | {"color": colour})
+    axes.annotate(
+        "",
+        (end[0], end[1]),
+        (start[0], start[1]),
+        arrowprops=ARROW | {"color": colour},
+        annotation_clip=False,
+    )

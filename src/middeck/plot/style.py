@@ -113,8 +113,10 @@ def legend_below(figure: Figure, pictures: Sequence[Axes], columns: int = 3) -> 
 def note(
     axes: Axes, text: str, at: Any, offset: tuple[float, float], *, fontsize: float = 7.5, **look: Any
 ) -> None:
-    """Small text beside a point, ``offset`` in points."""
-    axes.annotate(text, at, offset, textcoords="offset points", fontsize=fontsize, **look)
+    """Small text beside a point, ``offset`` in points, beyond the limits of the axes too."""
+    axes.annotate(
+        text, at, offset, textcoords="offset points", fontsize=fontsize, annotation_clip=False, **look
+    )
 
 
 class PlainNumbers(LogFormatter):

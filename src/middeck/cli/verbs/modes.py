@@ -289,7 +289,9 @@ def _parts_table(document: dict[str, Any]) -> Table:
         for i, (f, most) in enumerate(zip(document["frequency_hz"], document["most_strained"], strict=True))
         if most is not None
     ]
-    return Table("largest share of the strain energy", ["", "frequency Hz", "part", "share"], rows)
+    return Table(
+        "largest share of the article's own strain energy", ["", "frequency Hz", "part", "share"], rows
+    )
 
 
 def _page_rows(document: dict[str, Any]) -> list[list[str]]:

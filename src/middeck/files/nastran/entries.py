@@ -33,12 +33,12 @@ LARGEST = 10**15  # no integer of Nastran is
 SAMPLE = 64  # texts of a column that say whether most of them repeat
 EXPONENT = re.compile(r"(?<=[0-9.])[+-]")  # one without its letter
 SHOWN = 20  # faults in one report
-# Names that share one space of numbers.
+# Names that share one space of numbers. Programs accept masses with the number of another element.
 SPACES = {
     "GRID": "grid",
-    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CONM1", "CONM2", "CELAS1", "CELAS2"), "element"),
-    **dict.fromkeys(("CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS3", "CELAS4"), "element"),
+    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CELAS1", "CELAS2", "CELAS3", "CELAS4"), "element"),
     **dict.fromkeys(("CBUSH", "RBE1", "RBE2", "RBE3", "RBAR"), "element"),
+    **dict.fromkeys(("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4"), "mass element"),
     **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH"), "property"),
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
     **{
@@ -160,7 +160,7 @@ def _distinct(entries: list[Entry], space: str, seen: dict[Any, Entry], faults: 
     kept: list[Entry] = []
     for entry in entries:
         other = seen.setdefault(entry.id, entry)
-        if other is entry:
+        if other is entry or entry.id is None:  # a number that cannot be read is a fault already
             kept.append(entry)
         else:
             faults += _twice(entry, other, space)

@@ -38,6 +38,8 @@ from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
 RUNS = 1000
+# Motion at the channels, of the largest that any mode has there, below which a mode is not seen: rounding.
+UNSEEN = 1e-9
 
 
 @record(kw_only=True)
@@ -206,7 +208,7 @@ def _model(
     Pairs rest on the MAC alone, so that they can be found before there is a mass.
     """
     channels = len(measured.node)
-    shape = np.asarray(rows @ modes.shapes[:, index])
+    shape = _seen(np.asarray(rows @ modes.shapes))[:, index]
     significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
     flexible = np.array([modes.kind[i] == "flexible" for i in index])
     hz = modes.frequency_hz[index]
@@ -226,6 +228,12 @@ def _model(
     return Candidates(
         frequency_hz=hz, shape=shape, mass=reduced.mass, significant=significant, flexible=flexible
     ), reduced
+
+
+def _seen(motion: Float[np.ndarray, "channel mode"]) -> Float[np.ndarray, "channel mode"]:
+    """Motion of modes of unit mass at the channels: zero, and so the MAC, of a mode that they do not see."""
+    size = np.abs(motion)
+    return np.where(size.max(axis=0) > UNSEEN * size.max(initial=0.0), motion, 0.0)
 
 
 def _findings(

@@ -46,7 +46,8 @@ class BeamProperties:
     Attributes:
         length: Undeformed length [m].
         stiffness: On (stretch, y1, z1, y2, z2, twist), see `section_stiffness`.
-        bow: Mean squared slope of the centre line against its chord, a quadratic form in (y1, z1, y2, z2).
+        bow: Mean squared slope of the centre line against its chord, a quadratic form in (y1, z1, y2, z2);
+            zero where it goes straight between the ends.
         slant: Shear strains that (extension, twist, curvatures) bring at no shear force, with opposite sign.
         tension: Axial force [N] as drawn.
         EA, GJ, EI_y, EI_z: Diagonal of the section's stiffness.
@@ -72,7 +73,7 @@ class BeamProperties:
     mass_centre_y: Inexact[np.ndarray, " element"]
     mass_centre_z: Inexact[np.ndarray, " element"]
     lumped: Inexact[np.ndarray, "element 2"]  # shares of the mass, along and across, lumped at the ends
-    straight: Bool[np.ndarray, " element"]  # whether the mass goes straight between the ends
+    straight: Bool[np.ndarray, " element"]  # whether line and mass go straight between the ends
 
 
 def beam_properties(
@@ -91,20 +92,21 @@ def beam_properties(
 
     lengths = np.asarray(lengths)
     spread = [SPREAD[s.mass] for s in distinct.values()]
+    straight = np.array([row[2] for row in spread], dtype=bool)[which]
     names = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z", "mass_centre_y", "mass_centre_z")
     forms = section_forms(tuple(distinct.values()))
     element = element_forms(SectionForms(*(part[which] for part in forms)), lengths)
     return BeamProperties(
         length=lengths,
         stiffness=element.stiffness,
-        bow=element.bow,
+        bow=np.where(straight[:, None, None], 0.0, element.bow),
         slant=forms.P[which],
         tension=np.zeros(len(lengths)) if tension is None else tension,
         **{name: column(name) for name in names},
         shear_y=element.shear[:, 1, 1],
         shear_z=element.shear[:, 0, 0],
         lumped=np.array([row[:2] for row in spread]).reshape(-1, 2)[which],
-        straight=np.array([row[2] for row in spread], dtype=bool)[which],
+        straight=straight,
     )
 
 
