@@ -21,6 +21,8 @@ from engine_cases import (
     verified,
 )
 from middeck.control.law.compensator import Compensator
+from middeck.errors import DataError
+from middeck.realtime.engine import supervisor
 from middeck.realtime.engine.settings import Drive, time_to_rest
 from middeck.realtime.engine.supervisor import Supervisor
 from middeck.realtime.package.build import package_law
@@ -208,6 +210,28 @@ def test_what_makes_safe_does_not_wait_for_a_command_of_later():
         engine.send("standby", at=1 << 40)
         engine.close()
         assert time.monotonic() - began < 3.0
+
+
+def test_what_makes_safe_finds_a_place_in_a_full_queue(monkeypatch):
+    """Nobody else takes the last places, and an engine that hears no end is told by a signal."""
+    monkeypatch.setattr(supervisor, "PATIENCE_S", 0.2)
+    with Supervisor(plain_settings(late_s=1e3), random_article(), real_time=True) as engine:
+        engine.load(random_package())
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.send("standby", at=1 << 40)
+        with pytest.raises(DataError, match="does not answer"):
+            for _ in range(300):
+                engine.send("standby")
+        assert engine.command("disengage").done
+        with pytest.raises(DataError, match="does not answer"):
+            for _ in range(300):
+                engine.send("silence")
+        monkeypatch.setattr(supervisor, "KEPT_FREE", {"end": 250})
+        began = time.monotonic()
+        engine.close()
+        assert time.monotonic() - began < 3.0
+        assert engine.process.returncode == 0
 
 
 def test_half_a_command_is_none():
