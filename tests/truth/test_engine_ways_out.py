@@ -51,7 +51,18 @@ def told_by_a_signal(engine):
     engine.process.wait(10.0)
 
 
-@pytest.mark.parametrize("way", [Supervisor.close, told_by_a_signal], ids=["end", "signal"])
+def told_again_and_again(engine):
+    """A second SIGTERM is no other than the first."""
+    for _ in range(3):
+        engine.process.send_signal(signal.SIGTERM)
+        time.sleep(0.01)
+    engine.process.wait(10.0)
+
+
+WAYS = [Supervisor.close, told_by_a_signal, told_again_and_again]
+
+
+@pytest.mark.parametrize("way", WAYS, ids=["end", "signal", "signals"])
 @pytest.mark.parametrize("real_time", [False, True], ids=["lockstep", "clock"])
 def test_the_end_is_a_ramp_from_the_law_to_the_hold_and_then_to_zero(tmp_path, way, real_time):
     """0.3 of a law beside the hold's -0.2: SAFE takes the law away, and then the hold falls as it rose."""
