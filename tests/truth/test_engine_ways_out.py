@@ -156,6 +156,24 @@ def test_a_wheel_that_fills_in_safe_is_pushed_less_and_less():
     assert pushed[-1] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_reset_beside_a_full_wheel_does_not_jump():
+    """SAFE has let the hold go in part: it rises from there, and trips where the wheel takes no more."""
+    _, u = ports(0, SENSORS, OUTPUTS)
+    full = Drive(port=u[0], lower=-0.5, upper=0.5, momentum=0.5)
+    settings = plain_settings(hold=HOLD, verify_s=0.1, drives=(full, Drive(port=u[1], lower=-0.5, upper=0.5)))
+    with Supervisor(settings, still_article(OFF)) as engine:
+        verified(engine)
+        engine.stop()
+        before = engine.run(900)
+        while before["u"][-1, 0] < -0.1:
+            before = engine.run(1)
+        engine.reset()
+        records = np.concatenate([before[-1:], engine.run(300)])
+        assert kinds(engine)[-2:] == ["reset done", "momentum"]
+    assert np.abs(np.diff(records["u"][:, 1])).max() <= STEEPEST / SAFE_RAMP * 0.2
+    assert np.abs(np.diff(records["u"][:, 0])).max() <= STEEPEST / SAFE_RAMP * 0.1
+
+
 def slow_to_check(seed=5, states=400):
     """A dense law whose poles crowd the unit circle: its check squares the matrix until nothing is left."""
     rng = np.random.default_rng(seed)

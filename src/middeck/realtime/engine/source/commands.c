@@ -148,9 +148,9 @@ static enum answer reset(engine *e, real trip)
         return WRONG_TRIP;
     if (e->sensors.unhealthy)
         return STILL_UNHEALTHY;
-    e->hold_level = 0;
-    if (e->set.paths && e->hold_verified && !e->hold_off)
-        e->hold_level = e->set.ramp; /* it holds already */
+    e->hold_level = engine_holds_whole(e) ? e->set.ramp : 0; /* it holds already, or rises */
+    if (e->hold_level == 0 && e->hold_verified && !e->hold_off) /* a wheel is full: it has been let go in part */
+        engine_fade_from_last(e);
     e->state = READY;
     e->trip = 0;
     e->hold_off = 0;
