@@ -241,6 +241,11 @@ def test_what_makes_safe_does_not_wait_for_a_command_of_later():
         assert time.monotonic() - began < 3.0
 
 
+def send_many(engine, kind):
+    for _ in range(300):
+        engine.send(kind)
+
+
 def test_what_makes_safe_finds_a_place_in_a_full_queue(monkeypatch):
     """Nobody else takes the last places, and an engine that hears no end is told by a signal."""
     monkeypatch.setattr(supervisor, "PATIENCE_S", 0.2)
@@ -250,12 +255,10 @@ def test_what_makes_safe_finds_a_place_in_a_full_queue(monkeypatch):
         engine.command("engage", values=[1.0])
         engine.send("standby", at=1 << 40)
         with pytest.raises(DataError, match="does not answer"):
-            for _ in range(300):
-                engine.send("standby")
+            send_many(engine, "standby")
         assert engine.command("disengage").done
         with pytest.raises(DataError, match="does not answer"):
-            for _ in range(300):
-                engine.send("silence")
+            send_many(engine, "silence")
         monkeypatch.setattr(supervisor, "KEPT_FREE", {"end": 250})
         began = time.monotonic()
         engine.close()
