@@ -237,8 +237,10 @@ def test_what_makes_safe_does_not_wait_for_a_command_of_later():
         assert engine.state == "ready"
         began = time.monotonic()
         engine.send("standby", at=1 << 40)
+        never = [engine.send("engage", values=[1.0]), engine.send("excite", values=[0.0])]
         engine.close()
         assert time.monotonic() - began < 3.0
+        assert [engine.answer(number).word for number in never] == ["withdrawn", "withdrawn"]
 
 
 def send_many(engine, kind):
@@ -248,12 +250,12 @@ def send_many(engine, kind):
 
 def test_what_makes_safe_finds_a_place_in_a_full_queue(monkeypatch):
     """Nobody else takes the last places, and an engine that hears no end is told by a signal."""
-    monkeypatch.setattr(supervisor, "PATIENCE_S", 0.2)
     with Supervisor(plain_settings(late_s=1e3), random_article(), real_time=True) as engine:
         engine.load(random_package())
         engine.reset()
         engine.command("engage", values=[1.0])
         engine.send("standby", at=1 << 40)
+        monkeypatch.setattr(supervisor, "PATIENCE_S", 1.0)
         with pytest.raises(DataError, match="does not answer"):
             send_many(engine, "standby")
         assert engine.command("disengage").done

@@ -400,8 +400,9 @@ class Supervisor:
         """Those after ``seen`` that are still there, without a gap."""
         count, most = int(self.file.status["events"]), len(self.file.events)
         numbers = np.arange(max(seen, count - most), count) + 1
-        rows = self.file.events[(numbers - 1) % most]
-        return rows[rows["sequence"] == numbers]
+        places = (numbers - 1) % most
+        rows = self.file.events[places]  # an engine may write there meanwhile
+        return rows[(rows["sequence"] == numbers) & (self.file.events["sequence"][places] == numbers)]
 
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
