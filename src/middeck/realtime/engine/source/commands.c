@@ -108,6 +108,8 @@ static enum answer engage(engine *e, slot *s, real share)
         return OUT_OF_RANGE;
     if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set, share))
         return NOT_PROVED;
+    if (e->adaptive_on && e->set.paths && e->hold_level < e->set.ramp)
+        return NOT_READY; /* it is proved beside the whole hold */
     found = stand_by(e, s);
     if (found != DONE)
         return found;
