@@ -28,7 +28,7 @@ from middeck.systems.stability import GROWTH_LIMIT, all_decay, growth_rates, non
 from middeck.systems.statespace import StateSpace
 from middeck.values import record
 
-AT_ONCE = 16
+AT_ONCE = 32
 """Loops together: their matrices of 60 states stay in the cache."""
 SQUARINGS = 24
 """A pole that decays by 1e-6 of p or more is proved stable."""
