@@ -47,7 +47,7 @@ class Rig:
         """A tick [s]."""
         return 1.0 / self.sample_hz
 
-    @property
+    @functools.cached_property
     def linear(self) -> bool:
         """Whether nothing is switched on: motors without limits, samplers, no joints and no drift."""
         plain = all(m == Motor() for m in self.motors) and all(isinstance(s, Sampler) for s in self.sensors)
