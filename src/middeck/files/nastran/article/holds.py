@@ -50,7 +50,7 @@ def loose_clamps(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables
     return clamps, notes
 
 
-def _joins(standing: Standing) -> dict[str, str] | dict[int, str]:
+def _joins(standing: Standing) -> dict[int, str]:
     """Components of each grid that constraints, rigid links and components join."""
     components = {grid for grids in standing.joined for grid in grids}
     whole = dict.fromkeys({*components, *standing.riders, *standing.riders.values()}, ALL)
