@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck
-from middeck.files.models import write_model
+from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import ModelStructure, places_of

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import middeck as md
 from cli_runner import ROOT, middeck
-from middeck.files.vtu import vtu_text
+from middeck.files.exchange.vtu import vtu_text
 from middeck.plot.response import response_lines
 from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes_figure, upright
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes

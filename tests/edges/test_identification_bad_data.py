@@ -10,7 +10,7 @@ from middeck.errors import ConfigError, DataError, FitError
 from middeck.identification import estimate_response, fit_response, natural_hz, nrmse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 U, V, Y = Port("torque", "N m"), Port("wheel", "N m"), Port("angle", "rad")

@@ -5,8 +5,8 @@ import pytest
 from cli_runner import middeck
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.nastran.article.convert import convert_deck
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.units import parse_units
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 
 HEAD = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK"]
 TEXT = """\

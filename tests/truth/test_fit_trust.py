@@ -18,7 +18,7 @@ from middeck.identification.record_fit import continuous
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra import estimate_response
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 HZ, ZETA, DELAY = np.array([6.3, 27.0]), np.array([0.012, 0.008]), 0.007

@@ -16,7 +16,7 @@ from middeck.identification.faults import detect_faults
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 HZ, SAMPLES = 256.0, 8192

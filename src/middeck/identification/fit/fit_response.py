@@ -43,8 +43,8 @@ from middeck.identification.search.polish import Polished, logarithmic_polish, s
 from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
-from middeck.systems.hold import release_hold
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.systems.sampling.hold import release_hold
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]

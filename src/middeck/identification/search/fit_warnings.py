@@ -15,7 +15,7 @@ from middeck.identification.model.measurement_model import (
 from middeck.identification.start.start import HEAVY, NARROW
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import Uncertainty, distinct_poles, uncertainty_of
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # A steady record of a test article repeats itself within a few per cent, sensor noise and weak
 # nonlinearity included (the mirror's 300 mV: 5 %); a model worth using explains nine tenths.

@@ -25,7 +25,7 @@ from middeck.laboratory.rig.motors import Motor, MotorBank, gather_motors
 from middeck.laboratory.rig.readout import Readout, gather_readout
 from middeck.laboratory.rig.sensors import Sampler, Sensor, sensor_lag
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 

@@ -6,11 +6,11 @@ from collections import Counter
 
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.deck import asked_formulation
-from middeck.files.nastran.formats import DIVIDING
-from middeck.files.nastran.members import NAMES
-from middeck.files.nastran.scalars import MASSES
-from middeck.files.nastran.units import doubt_modulus
+from middeck.files.nastran.deck.deck import asked_formulation
+from middeck.files.nastran.deck.formats import DIVIDING
+from middeck.files.nastran.deck.units import doubt_modulus
+from middeck.files.nastran.masses_and_springs.scalars import MASSES
+from middeck.files.nastran.members.members import NAMES
 
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.

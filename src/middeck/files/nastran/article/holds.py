@@ -6,10 +6,10 @@ from typing import Any
 
 from middeck.files.nastran.article.parts import Basis, Parts, turns
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.constraints import joined_components
-from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
-from middeck.files.nastran.restraints import clamp
-from middeck.files.nastran.rigid_links import ALL
+from middeck.files.nastran.constraints.constraints import joined_components
+from middeck.files.nastran.constraints.restraints import clamp
+from middeck.files.nastran.constraints.rigid_links import ALL
+from middeck.files.nastran.masses_and_springs.loose_turns import loose_turns, turn_clamp
 from middeck.structure.model.connectivity import some_names
 
 Tables = list[dict[str, Any]]
