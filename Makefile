@@ -9,7 +9,9 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Else every process of the tests would compile the package and the asserts anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: study pictures test test-all suite kernels check docs bench lock clean
+.PHONY: install study pictures test test-all suite kernels check docs bench lock clean
+
+install: $(VENV)/run.stamp  ## the environment alone, .venv
 
 study: $(VENV)/run.stamp  ## the paper: out/mace-1993/report.html
 	$(BIN)/middeck study $(STUDY) -o out/mace-1993

@@ -18,8 +18,8 @@ import pazy_files
 from measured import garteur, garteur_promise
 from measured.result_file import DATA
 from middeck.cli.main import execute
-from middeck.files.json_output import write_json
-from middeck.files.promises import hash_files, loads_document
+from middeck.files.json.output import write_json
+from middeck.files.promises.documents import hash_files, loads_document
 
 HERE = Path(__file__).resolve().parents[1] / "promises"
 PAZY = ("pazy-mid-chord", "pazy-behind")

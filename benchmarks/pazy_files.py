@@ -18,8 +18,8 @@ import numpy as np
 
 from measured import pazy, pazy_promise
 from measured.result_file import DATA
-from middeck.files.article_toml import document_text
-from middeck.files.measured_modes import write_measured_modes
+from middeck.files.articles.document import document_text
+from middeck.files.measured.modes import write_measured_modes
 
 ARTICLE, HANGS, MODES, REFINE = "pazy.toml", "hangs.toml", "own-weight.json", "refine.toml"
 HEAD = "From pazy_skin_off (Riso and Cesnik 2022; tests of Avin et al. 2022), by benchmarks/pazy_files.py."

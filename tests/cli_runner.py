@@ -15,8 +15,8 @@ import pytest
 
 from middeck.cli.fitting import identify
 from middeck.cli.main import execute
-from middeck.updating.promise import promise
-from middeck.updating.refine import refine
+from middeck.updating.promise.promise import promise
+from middeck.updating.refinement.refine import refine
 
 ROOT = Path(__file__).parents[1]
 FITTED: dict[str, Any] = {}
@@ -62,8 +62,8 @@ refine_once, promise_once = once(refine), once(promise)
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs fit, refine and promise once what several examples ask for alike."""
     monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
-    monkeypatch.setattr("middeck.updating.refine.refine", refine_once)
-    monkeypatch.setattr("middeck.updating.promise.promise", promise_once)
+    monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)
+    monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
 
 
 def script(*arguments: object) -> list[str]:

@@ -14,7 +14,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
-from middeck.files.studies import load_study  # noqa: E402
+from middeck.files.studies.documents import load_study  # noqa: E402
 from repeats import LONG  # noqa: E402
 
 # Tests make many values and few cycles; what was imported has none to be looked for.

@@ -7,11 +7,11 @@ import functools
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
-from middeck.realtime.engine.article import LinearArticle
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.rigs.article import LinearArticle
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.package import ControllerPackage
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports, random_law
 
 SENSORS, OUTPUTS = 3, 2

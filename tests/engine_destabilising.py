@@ -19,9 +19,9 @@ from engine_rigs import (
     settings_of,
 )  # fmt: skip
 from middeck.control.law.compensator import Compensator
-from middeck.realtime.engine.article import LinearArticle
-from middeck.realtime.engine.supervisor import Supervisor
-from middeck.systems.mode_shift import shift_modes
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import LinearArticle
+from middeck.systems.plants.mode_shift import shift_modes
 from middeck.values import record
 
 SLOW_S = 10.0

@@ -12,9 +12,9 @@ import numpy as np
 
 from engine_destabilising import scaled_rows, shifted_truth
 from engine_rigs import design, nominal_article, pack, settings_of
-from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
-from middeck.realtime.engine.settings import EngineSettings
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.settings import EngineSettings
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import Fault, LinearArticle, with_faults
 from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
 from middeck.values import record

@@ -16,20 +16,20 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import leave_open
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.riccati.discrete import solve_discrete_riccati
-from middeck.files.studies import load_study
-from middeck.realtime.engine.article import LinearArticle, linear_article
-from middeck.realtime.engine.safety import find_reach, guard
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.files.studies.documents import load_study
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
+from middeck.realtime.engine.trials.safety import find_reach, guard
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.section import LoopPath, Section, static_gain
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.chapters.zero_g_control.computation import control_plant
 from middeck.study.shared import find_modes
-from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, delay_plant, select_ports
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant, delay_plant, select_ports
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 PERIOD_S = 0.002

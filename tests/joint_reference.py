@@ -8,8 +8,8 @@ import numpy as np
 
 from middeck.joints.attachment import JointElements, add_viscous
 from middeck.joints.balance import Balance
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_dynamics
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.sampling import sample_dynamics
 
 
 class PlainJoints:

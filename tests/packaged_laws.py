@@ -13,7 +13,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.ports import Port
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off")
 PERIOD_S = 0.002

@@ -8,7 +8,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig
 from middeck.laboratory.rig.state import RigState
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 
 
 def on_rig(rig: Rig, law: SampledStateSpace | None) -> Compensator | None:

@@ -13,8 +13,8 @@ from middeck.laboratory.rig.runs import run_open_loop
 from middeck.signals.excitation import Limits, design_multisine
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 
 RATE, DELAY, BAND = 200.0, 0.0131, (0.2, 10.0)
 BEARING = Friction(slip_torque=0.02, stiffness=4.0)

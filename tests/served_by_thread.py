@@ -7,9 +7,9 @@ import socket
 import threading
 from collections.abc import Iterator
 
-from middeck.realtime.engine.rig import EngineRig
-from middeck.realtime.engine.rig_server import LOOPBACK, serve_rig
-from middeck.realtime.engine.supervisor import UdpRig
+from middeck.realtime.engine.process.supervisor import UdpRig
+from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
 
 
 @contextlib.contextmanager

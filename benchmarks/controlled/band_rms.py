@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.rms import band_rms
-from middeck.systems.statespace import StateSpace
+from middeck.systems.norms.rms import band_rms
+from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.statespace import StateSpace
 
 CASE = "band_rms"
 BAND_HZ, REPEATS = (0.1, 60.0), 5

@@ -19,10 +19,10 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 CASE = "late loops"
 REPEATS = 5

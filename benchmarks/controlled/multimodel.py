@@ -49,7 +49,7 @@ from middeck.control.robust import (
     without_delays,
     worst_db,
 )
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.study.chapters.zero_g_control.computation import (
     _disturbance_psd,
     _performance,
@@ -57,7 +57,7 @@ from middeck.study.chapters.zero_g_control.computation import (
     design_weights,
 )
 from middeck.study.shared import find_modes
-from middeck.systems.plant import remove_delays
+from middeck.systems.plants.plant import remove_delays
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "truth"))

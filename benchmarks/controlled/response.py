@@ -10,9 +10,9 @@ import numpy as np
 import scipy.io
 
 from measured.rows import cell, peer, row
-from middeck.systems.modal import ModalSystem, modal_response
-from middeck.systems.response import statespace_response
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.state_space.modal import ModalSystem, modal_response
+from middeck.systems.state_space.statespace import StateSpace
 
 CASE = "response"
 OMEGA, REPEATS = np.geomspace(0.1, 100.0, 10_000), 5

@@ -18,8 +18,8 @@ from middeck.control.sampled import (
     sample_cost,
 )
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
 
 CASE = "sampling"
 RATES_HZ, AUTHORITY, MATCH_HZ, REPEATS = (100.0, 250.0, 500.0, 1000.0), 100.0, 5.0, 9

@@ -19,13 +19,13 @@ from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.sensors import Encoder
 from middeck.laboratory.rig.simulation import BLOCK, cut_blocks, simulate_rig
 from middeck.signals.ports import Port
-from middeck.systems.feedback import feedback
-from middeck.systems.modal import ModalSystem, select_modes
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.simulation import stream
-from middeck.systems.stability import is_stable
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import is_stable
+from middeck.systems.sampling.sampling import sample_dynamics, tustin
+from middeck.systems.sampling.simulation import stream
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.statespace import SampledStateSpace
 
 CASE = "simulation"
 PERIOD_S, SAMPLES, PIECE, REPEATS = 1e-3, 1_000_000, 50_000, 3

@@ -14,8 +14,8 @@ from middeck.control.loop.authority import AuthoritySweep, sweep_authority
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, subsystem
+from middeck.systems.plants.plant import Plant, subsystem
+from middeck.systems.state_space.modal import ModalSystem
 
 CASE = "sweep"
 LEVELS = 10.0 ** np.linspace(-1.5, 4.5, 25)

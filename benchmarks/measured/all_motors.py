@@ -17,8 +17,8 @@ import numpy as np
 
 from measured.rows import row
 from middeck.control.law.compensator import Compensator
-from middeck.files.promise_build import build_modal_test, build_plan
-from middeck.files.studies import Study, load_study
+from middeck.files.promises.build import build_modal_test, build_plan
+from middeck.files.studies.documents import Study, load_study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.friction import find_friction, without_friction
 from middeck.identification.spectra import estimate_response
@@ -30,10 +30,10 @@ from middeck.structure.plants.port_rows import RATE
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, measured_ladder
 from middeck.study.chapters.promise.flight import fly, launch
 from middeck.study.chapters.promise.ground import run_ground_tests
-from middeck.updating.plan import Ladder, Plan
-from middeck.updating.promise import design_ladder, promise
-from middeck.updating.refine import Refined
-from middeck.updating.surveys import set_up
+from middeck.updating.promise.plan import Ladder, Plan
+from middeck.updating.promise.promise import design_ladder, promise
+from middeck.updating.refinement.refine import Refined
+from middeck.updating.residuals.surveys import set_up
 
 STUDY = Path(__file__).resolve().parents[2] / "studies" / "mace-1993.toml"
 SEEDS = (1993, 0, 1)

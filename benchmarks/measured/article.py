@@ -16,14 +16,14 @@ import scipy.linalg
 
 from measured.rows import row
 from middeck.control.law.classical import PDLoops, close_inner_loop
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.identification import estimate_response, fit_response, model_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.study.chapters.zero_g_control.computation import control_plant
-from middeck.systems.plant import subsystem
+from middeck.systems.plants.plant import subsystem
 
 STUDY = Path(__file__).resolve().parents[2] / "studies" / "mace-1993.toml"
 SAMPLES, SAMPLE_HZ, PERIODS = 16384, 256.0, 3

@@ -130,7 +130,7 @@ def _run(command: list[str]) -> tuple[float, float]:
 
 
 def _reader_speed(deck: str) -> float:
-    from middeck.files.nastran.deck import read_deck
+    from middeck.files.nastran.deck.deck import read_deck
 
     start = time.process_time()
     found = read_deck(deck)  # kept: to free it is no part of reading it

@@ -19,8 +19,8 @@ from measured import garteur
 from measured.rows import row
 from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit import Prediction
-from middeck.updating.refine import Refined
+from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.refinement.refine import Refined
 
 CASE = "Torsion of GARTEUR"
 NAMES, HZ = tuple(garteur.MEASURED_HZ), np.array(list(garteur.MEASURED_HZ.values()))

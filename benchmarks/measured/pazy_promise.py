@@ -17,9 +17,9 @@ from measured import pazy
 from measured.rows import row
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.structure.model.article import AddedMass, Body, Structure
-from middeck.updating.deflections import Deflection
-from middeck.updating.findings import findings
-from middeck.updating.refine import Refined
+from middeck.updating.orbit.deflections import Deflection
+from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.refine import Refined
 
 CASE, SERIES = "Sag of the Pazy wing", "mid chord"
 TO_KG = 1.0

@@ -15,10 +15,10 @@ import middeck as md
 from measured.rows import row
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit import predict_modes
-from middeck.updating.posterior import NORMAL_95
-from middeck.updating.refine import refine
-from middeck.updating.surveys import Survey, pair
+from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.refinement.posterior import NORMAL_95
+from middeck.updating.refinement.refine import refine
+from middeck.updating.residuals.surveys import Survey, pair
 
 # The frozen case is shared with the tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))

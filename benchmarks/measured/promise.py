@@ -19,11 +19,11 @@ from measured.rows import row
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
-from middeck.systems.plant import Plant
-from middeck.updating.bound import Bound
-from middeck.updating.draws import DrawnPlants, draw_plants
-from middeck.updating.plan import Plan, close_inner, group_loop, plant_of, weights_of
-from middeck.updating.promise import design_ladder, promise
+from middeck.systems.plants.plant import Plant
+from middeck.updating.promise.bound import Bound
+from middeck.updating.promise.draws import DrawnPlants, draw_plants
+from middeck.updating.promise.plan import Plan, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise.promise import design_ladder, promise
 
 # The frozen case is shared with the tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))

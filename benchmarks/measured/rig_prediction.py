@@ -17,8 +17,8 @@ from measured import prediction
 from measured.rows import row
 from middeck.identification import FitResult, estimate_response, fit_response
 from middeck.identification.friction import JointFriction, find_friction, without_friction
-from middeck.updating.fitted_survey import survey_from_fit
-from middeck.updating.surveys import Survey
+from middeck.updating.residuals.fitted_survey import survey_from_fit
+from middeck.updating.residuals.surveys import Survey
 
 # Shared with the tests; `prediction` has put their folder on the path.
 case = prediction.case

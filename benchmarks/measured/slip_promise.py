@@ -13,8 +13,8 @@ import numpy as np
 
 from measured.promise import AUTHORITY, LEAST_DB, case
 from measured.rows import row
-from middeck.updating.promise import design_ladder, promise
-from middeck.updating.refine import Refined
+from middeck.updating.promise.promise import design_ladder, promise
+from middeck.updating.refinement.refine import Refined
 
 # Disturbance [N m rms to 60 Hz] and the largest error of a promise there [dB].
 TORQUES = {0.3: 0.5, 0.03: 2.0}

@@ -12,7 +12,7 @@ from measured.rows import row
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.package.build import package_law
 from middeck.signals.ports import Port
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import compile_law
 
 CASE, STEPS, LIMIT = "beam of Takacs", 10_000, 120.0

@@ -11,7 +11,7 @@ import numpy as np
 from measured.rows import row
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.systems.simulation import simulate
+from middeck.systems.sampling.simulation import simulate
 from packaged.study_laws import study_laws
 from packaged_laws import compile_law, random_law
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.realtime.engine.article import LinearArticle
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import LinearArticle
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.reference import ReferenceLaw

@@ -16,8 +16,8 @@ from engine_destabilising import SLOW_S, Outcome, draw, judge
 from engine_faults import ARTICLE, KINDS, STATES, play
 from engine_rigs import nominal_article, nominal_package, settings_of
 from measured.rows import row
-from middeck.realtime.engine.article import with_faults
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import with_faults
 
 CASE, WHOLE, SEEDS, HOURS = "guards", 1000, 25, 24
 RIGS = (("dm", "lab"), ("simple", "lab"), ("simple", "orbit"), ("dm", "orbit"))

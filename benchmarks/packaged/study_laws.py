@@ -11,7 +11,7 @@ from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import design_lqg
 from middeck.control.sampled import emulate
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.study.chapters.zero_g_control.computation import (
     control_plant,
     design_weights,

@@ -62,15 +62,15 @@ from .control.shaping.sections import (
     shape_compensator as shape_compensator,
 )
 from .errors import MiddeckError as MiddeckError
-from .files.blacklists import (
+from .files.laws.blacklists import (
     load_blacklist as load_blacklist,
     write_blacklist as write_blacklist,
 )
-from .files.components import (
+from .files.articles.components import (
     load_component as load_component,
     write_component as write_component,
 )
-from .files.compensators import (
+from .files.laws.compensators import (
     load_compensator as load_compensator,
     write_compensator as write_compensator,
 )
@@ -92,15 +92,15 @@ from .files.exchange.scipy_signal import (
     from_scipy as from_scipy,
     to_scipy as to_scipy,
 )
-from .files.measured_modes import (
+from .files.measured.modes import (
     load_measured_modes as load_measured_modes,
     write_measured_modes as write_measured_modes,
 )
-from .files.models import (
+from .files.measured.models import (
     load_model as load_model,
     write_model as write_model,
 )
-from .files.packages import (
+from .files.laws.packages import (
     load_package as load_package,
     write_package as write_package,
 )
@@ -111,8 +111,8 @@ from .files.records import (
     write_record as write_record,
 )
 from .files.records.together import split_periods as split_periods
-from .files.studies import load_study as load_study
-from .files.vtu import write_vtu as write_vtu
+from .files.studies.documents import load_study as load_study
+from .files.exchange.vtu import write_vtu as write_vtu
 from .identification.faults.detect import detect_faults as detect_faults
 from .identification.fit.fit_response import fit_response as fit_response
 from .identification.free_decay.fit import fit_free_decay as fit_free_decay
@@ -174,20 +174,20 @@ from .plot.gimbal_family import draw_gimbal_family as draw_gimbal_family
 from .plot.nichols import draw_nichols as draw_nichols
 from .plot.nyquist import draw_nyquist as draw_nyquist
 from .plot.shapes import draw_shapes as draw_shapes
-from .realtime.engine.adaptive_gain import AdaptiveGain as AdaptiveGain
-from .realtime.engine.article import linear_article as linear_article
-from .realtime.engine.build import build_engine as build_engine
-from .realtime.engine.rig import EngineRig as EngineRig
-from .realtime.engine.served_rig import ServedRig as ServedRig
-from .realtime.engine.settings import (
+from .realtime.engine.interface.adaptive_gain import AdaptiveGain as AdaptiveGain
+from .realtime.engine.rigs.article import linear_article as linear_article
+from .realtime.engine.process.build import build_engine as build_engine
+from .realtime.engine.rigs.rig import EngineRig as EngineRig
+from .realtime.engine.trials.served_rig import ServedRig as ServedRig
+from .realtime.engine.interface.settings import (
     Drive as Drive,
     EngineSettings as EngineSettings,
     SensorTest as SensorTest,
 )
-from .realtime.engine.launch import DriverRig as DriverRig
-from .realtime.engine.launch import UdpRig as UdpRig
-from .realtime.engine.supervisor import Supervisor as Supervisor
-from .realtime.engine.trial import (
+from .realtime.engine.process.launch import DriverRig as DriverRig
+from .realtime.engine.process.launch import UdpRig as UdpRig
+from .realtime.engine.process.supervisor import Supervisor as Supervisor
+from .realtime.engine.trials.trial import (
     Stage as Stage,
     run_trial as run_trial,
 )
@@ -265,36 +265,36 @@ from .structure.suspension.device_friction import (
     sweep_device_amplitude as sweep_device_amplitude,
 )
 from .structure.suspension.levelling import level as level
-from .systems.delay_approximation import approximate_delays as approximate_delays
-from .systems.mode_blocks import part_modes as part_modes
-from .systems.own_plant import make_plant as make_plant
-from .systems.plant import (
+from .systems.delay.delay_approximation import approximate_delays as approximate_delays
+from .systems.plants.mode_blocks import part_modes as part_modes
+from .systems.plants.own_plant import make_plant as make_plant
+from .systems.plants.plant import (
     Plant as Plant,
     delay_plant as delay_plant,
     group_ports as group_ports,
     remove_delays as remove_delays,
 )
-from .systems.response import (
+from .systems.plants.response import (
     FrequencyResponse as FrequencyResponse,
     evaluate_plant as evaluate_plant,
 )
-from .systems.sampled_plant import sample_plant as sample_plant
-from .systems.sampling import tustin as tustin
-from .updating.candidate_survey import CandidateSurvey as CandidateSurvey
-from .updating.candidates import rank_tests as rank_tests
-from .updating.draws import LoopSpread as LoopSpread
-from .updating.deflections import predict_deflections as predict_deflections
-from .updating.gauges import Gauge as Gauge, GaugeKind as GaugeKind
-from .updating.fitted_survey import survey_from_fit as survey_from_fit
-from .updating.orbit import predict_modes as predict_modes
-from .updating.plan import Ladder as Ladder
-from .updating.plan import Plan as Plan
-from .updating.promise import promise as promise
-from .updating.refine import refine as refine
-from .updating.statics import StaticTest as StaticTest
-from .updating.slip import JointSlip as JointSlip
-from .updating.surveys import Survey as Survey
-from .updating.unknowns import Unknown as Unknown
+from .systems.sampling.sampled_plant import sample_plant as sample_plant
+from .systems.sampling.sampling import tustin as tustin
+from .updating.candidates.candidate_survey import CandidateSurvey as CandidateSurvey
+from .updating.candidates.candidates import rank_tests as rank_tests
+from .updating.promise.draws import LoopSpread as LoopSpread
+from .updating.orbit.deflections import predict_deflections as predict_deflections
+from .updating.residuals.gauges import Gauge as Gauge, GaugeKind as GaugeKind
+from .updating.residuals.fitted_survey import survey_from_fit as survey_from_fit
+from .updating.orbit.frequencies import predict_modes as predict_modes
+from .updating.promise.plan import Ladder as Ladder
+from .updating.promise.plan import Plan as Plan
+from .updating.promise.promise import promise as promise
+from .updating.refinement.refine import refine as refine
+from .updating.residuals.statics import StaticTest as StaticTest
+from .updating.promise.slip import JointSlip as JointSlip
+from .updating.residuals.surveys import Survey as Survey
+from .updating.unknowns.unknowns import Unknown as Unknown
 
 __version__: str
 __all__: list[str]

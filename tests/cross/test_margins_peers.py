@@ -12,8 +12,8 @@ import pytest
 from middeck.control.analysis import measure_disk_margin, measure_margins
 from middeck.control.law.compensator import Compensator
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace, gain_system
 
 HERE = Path(__file__).parent / "margins"
 NUMBERS = json.loads((HERE / "numbers.json").read_text())

@@ -5,10 +5,10 @@ import pytest
 import scipy.linalg
 
 import middeck as md
-from middeck.files.article_toml import document_text
+from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.units import parse_units
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 from middeck.structure.summary.summary import summarise
 from nastran_decks import random_deck, skew, textbook
 

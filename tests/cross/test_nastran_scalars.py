@@ -6,10 +6,10 @@ import scipy.linalg
 
 import middeck as md
 from middeck.errors import ConfigError
-from middeck.files.article_toml import document_text
+from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.units import parse_units
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 from nastran_decks import card, components, motion, random_deck, textbook
 from repeats import repeats
 

@@ -8,10 +8,10 @@ import scipy.linalg
 
 import middeck as md
 from middeck.errors import ConfigError
-from middeck.files.article_toml import document_text
+from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.units import parse_units
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 from nastran_decks import NU, RHO, E, card, components, inside, random_deck
 
 DIGITS = 1e-6

@@ -9,9 +9,9 @@ import pytest
 
 from middeck.control.reduction import hankel_values, reduce_balanced
 from middeck.control.reduction.separation import subtract
-from middeck.systems.peak_gain import peak_gain
-from middeck.systems.resolvent import by_solving
-from middeck.systems.statespace import StateSpace
+from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.state_space.statespace import StateSpace
 
 NUMBERS = Path(__file__).parent / "reduction" / "numbers.npz"
 

@@ -9,8 +9,8 @@ import pytest
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import design_sampled_lqg
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
 
 NUMBERS = json.loads((Path(__file__).parent / "sampled_lqg" / "numbers.json").read_text())
 UNIT = 2.0 * np.pi * 3.0

@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from middeck.files.studies import Study, load_study
+from middeck.files.studies.documents import Study, load_study
 from middeck.structure.gravity.comparison import ModeComparison, compare_modes
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from middeck.study.chapters.zero_g_control.computation import SUB_MODELS, ZeroGControl, study_zero_g_control
 from middeck.study.shared import find_modes
-from middeck.systems.response import evaluate_plant
+from middeck.systems.plants.response import evaluate_plant
 from repeats import LONG
 
 HERE = Path(__file__).parent

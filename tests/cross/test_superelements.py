@@ -12,12 +12,12 @@ import scipy.linalg as sla
 import middeck as md
 from cli_runner import middeck
 from middeck.errors import MiddeckError
-from middeck.files.article_toml import document_text
+from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
-from middeck.files.nastran.assembly import read_assembly
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.external import read_external
-from middeck.files.nastran.units import parse_units
+from middeck.files.nastran.components.assembly import read_assembly
+from middeck.files.nastran.components.external import read_external
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 from middeck.structure.model.component import body_of, component_doubts
 
 DATA = Path("data/nastran-superelement")

@@ -11,7 +11,7 @@ import pytest
 from middeck.errors import DataError
 from middeck.files.records import load_record, load_response, write_response
 from middeck.signals.ports import Channel, Port
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 FOLDER = Path(__file__).parent / "uff"
 HZ, SAMPLES, LINES = 1024.0, 40, 12

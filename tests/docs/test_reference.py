@@ -14,24 +14,18 @@ import middeck
 from middeck import errors
 from middeck.cli import main as console
 from middeck.cli.app import VERBS
-from middeck.files import (
-    article_form,
-    boundary_form,
-    candidate_files,
-    component_form,
-    environment_form,
-    gauge_form,
-    link_form,
-    outcomes,
-    promise_plans,
-    promised_loads,
-    refinements,
-    response_form,
-    study_form,
-    study_promise,
-    unknown_form,
-)
-from middeck.files.form import Form, unit_of
+from middeck.files.articles import boundary_form, component_form, link_form
+from middeck.files.articles import form as article_form
+from middeck.files.environments import form as environment_form
+from middeck.files.promises import outcomes
+from middeck.files.promises import plans as promise_plans
+from middeck.files.refinements import candidates as candidate_files
+from middeck.files.refinements import documents as refinements
+from middeck.files.refinements import gauge_form, response_form, unknown_form
+from middeck.files.refinements import loads as promised_loads
+from middeck.files.studies import form as study_form
+from middeck.files.studies import promise as study_promise
+from middeck.files.toml.form import Form, unit_of
 
 REFERENCE = ROOT / "docs" / "reference"
 

@@ -13,11 +13,11 @@ import pytest
 
 from cli_runner import middeck, refine_once, share_results
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.files.candidate_files import Candidates, load_candidates
+from middeck.files.refinements.candidates import Candidates, load_candidates
 from middeck.structure.model.environment import Environment
-from middeck.updating.candidate_survey import CandidateSurvey
-from middeck.updating.candidates import rank_tests
-from middeck.updating.refine import Refined
+from middeck.updating.candidates.candidate_survey import CandidateSurvey
+from middeck.updating.candidates.candidates import rank_tests
+from middeck.updating.refinement.refine import Refined
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"

@@ -12,17 +12,17 @@ import pytest
 from cli_runner import middeck
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
-from middeck.files.blacklists import load_blacklist, write_blacklist
-from middeck.files.models import write_model
-from middeck.files.packages import write_package
+from middeck.files.laws.blacklists import load_blacklist, write_blacklist
+from middeck.files.laws.packages import write_package
+from middeck.files.measured.models import write_model
 from middeck.identification.model.plant_model import model_of_plant
-from middeck.realtime.engine.article import linear_article
-from middeck.realtime.engine.served_rig import ServedRig
-from middeck.realtime.engine.stepped_article import SteppedArticle
+from middeck.realtime.engine.rigs.article import linear_article
+from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
+from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.package.build import package_law
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 PERIOD_S = 0.002
 WAY, PUSH = Port("way", "m"), Port("push", "N")

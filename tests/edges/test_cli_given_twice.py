@@ -14,12 +14,12 @@ from cli_runner import ROOT, middeck
 from middeck.cli import figures, options
 from middeck.cli.app import VERBS, app
 from middeck.files.exchange import load_mat
-from middeck.files.models import load_model
+from middeck.files.measured.models import load_model
 from middeck.files.records import SUFFIXES, load_record, write_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.delayed_sampling import split_delays
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.delayed_sampling import split_delays
 
 ARTICLE = ROOT / "articles/mace-simple.toml"
 Capture = pytest.CaptureFixture[str]

@@ -10,7 +10,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import DataError
-from middeck.files.models import load_model
+from middeck.files.measured.models import load_model
 from middeck.files.records import load_record, split_periods, write_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

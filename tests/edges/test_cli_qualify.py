@@ -19,18 +19,18 @@ from middeck.control.qualification import qualify_compensator
 from middeck.control.robust import outcomes_on, shift_modes
 from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.files.compensators import (
+from middeck.files.laws.compensators import (
     StoredCompensator,
     load_compensator,
     write_compensator,
 )
-from middeck.files.models import write_model
+from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.signals.ports import Channel, Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, remove_delays
-from middeck.systems.statespace import gain_system
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import gain_system
 from repeats import repeats
 
 Capture = pytest.CaptureFixture[str]

@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 
 from cli_runner import middeck
-from middeck.files.models import write_model
+from middeck.files.measured.models import write_model
 from middeck.files.records import load_record, write_record
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.spectra import estimate_response

@@ -30,15 +30,15 @@ from middeck.control.robust import (
 from middeck.control.sampled import design_sampled_lqg
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.files.exchange import from_scipy
-from middeck.files.models import write_model
+from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.statespace import gain_system
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import gain_system
 
 TORQUE, ANGLE = Port("torque", "N m"), Port("angle", "rad")
 GOOD: dict[str, Any] = {

@@ -14,7 +14,7 @@ import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.cli.verbs import correlate as verb
 from middeck.errors import ConfigError, DataError
-from middeck.files.measured_modes import load_measured_modes, write_measured_modes
+from middeck.files.measured.modes import load_measured_modes, write_measured_modes
 from middeck.structure.correlation.correlate import correlate_modes
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.correlation.profiles import (

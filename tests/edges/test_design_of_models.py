@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck
-from middeck.files.models import write_model
+from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
@@ -70,6 +70,13 @@ def test_a_path_needs_its_own_states_alone(tmp_path: Path, capfd: Capture) -> No
     assert found["plant_order"] == 4 + 3
     assert found["stable"] is True
     assert found["warnings"] == ["left out of the plant, as it is on no path from u0 to y0: pole at 9 Hz"]
+
+
+def test_a_constant_term_is_refused_with_the_fit_that_has_none(tmp_path: Path, capfd: Capture) -> None:
+    ended = middeck(capfd, "design", saved(tmp_path, fit(direct=np.ones((3, 2))), known=False), *PATH)
+    assert ended.code == 2
+    assert "constant term from u0 to y0" in ended.err
+    assert "--states N" in ended.err
 
 
 def test_delays_that_are_not_told_apart_cost_one_approximation(tmp_path: Path, capfd: Capture) -> None:

@@ -15,16 +15,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from middeck.errors import ConfigError
-from middeck.files.article_checks import article_findings
-from middeck.files.article_form import ArticleForm
+from middeck.files.articles.checks import article_findings
+from middeck.files.articles.form import ArticleForm
 from middeck.files.documents import find_document, load_environment, load_setup, load_structure
-from middeck.files.environment_checks import environment_findings
-from middeck.files.environment_form import EnvironmentForm
-from middeck.files.faults import Fault
-from middeck.files.source import check, read_source
-from middeck.files.studies import load_study, study_rules
-from middeck.files.study_form import StudyForm
-from middeck.files.toml_lines import key_lines
+from middeck.files.environments.checks import environment_findings
+from middeck.files.environments.form import EnvironmentForm
+from middeck.files.studies.documents import load_study, study_rules
+from middeck.files.studies.form import StudyForm
+from middeck.files.toml.faults import Fault
+from middeck.files.toml.lines import key_lines
+from middeck.files.toml.source import check, read_source
 from middeck.structure.model.article import JointState
 from middeck.structure.model.environment import Environment
 from repeats import LONG
@@ -722,7 +722,7 @@ y = 2
 
 def test_reading_documents_is_light() -> None:
     code = (
-        "import sys, middeck.files.studies, middeck.files.records\n"
+        "import sys, middeck.files.studies.documents, middeck.files.records\n"
         "heavy = {'scipy', 'matplotlib', 'click'} & set(sys.modules)\n"
         "assert not heavy, heavy"
     )

@@ -10,7 +10,7 @@ import pytest
 
 from middeck.cli.fitting import alike, identify
 from middeck.cli.settings import FitSettings
-from middeck.files.models import load_fitted, write_model
+from middeck.files.measured.models import load_fitted, write_model
 from middeck.files.records import write_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -19,10 +19,10 @@ import pytest
 from engine_cases import plain_settings, random_article, random_package
 from engine_supervised import settings
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.adopted import AdoptedEngine, when_born
-from middeck.realtime.engine.run_file import read_run
-from middeck.realtime.engine.shared_file import open_shared_file
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.shared_file import open_shared_file
+from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.recording.run_file import read_run
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SCRIPT = Path(__file__).parents[1] / "engine_supervised.py"

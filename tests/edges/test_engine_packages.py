@@ -15,11 +15,11 @@ import pytest
 
 from engine_cases import plain_settings, random_article, random_package
 from middeck.errors import DataError
-from middeck.realtime.engine.build import FLAGS, engine_sources
-from middeck.realtime.engine.commands import ANSWERS
-from middeck.realtime.engine.header import layout
-from middeck.realtime.engine.shared_file import STAGING
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.commands import ANSWERS
+from middeck.realtime.engine.interface.header import layout
+from middeck.realtime.engine.interface.shared_file import STAGING
+from middeck.realtime.engine.process.build import FLAGS, engine_sources
+from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.binary import decode_package, encode_package
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import InputFilter, LoopPath, Section

@@ -23,7 +23,6 @@ import scipy.sparse as sp
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.errors import ConfigError, DataError, MissingExtraError
-from middeck.files.compensators import StoredCompensator
 from middeck.files.exchange import (
     as_compensator,
     exchanged,
@@ -34,13 +33,14 @@ from middeck.files.exchange import (
     to_scipy,
     write_mat,
 )
+from middeck.files.laws.compensators import StoredCompensator
 from middeck.signals.ports import Channel, Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, group_ports, name_states
-from middeck.systems.response import evaluate_plant
-from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.sampling import tustin
-from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
+from middeck.systems.plants.plant import Plant, delay_plant, group_ports, name_states
+from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.sampling.sampling import tustin
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 
 TORQUE, FORCE = Port("motor.z", "N m"), Port("shaker", "N", Channel(node="7", direction="+z", gain=2.0))
 ANGLE, RATE = Port("payload angle", "rad"), Port("payload_rate", "rad/s")

@@ -12,13 +12,13 @@ from click.testing import CliRunner
 
 from middeck.cli.verbs.excite import verb
 from middeck.errors import ConfigError
-from middeck.files.models import write_model
+from middeck.files.measured.models import write_model
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.excitation import Limits, design_multisine
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 
 MULTISINE = ("multisine", "--band", "0.5,30", "--period", "8", "--rate", "128")
 

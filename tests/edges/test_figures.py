@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import middeck as md
 from cli_runner import ROOT, middeck
-from middeck.files.vtu import vtu_text
+from middeck.files.exchange.vtu import vtu_text
 from middeck.plot.response import response_lines
 from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes_figure, upright
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
@@ -137,7 +137,7 @@ def test_the_page_moves_the_arrays_that_are_written_for_paraview(page: ShapePage
     exact = -drawing.motion[2] * factor_of(drawing, 2)
     assert np.abs(motion * np.linalg.norm(exact, axis=1).max() - exact).max() <= 2e-3 * np.abs(exact).max()
     assert cell["text"] == label_of(drawing, 2).replace("\n", ", ")
-    assert "one of 2 of equal frequency" in data["rows"][0][0]["text"]
+    assert data["rows"][0][0]["text"].endswith("x-y (one of 2 of equal frequency)")
     assert data["rows"][2][0] is None
 
 
@@ -247,6 +247,18 @@ def test_a_picture_of_many_shapes_says_how_many_it_leaves_out(page: ShapePage) -
     titled = [bool(a.get_title(loc="left")) for a in figure.axes if not a.get_xlabel()]
     assert titled == [True] * 30 + [False] * 2 + [True] * 10 + [False] * 2
     assert figure.get_figheight() < 25.0
+
+
+@pytest.mark.parametrize(("held", "what"), [
+    ([("xyz", "xyz")], "clamp"), ([("xyz", ""), ("", "xyz")], "clamp"), ([("xyz", "xy")], "support"),
+    ([("xyz", "")], "support"), ([("y", "xyz"), ("xz", "")], "clamp"),
+])  # fmt: skip
+def test_what_holds_some_directions_is_no_clamp(held: list[tuple[str, str]], what: str) -> None:
+    clamps = (md.Clamp(node="b"), *(md.Clamp(node="a", along=along, about=about) for along, about in held))
+    around = dataclasses.replace(md.Environment.clamped("a", gravity=0.0), clamps=clamps)
+    modes = md.solve_modes(md.solve_equilibrium(straight_beam(TUBE, 2.0, 4), around), 4)
+    marks = {mark.name: mark.what for mark in build_mode_drawing(modes, range(2)).marks}
+    assert marks == {"a": what, "b": "clamp"}
 
 
 def test_the_scale_of_an_upright_article_has_its_length_and_words() -> None:

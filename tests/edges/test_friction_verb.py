@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck
-from middeck.files.models import load_standing
+from middeck.files.measured.models import load_standing
 from middeck.files.records import write_record
 from middeck.joints.attachment import JointElements
 from rubbing_joint import BEARING, HZ, records

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
 

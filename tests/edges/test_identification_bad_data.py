@@ -10,7 +10,7 @@ from middeck.errors import ConfigError, DataError, FitError
 from middeck.identification import estimate_response, fit_response, natural_hz, nrmse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 U, V, Y = Port("torque", "N m"), Port("wheel", "N m"), Port("angle", "rad")
@@ -227,7 +227,7 @@ def test_a_mode_outside_the_band_is_flagged():
 
 def test_damping_below_what_the_lines_resolve_is_flagged():
     result = fit_response(noisy(a_mode(F, hz=3.04, zeta=0.001), 1e-3), states=2)
-    assert any("half-power width of 0.006" in w and "0.1 Hz between lines" in w for w in result.warnings)
+    assert any("half-power width is 0.006" in w and "0.1 Hz between lines" in w for w in result.warnings)
     wide = fit_response(noisy(a_mode(F, hz=3.04, zeta=0.05), 1e-3), states=2)
     assert not any("half-power" in w for w in wide.warnings)
 

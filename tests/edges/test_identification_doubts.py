@@ -12,10 +12,10 @@ from middeck.identification.uncertainty.covariance import as_exact
 from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.modal import ModalSystem
-from middeck.systems.response import FrequencyResponse
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import find_periodic_state, simulate
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import find_periodic_state, simulate
+from middeck.systems.state_space.modal import ModalSystem
 
 PERIODS, SAMPLE_HZ = 4, 128.0
 

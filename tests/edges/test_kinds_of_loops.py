@@ -14,9 +14,9 @@ from middeck.control.lqg.spectra import line_filter
 from middeck.control.sampled import measure_sampled_loop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 
 MODES = ModalSystem(
     omega=[3.0, 9.0],

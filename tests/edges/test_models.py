@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.models import load_fitted, load_model, write_model
+from middeck.files.measured.models import load_fitted, load_model, write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.unknowns import ModelStructure, places_of

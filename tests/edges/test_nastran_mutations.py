@@ -8,8 +8,8 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.files.nastran.article.convert import convert_deck
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.units import parse_units
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 
 DECK = """\
 SOL 103

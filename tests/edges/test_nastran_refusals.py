@@ -5,8 +5,8 @@ import pytest
 from cli_runner import middeck
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.nastran.article.convert import convert_deck
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.units import parse_units
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 
 HEAD = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK"]
 TEXT = """\
@@ -350,3 +350,11 @@ def test_an_unknown_card_is_told_the_same_way_in_every_process(tmp_path, card, h
     (fault,) = caught.value.data["faults"]
     assert fault.hint.startswith(hint)
     assert "TABRNDG" not in fault.hint  # cards that are passed over, in the order of a set
+
+
+def test_rotors_and_dampers_that_are_passed_over_say_what_an_article_has_for_them(tmp_path):
+    made = convert(write(tmp_path, "ROTORG,1,1", "CDAMP2,30,5.,1,1", "TABDMP1,1"))
+    why = {card: reason for card, _, reason in made.left_out}
+    assert "[[wheel]]" in why["ROTORG"]
+    assert "[damping]" in why["CDAMP2"]
+    assert why["TABDMP1"] == "no part in stiffness and mass"

@@ -3,7 +3,7 @@
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.nastran.deck import read_deck
+from middeck.files.nastran.deck.deck import read_deck
 
 HEAD = "SOL 103\nCEND\nBEGIN BULK\n"
 

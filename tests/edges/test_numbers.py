@@ -7,7 +7,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from middeck.files.json_output import json_text
+from middeck.files.json.output import json_text
 from middeck.study.mission import CHAPTERS, study_numbers
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "numbers.schema.json"

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from middeck.errors import DataError
-from middeck.files.nastran.op4 import Op4Matrix, op4_by_name, read_op4, write_op4
+from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, read_op4, write_op4
 
 FORMS = [
     (layout, text, order)

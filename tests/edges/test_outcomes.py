@@ -11,9 +11,9 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import DataError
-from middeck.files.measured_modes import load_measured_modes, write_measured_modes
-from middeck.files.outcomes import comparison_document, load_outcomes, promised_modes_of
-from middeck.files.promise_form import read_promise
+from middeck.files.measured.modes import load_measured_modes, write_measured_modes
+from middeck.files.promises.form import read_promise
+from middeck.files.promises.outcomes import comparison_document, load_outcomes, promised_modes_of
 from middeck.structure.correlation.measured_modes import MeasuredModes
 
 ROOT = Path(__file__).parents[2]

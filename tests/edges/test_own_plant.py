@@ -9,9 +9,9 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.feedback import feedback
-from middeck.systems.own_plant import make_plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.own_plant import make_plant
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 GOOD: dict[str, Any] = {"A": [[0, 1], [-4, -0.1]], "B": [[0], [1]], "C": [[1, 0]]}
 

@@ -12,8 +12,8 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError, MiddeckError
-from middeck.files.compensators import load_compensator, write_compensator
-from middeck.files.packages import load_package, write_package
+from middeck.files.laws.compensators import load_compensator, write_compensator
+from middeck.files.laws.packages import load_package, write_package
 from middeck.realtime.package.binary import decode_package, encode_package, hash_package
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import InputFilter, LoopPath, Section

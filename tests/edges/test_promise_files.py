@@ -10,11 +10,11 @@ import pytest
 from cli_runner import middeck
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
-from middeck.files.outcomes import load_outcomes, statements_of
-from middeck.files.promise_form import read_promise
-from middeck.files.promise_plans import load_plan
-from middeck.files.sealed import seal
-from middeck.updating.score import Outcome, Statement, judge, score
+from middeck.files.json.sealed import seal
+from middeck.files.promises.form import read_promise
+from middeck.files.promises.outcomes import load_outcomes, statements_of
+from middeck.files.promises.plans import load_plan
+from middeck.updating.promise.score import Outcome, Statement, judge, score
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"

@@ -12,8 +12,8 @@ import pytest
 
 from middeck.cli.main import execute
 from middeck.errors import DataError
-from middeck.files.promise_form import SaidForm, read_promise
-from middeck.files.sealed import SEAL, seal
+from middeck.files.json.sealed import SEAL, seal
+from middeck.files.promises.form import SaidForm, read_promise
 
 ROOT = Path(__file__).parents[2]
 LOOPS = ROOT / "data/virtual-survey/promise.json"

@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.models import load_model, write_model
+from middeck.files.measured.models import load_model, write_model
 from middeck.files.records import (
     load_campaign,
     load_record,

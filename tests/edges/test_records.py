@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from middeck.errors import DataError, NumericalError
-from middeck.files.json_output import json_text, write_json
+from middeck.files.json.output import json_text, write_json
 from middeck.files.records import load_record, load_records, write_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -11,13 +11,13 @@ import pytest
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
 from middeck.files.documents import load_setup, load_structure
-from middeck.files.measured_modes import load_measured_modes, write_measured_modes
-from middeck.files.promise_form import read_promise
-from middeck.files.promised_loads import load_promised_loads
-from middeck.files.refinements import load_refinement, refined_text
+from middeck.files.measured.modes import load_measured_modes, write_measured_modes
+from middeck.files.promises.form import read_promise
+from middeck.files.refinements.documents import load_refinement, refined_text
+from middeck.files.refinements.loads import load_promised_loads
 from middeck.structure.correlation.measured_modes import MeasuredModes
-from middeck.updating.deflections import predict_deflections
-from middeck.updating.refine import refine
+from middeck.updating.orbit.deflections import predict_deflections
+from middeck.updating.refinement.refine import refine
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"

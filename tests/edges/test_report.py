@@ -25,8 +25,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_hex, to_rgb
 
-from middeck.files.studies import load_study
-from middeck.files.study_form import RigForm
+from middeck.files.studies.documents import load_study
+from middeck.files.studies.form import RigForm
 from middeck.plot.curves import keep_extremes, wrapped_phase_deg
 from middeck.plot.ports import port_words
 from middeck.plot.svg import svg_text
@@ -211,7 +211,7 @@ def test_the_page_says_which_values_of_the_rig_count(written):
     assert "<code>identification_noise</code>" in assumptions
     assert re.search(r"Coulomb and\s+viscous friction", assumptions)
     assert re.search(r"there is no\s+play", assumptions)
-    used = (ROOT / "src/middeck/files/rig_build.py").read_text()
+    used = (ROOT / "src/middeck/files/studies/rig.py").read_text()
     for key in RigForm.model_fields:
         assert re.search(rf"\bform\.{key}\b", used), key
 

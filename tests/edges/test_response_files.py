@@ -14,10 +14,10 @@ from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
 from middeck.files.documents import load_setup
 from middeck.files.records import write_response
-from middeck.files.refinements import load_refinement
+from middeck.files.refinements.documents import load_refinement
 from middeck.structure.sensitivity.parameters import scale_parameters
-from middeck.systems.plant import delay_plant
-from middeck.systems.response import evaluate_plant
+from middeck.systems.plants.plant import delay_plant
+from middeck.systems.plants.response import evaluate_plant
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"

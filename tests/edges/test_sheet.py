@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from middeck.files.article_form import ArticleForm
-from middeck.files.environment_form import EnvironmentForm
-from middeck.files.overrides import Reach, Target, parse_override, reach
-from middeck.files.study_form import StudyForm
+from middeck.files.articles.form import ArticleForm
+from middeck.files.environments.form import EnvironmentForm
+from middeck.files.studies.form import StudyForm
+from middeck.files.toml.overrides import Reach, Target, parse_override, reach
 
 ROOT = Path(__file__).parents[2]
 SHEET = tomllib.loads((ROOT / "tests/reference/mace-article.toml").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from cli_runner import middeck
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 ROOT = Path(__file__).parents[2]
 ASKED = (

@@ -17,8 +17,8 @@ import jsonschema
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.json_output import json_text
-from middeck.files.studies import load_study
+from middeck.files.json.output import json_text
+from middeck.files.studies.documents import load_study
 from middeck.report.build import StudyWriter
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
@@ -293,8 +293,8 @@ def test_too_few_modes_are_refused_with_the_number_that_is_needed(kept: int) -> 
 
 PROGRAM = """
 import sys
-from middeck.files.json_output import json_text
-from middeck.files.studies import load_study
+from middeck.files.json.output import json_text
+from middeck.files.studies.documents import load_study
 from middeck.study.mission import run_chapters, study_numbers
 study = load_study(sys.argv[2], sys.argv[3:])
 outcomes = {name: compute() for name, compute in run_chapters(study) if name not in sys.argv[1].split(",")}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import DataError
-from middeck.files.measured_modes import load_measured_modes
+from middeck.files.measured.modes import load_measured_modes
 from middeck.structure.correlation.measured_modes import MeasuredModes
 
 NODES = {3: (0.0, 0.0, 0.0), 1: (1.0, 0.0, 0.0), 2: (2.0, 0.5, 0.0)}

@@ -11,7 +11,7 @@ import pytest
 import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.files.documents import load_setup
-from middeck.files.measured_modes import write_measured_modes
+from middeck.files.measured.modes import write_measured_modes
 from middeck.structure.correlation.measured_modes import (
     STRAIGHT,
     MeasuredModes,
@@ -23,7 +23,7 @@ from middeck.structure.correlation.measured_modes import (
 from middeck.structure.correlation.units import doubt_units
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.updating.findings import findings
+from middeck.updating.refinement.findings import findings
 
 SEEDS = range(1993, 1999)
 

@@ -7,9 +7,9 @@ import json
 import pytest
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.outcomes import load_outcomes
-from middeck.files.sealed import read_sealed, seal
-from middeck.updating.score import Outcome, Statement, judge
+from middeck.files.json.sealed import read_sealed, seal
+from middeck.files.promises.outcomes import load_outcomes
+from middeck.updating.promise.score import Outcome, Statement, judge
 
 SCHEMA = "middeck.promise/1"
 

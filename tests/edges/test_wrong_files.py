@@ -17,24 +17,24 @@ from cli_runner import middeck as run
 from middeck.cli.advice import on_command_line
 from middeck.cli.app import VERBS, verb_options
 from middeck.errors import ConfigError, MiddeckError
-from middeck.files.article_form import ArticleForm
-from middeck.files.candidate_files import load_candidates
+from middeck.files.articles.form import ArticleForm
+from middeck.files.disk.looks import KEYS, looks_like
 from middeck.files.documents import load_environment, load_structure
-from middeck.files.environment_form import EnvironmentForm
-from middeck.files.form import Form, bare, is_form
-from middeck.files.looks import KEYS, looks_like
-from middeck.files.measured_modes import load_measured_modes
-from middeck.files.models import load_model
-from middeck.files.nastran.deck import read_deck
-from middeck.files.outcomes import load_outcomes
-from middeck.files.packages import load_package
-from middeck.files.promise_plans import load_plan
-from middeck.files.promised_loads import load_promised_loads
+from middeck.files.environments.form import EnvironmentForm
+from middeck.files.laws.packages import load_package
+from middeck.files.measured.models import load_model
+from middeck.files.measured.modes import load_measured_modes
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.promises.outcomes import load_outcomes
+from middeck.files.promises.plans import load_plan
 from middeck.files.records import load_record, write_record
-from middeck.files.refinements import load_refinement
-from middeck.files.source import read_source
-from middeck.files.studies import load_study
-from middeck.files.study_form import StudyForm
+from middeck.files.refinements.candidates import load_candidates
+from middeck.files.refinements.documents import load_refinement
+from middeck.files.refinements.loads import load_promised_loads
+from middeck.files.studies.documents import load_study
+from middeck.files.studies.form import StudyForm
+from middeck.files.toml.form import Form, bare, is_form
+from middeck.files.toml.source import read_source
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.race import recommend_states
 from middeck.identification.problem.data import Data
@@ -10,7 +10,7 @@ from middeck.identification.spectra.weights import spread_of
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench, take_open_loop
 from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL
-from middeck.systems.response import in_band
+from middeck.systems.plants.response import in_band
 
 
 def test_a_search_does_not_end_while_a_mode_is_lacking():

@@ -17,10 +17,10 @@ from middeck.laboratory.bench import build_bench
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.runs import remove_ramps
 from middeck.laboratory.rig.stepped import SteppedRig
-from middeck.realtime.engine.article import linear_article
-from middeck.realtime.engine.served_rig import ServedRig
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import linear_article
+from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.steps import GateMargins
 from middeck.realtime.gate.trials import GateTrials
@@ -28,8 +28,8 @@ from middeck.realtime.package.build import package_law
 from middeck.signals.record import Record
 from middeck.study.chapters.measured_control.numbers import GAIN_DB, PHASE_DEG
 from middeck.study.measured_loop.computation import decibel, measured_rms_of
-from middeck.systems.plant import delay_plant
-from middeck.systems.response import evaluate_plant
+from middeck.systems.plants.plant import delay_plant
+from middeck.systems.plants.response import evaluate_plant
 from repeats import LONG, repeats
 
 PERIOD_S = 0.002

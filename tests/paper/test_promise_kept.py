@@ -8,7 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from middeck.files.json_output import json_text
+from middeck.files.json.output import json_text
 from middeck.study.chapters.promise.computation import PromiseKept
 from middeck.study.chapters.promise.numbers import promise, promise_claims
 

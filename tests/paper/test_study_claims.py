@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.identification.model.measurement_model import (
     damping_ratio,
     model_response,
@@ -25,8 +25,8 @@ from middeck.study.chapters.two_sensor_control.numbers import (
 from middeck.study.chapters.zero_g_control.computation import study_zero_g_control
 from middeck.study.chapters.zero_g_control.numbers import figure_7_claims
 from middeck.study.shared import find_modes
-from middeck.systems.modal import output_rows
-from middeck.systems.response import evaluate_plant, statespace_response
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.state_space.modal import output_rows
 
 
 @pytest.fixture(scope="module")

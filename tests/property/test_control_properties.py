@@ -10,10 +10,10 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.rms import band_rms
-from middeck.systems.statespace import StateSpace
+from middeck.systems.norms.rms import band_rms
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 BAND = (0.05, 20.0)
 WEIGHTS = LQGWeights(

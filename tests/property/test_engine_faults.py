@@ -9,8 +9,8 @@ import pytest
 
 from engine_faults import ARTICLE, HOLDING, KINDS, RIG, STATES, fault_settings, play, reach
 from engine_rigs import nominal_article, nominal_package, settings_of
-from middeck.realtime.engine.article import with_faults
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import with_faults
 from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")

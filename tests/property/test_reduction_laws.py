@@ -18,10 +18,10 @@ from middeck.control.reduction import (
     reduce_weighted,
 )
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import StateSpace, poles
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace, poles
 
 SEEDS = st.integers(0, 10_000)
 WEIGHTS = LQGWeights(

@@ -16,10 +16,10 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder, Sampler
 from middeck.laboratory.rig.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import simulate
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.modal import ModalSystem
 
 RATE = 500.0
 seeds = st.integers(0, 2**32 - 1)

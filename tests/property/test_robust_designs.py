@@ -13,9 +13,9 @@ from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
 from middeck.control.robust.blend import blend
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 WEIGHTS = LQGWeights(
     output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-3)

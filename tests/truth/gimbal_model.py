@@ -6,8 +6,8 @@ import gimbal_record
 import numpy as np
 
 from middeck.identification.model.plant_model import model_of_plant
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 
 NAMES = ("first", "second", "third", "fourth", "fifth")
 

@@ -11,8 +11,8 @@ import numpy as np
 from middeck.control.law.classical import PDLoops
 from middeck.control.lqg import LQGWeights
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 
 CONTROLS = ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z")
 DISTURBANCES = ("sec_rel_x", "sec_rel_z")

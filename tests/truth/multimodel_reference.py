@@ -5,8 +5,8 @@ import numpy as np
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust import ModeShift, Uncertainty
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
 
 UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
 HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])

@@ -24,13 +24,13 @@ from middeck.laboratory.rig.runs import run_closed_loop
 from middeck.laboratory.rig.sensors import Sampler
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
-from middeck.systems.plant import Plant, delay_plant, remove_delays, require_modal
-from middeck.systems.statespace import StateSpace
-from middeck.updating.draws import LoopSpread
-from middeck.updating.plan import Ladder, Plan, close_inner, weights_of
-from middeck.updating.refine import Refined, refine
-from middeck.updating.slip import JointSlip
-from middeck.updating.surveys import set_up
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays, require_modal
+from middeck.systems.state_space.statespace import StateSpace
+from middeck.updating.promise.draws import LoopSpread
+from middeck.updating.promise.plan import Ladder, Plan, close_inner, weights_of
+from middeck.updating.promise.slip import JointSlip
+from middeck.updating.refinement.refine import Refined, refine
+from middeck.updating.residuals.surveys import set_up
 
 INPUT, OUTPUT = "pri_rel_z", "pri_in_z"
 DELAY_S, DELAY_TOLERANCE_S, GAIN_TOLERANCE = 0.010, 0.001, 0.02

@@ -5,9 +5,9 @@ import scipy.linalg as sla
 
 from middeck.control.lqg import LQGWeights
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 UNIT = 2.0 * np.pi * 3.0  # the multi-model case counts time in units of 1/(2 pi 3 Hz)
 FREQUENCY_HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])

@@ -27,7 +27,7 @@ from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import accelerometer_offset
 from middeck.structure.plants.port_rows import output_rows as coordinate_rows
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.systems.modal import modal_response, output_rows
+from middeck.systems.state_space.modal import modal_response, output_rows
 from structure_builders import GRAVITY, body, lab, member, node, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)

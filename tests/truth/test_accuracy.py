@@ -16,9 +16,9 @@ from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
 from middeck.signals.excitation import Limits, design_mls, design_multisine, design_sweep
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 SCORED = gimbal_record.SCORED_HZ
 RNG = np.random.default_rng

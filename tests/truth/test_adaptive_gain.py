@@ -11,7 +11,7 @@ import scipy.linalg as sla
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain, move_gain
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, move_gain
 from middeck.realtime.gate.adaptive import prove_gain
 from middeck.realtime.gate.gain_loop import closed_at, form_gain_loop
 from middeck.realtime.gate.gain_metric import Metric
@@ -25,8 +25,8 @@ from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import InputFilter, LoopPath, Section, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, ports, random_law
 
 

@@ -15,9 +15,9 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder
 from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace
 from rig_checks import on_rig
 
 RATE, DELAY, STEPS = 500.0, 0.0103, 2

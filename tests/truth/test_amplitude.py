@@ -17,8 +17,8 @@ from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.structure.gimbals.branches import JointSystem, solve_undamped
 from middeck.structure.gimbals.damped import follow_damped, pair_undamped
 from middeck.structure.model.article import Joint, JointState
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 from repeats import repeats
 from rig_checks import run_through
 from structure_builders import body, node, structure

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.systems import simulation
-from middeck.systems.modal import ModalSystem
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import find_periodic_state, simulate, stream
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.sampling import simulation
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import find_periodic_state, simulate, stream
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace
 
 SAMPLES = 20_000
 

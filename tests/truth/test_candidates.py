@@ -14,17 +14,17 @@ from test_updating import MODULUS, SPLIT, TIGHT, TOP, clamped, mast, modes_of, s
 from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
 from middeck.structure.model.article import LoadCase, PointLoad
 from middeck.structure.model.environment import Environment
-from middeck.updating.candidate_survey import CandidateSurvey
-from middeck.updating.candidates import rank_tests
-from middeck.updating.deflections import Deflection, predict_deflections
-from middeck.updating.foreseen import foresee
-from middeck.updating.gauges import Gauge
-from middeck.updating.orbit import predict_modes
-from middeck.updating.posterior import Linear, estimate_at
-from middeck.updating.refine import Refined, linear_problem, refine
-from middeck.updating.statics import StaticTest
-from middeck.updating.surveys import Survey, set_up
-from middeck.updating.unknowns import Unknown
+from middeck.updating.candidates.candidate_survey import CandidateSurvey
+from middeck.updating.candidates.candidates import rank_tests
+from middeck.updating.candidates.foreseen import foresee
+from middeck.updating.orbit.deflections import Deflection, predict_deflections
+from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.refinement.posterior import Linear, estimate_at
+from middeck.updating.refinement.refine import Refined, linear_problem, refine
+from middeck.updating.residuals.gauges import Gauge
+from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.surveys import Survey, set_up
+from middeck.updating.unknowns.unknowns import Unknown
 
 USUAL = MeasurementNoise(frequency=1e-3, shape=0.02)
 CHANNELS = tuple(

@@ -8,7 +8,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.identification.spectra import estimate_response, response_scatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, stream_record
-from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 
 # y = b/a u + v with poles at 1.2 exp(+-0.8j), outside the circle; u = r + K y (docs/conventions.md).
 B = np.array([0.0, 0.5])

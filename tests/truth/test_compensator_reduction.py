@@ -24,15 +24,15 @@ from middeck.control.reduction.separation import subtract
 from middeck.control.robust import shift_modes
 from middeck.control.shaping import notch, second_order_section, shape_compensator
 from middeck.errors import ConfigError
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.signals.ports import Port
 from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
 from middeck.study.shared import find_modes
-from middeck.systems.modal import ModalSystem
-from middeck.systems.peak_gain import peak_gain
-from middeck.systems.plant import Plant, delay_plant, subsystem
-from middeck.systems.resolvent import by_solving
-from middeck.systems.statespace import StateSpace, gain_system, poles, series
+from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.plants.plant import Plant, delay_plant, subsystem
+from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace, gain_system, poles, series
 from repeats import LONG, repeats
 
 ROOT = Path(__file__).parents[2]

@@ -15,9 +15,9 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import switch_on
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace
 from rig_checks import on_rig, run_through
 
 SAMPLES = 3000

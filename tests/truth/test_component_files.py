@@ -12,11 +12,11 @@ from reduced import bent_beam, with_component
 import middeck as md
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
-from middeck.files.components import load_component, write_component
-from middeck.files.nastran.external import read_external
-from middeck.files.nastran.external_write import write_external
-from middeck.files.nastran.op4 import Op4Matrix, op4_by_name, write_op4
-from middeck.files.nastran.units import parse_units
+from middeck.files.articles.components import load_component, write_component
+from middeck.files.nastran.components.external import read_external
+from middeck.files.nastran.components.external_write import write_external
+from middeck.files.nastran.deck.units import parse_units
+from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, write_op4
 
 SI = parse_units("m-kg-s-N")
 DATA = Path("data/nastran-superelement").resolve()
@@ -51,7 +51,7 @@ def test_there_and_back_as_a_superelement(tmp_path, component):
     )
     (tmp_path / "join.dat").write_text(deck.replace("CONM2,5,2,,0.25\n", ""))
     from middeck.files.nastran.article.convert import convert_deck
-    from middeck.files.nastran.assembly import read_assembly
+    from middeck.files.nastran.components.assembly import read_assembly
 
     deck, parts = read_assembly(tmp_path / "join.dat", SI, "join")
     made = convert_deck(deck, SI, "consistent", "join", parts)
@@ -73,7 +73,7 @@ def test_there_and_back_as_a_superelement(tmp_path, component):
     ],
 )
 def test_superelements_are_joined_by_pairs_and_ranges(tmp_path, component, fields, frames):
-    from middeck.files.nastran.assembly import read_assembly
+    from middeck.files.nastran.components.assembly import read_assembly
 
     write_external(tmp_path / "part", component)
     head, last = fields[: fields.index(",,,,,")], fields[fields.index(",,,,,") + 5 :]

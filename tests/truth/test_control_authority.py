@@ -15,9 +15,9 @@ from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance, loop_metric, loop_rms
 from middeck.control.lqg import design_filter, design_lqg
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.rms import band_rms_by_quadrature
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.norms.rms import band_rms_by_quadrature
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace, gain_system
 
 LEVELS = np.logspace(-1.5, 4.5, 25)
 

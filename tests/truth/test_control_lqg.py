@@ -19,11 +19,11 @@ from middeck.control.loop.closed_loop import (
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace, gain_system
 
 INTENSITY = 2e-6
 

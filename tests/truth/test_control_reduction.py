@@ -21,13 +21,13 @@ from middeck.control.reduction.gramian import factor_gramians
 from middeck.control.reduction.separation import separate_poles, separate_unstable
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.peak_gain import peak_gain
-from middeck.systems.plant import Plant, subsystem
-from middeck.systems.resolvent import by_solving
-from middeck.systems.response import evaluate_plant
-from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import StateSpace, add, gain_system, poles, series
+from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.plants.plant import Plant, subsystem
+from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace, add, gain_system, poles, series
 
 
 def gain_at(system, omega):

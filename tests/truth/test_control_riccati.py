@@ -12,10 +12,10 @@ import middeck as md
 from middeck.control.riccati import newton, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
-from middeck.systems.delay import pade
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.delay.delay import pade
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
 
 ROOT = Path(__file__).parents[2]
 DM, LAB = ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml"

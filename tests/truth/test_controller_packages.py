@@ -27,10 +27,10 @@ from middeck.realtime.package.section import InputFilter, LoopPath, Section
 from middeck.realtime.package.single import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import simulate
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, compile_law, ports, random_law
 from repeats import LONG
 

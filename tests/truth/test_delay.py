@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.systems.delay import evaluate_pade, pade
-from middeck.systems.resolvent import by_solving
-from middeck.systems.response import statespace_response
+from middeck.systems.delay.delay import evaluate_pade, pade
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.resolvent import by_solving
 
 
 @pytest.mark.parametrize("order", range(1, 11))

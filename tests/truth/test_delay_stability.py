@@ -22,11 +22,11 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem
-from middeck.systems.own_plant import make_plant
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.own_plant import make_plant
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from repeats import repeats
 
 ROOT = Path(__file__).parents[2]

@@ -14,12 +14,12 @@ from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop
 from middeck.signals.ports import Port
-from middeck.systems.delay import pade
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem, select_modes
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.statespace import gain_system
+from middeck.systems.delay.delay import pade
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.statespace import gain_system
 
 pytestmark = pytest.mark.kernels
 

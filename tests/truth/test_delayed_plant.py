@@ -7,12 +7,12 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays, evaluate_approximation
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, name_states
-from middeck.systems.resolvent import by_solving
-from middeck.systems.response import evaluate_plant
-from middeck.systems.statespace import gain_system
+from middeck.systems.delay.delay_approximation import approximate_delays, evaluate_approximation
+from middeck.systems.plants.plant import Plant, delay_plant, name_states
+from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import gain_system
 
 HZ = np.array([0.3, 1.0, 3.0, 9.0])
 MODES = ModalSystem(

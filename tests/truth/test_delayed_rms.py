@@ -15,10 +15,10 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace, gain_system
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 GROUPS = {"w": ("force",), "u": ("force",), "z": ("way",), "y": ("seen",)}

@@ -5,11 +5,11 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError
-from middeck.systems.delayed_sampling import sample_delayed, split_delays
-from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import simulate
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.sampling.delayed_sampling import sample_delayed, split_delays
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.statespace import StateSpace
 
 T = 0.05
 A = sla.block_diag([[-0.1, -6.0], [6.0, -0.1]], [[-0.5, -20.0], [20.0, -0.5]])

@@ -15,12 +15,18 @@ from middeck.laboratory.rig.motors import Motor
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace, output_rows, select_modes
-from middeck.systems.plant import Plant
-from middeck.systems.response import statespace_response
-from middeck.systems.rms import band_rms, band_rms_by_quadrature
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import simulate
+from middeck.systems.norms.rms import band_rms, band_rms_by_quadrature
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.modal import (
+    ModalSystem,
+    modal_response,
+    modal_to_statespace,
+    output_rows,
+    select_modes,
+)
 from rig_checks import run_through
 
 OMEGA = 2.0 * np.pi * np.array([0.3, 2.0, 11.0, 40.0, 90.0])

@@ -19,11 +19,11 @@ from middeck.control.lqg import (
 )
 from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.resolvent import by_solving
-from middeck.systems.rms import band_rms
-from middeck.systems.statespace import StateSpace
-from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.systems.norms.rms import band_rms
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.state_space.statespace import StateSpace
 
 
 def density(system, f):

@@ -11,7 +11,7 @@ import pytest
 from reduced import bent_beam, with_component
 
 import middeck as md
-from middeck.files.vtu import PARTS, write_vtu
+from middeck.files.exchange.vtu import PARTS, write_vtu
 from middeck.plot.shapes import AZIMUTH, ELEVATION, factor_of, turned, upright
 from middeck.structure.assembly.loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix

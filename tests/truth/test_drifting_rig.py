@@ -22,11 +22,11 @@ from middeck.laboratory.rig.runs import StopRule, run_closed_loop, run_open_loop
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import tustin
-from middeck.systems.stability import is_stable
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import is_stable
+from middeck.systems.sampling.sampling import tustin
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 from rig_checks import on_rig
 
 RATE, DELAY = 500.0, 0.0103

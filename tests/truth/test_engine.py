@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from engine_cases import OUTPUTS, plain_settings, random_article, random_package
-from middeck.realtime.engine.build import engine_sources
-from middeck.realtime.engine.header import constants, layout
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.header import constants, layout
+from middeck.realtime.engine.process.build import engine_sources
+from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.reference import ReferenceLaw
 
 pytestmark = pytest.mark.usefixtures("compiler")

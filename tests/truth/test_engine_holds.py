@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from engine_cases import kinds, plain_settings, static_package, still_article, verified
-from middeck.realtime.engine.article import LinearArticle
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.errors import DataError
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.launch import started_settings
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import LinearArticle
 from middeck.realtime.package.section import LoopPath, static_gain
 from packaged_laws import PERIOD_S
 from repeats import repeats
@@ -120,3 +122,16 @@ def test_the_hold_of_a_verified_engine_is_verified():
         verified(engine)
         engine.run(5000, keep=False)
         assert engine.file.status["hold_verified"] == 1
+
+
+def test_the_engine_itself_refuses_an_unstable_section(monkeypatch):
+    """Whoever writes the shared file: its own numbers would grow whatever the article does."""
+
+    def spoilt(*given):
+        words = started_settings(*given)
+        words["path"]["s"]["g"][0, 4] = 1.0
+        return words
+
+    monkeypatch.setattr("middeck.realtime.engine.process.supervisor.started_settings", spoilt)
+    with pytest.raises(DataError, match="a section that is not finite or not stable"):
+        Supervisor(held(-0.05), pendulum(0.3, push=0.0))

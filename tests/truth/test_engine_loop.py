@@ -9,9 +9,9 @@ import pytest
 import scipy.signal
 
 from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, random_package
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof, move_gain
-from middeck.realtime.engine.settings import LEAST_RAMP, Drive, hash_hold
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof, move_gain
+from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, hash_hold
+from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import LoopPath, Section

@@ -28,11 +28,11 @@ from engine_cases import (
     verified,
 )
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.article import Fault, LinearArticle, with_faults
-from middeck.realtime.engine.build import build_engine, engine_sources
-from middeck.realtime.engine.monitors import Monitor
-from middeck.realtime.engine.shared_file import open_shared_file
-from middeck.realtime.engine.supervisor import DriverRig, Supervisor
+from middeck.realtime.engine.interface.monitors import Monitor
+from middeck.realtime.engine.interface.shared_file import open_shared_file
+from middeck.realtime.engine.process.build import build_engine, engine_sources
+from middeck.realtime.engine.process.supervisor import DriverRig, Supervisor
+from middeck.realtime.engine.rigs.article import Fault, LinearArticle, with_faults
 from middeck.realtime.package.section import LoopPath, static_gain
 from packaged_laws import PERIOD_S
 
@@ -315,7 +315,7 @@ def test_a_start_that_fails_leaves_no_folder(monkeypatch, tmp_path):
 
 def test_settings_are_read_without_a_library_of_filters():
     """Whoever only commands an engine does not wait a second for one."""
-    said = "import sys, middeck.realtime.engine.supervisor; print('scipy.signal' in sys.modules)"
+    said = "import sys, middeck.realtime.engine.process.supervisor; print('scipy.signal' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
     assert found.stdout == "False\n"
 

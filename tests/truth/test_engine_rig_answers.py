@@ -12,11 +12,11 @@ import pytest
 
 from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article
 from middeck.errors import DataError
-from middeck.realtime.engine.build import build_engine
-from middeck.realtime.engine.rig_server import LOOPBACK
-from middeck.realtime.engine.rig_session import REPLY, REQUEST
-from middeck.realtime.engine.supervisor import DriverRig, Supervisor, UdpRig
-from middeck.realtime.engine.udp_client import RigClient
+from middeck.realtime.engine.process.build import build_engine
+from middeck.realtime.engine.process.supervisor import DriverRig, Supervisor, UdpRig
+from middeck.realtime.engine.rigs.rig_server import LOOPBACK
+from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST
+from middeck.realtime.engine.trials.udp_client import RigClient
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -138,6 +138,6 @@ def test_what_is_played_is_what_was_given_at_the_start():
 
 
 def test_an_excitation_that_is_not_finite_is_refused_at_the_start(tmp_path, monkeypatch):
-    monkeypatch.setattr("middeck.realtime.engine.supervisor.checked_waveform", lambda wave, _: wave)
+    monkeypatch.setattr("middeck.realtime.engine.process.supervisor.checked_waveform", lambda wave, _: wave)
     with pytest.raises(DataError, match="an excitation that is not finite"):
         Supervisor(plain_settings(), random_article(), waveform=np.full((5, OUTPUTS), np.nan))

@@ -21,19 +21,19 @@ from engine_cases import (
 )
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.files.blacklists import load_blacklist, write_blacklist
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain
-from middeck.realtime.engine.article import Fault, encode_article, linear_article, with_faults
-from middeck.realtime.engine.monitors import Monitor
-from middeck.realtime.engine.settings import Drive, SensorTest, Spread
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.files.laws.blacklists import load_blacklist, write_blacklist
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
+from middeck.realtime.engine.interface.monitors import Monitor
+from middeck.realtime.engine.interface.settings import Drive, SensorTest, Spread
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import Fault, encode_article, linear_article, with_faults
 from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import InputFilter, LoopPath, static_gain
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports, random_law
 
 pytestmark = pytest.mark.usefixtures("compiler")

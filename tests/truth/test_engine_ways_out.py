@@ -22,12 +22,12 @@ from engine_cases import (
 )
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
-from middeck.realtime.engine import supervisor
-from middeck.realtime.engine.settings import Drive, time_to_rest
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.settings import Drive, time_to_rest
+from middeck.realtime.engine.process import supervisor
+from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, static_gain
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports
 
 pytestmark = pytest.mark.usefixtures("compiler")

@@ -16,9 +16,9 @@ from middeck.control.robust import outcomes_on, without_delays
 from middeck.control.robust.exact_family import family_law, measure_in_family
 from middeck.errors import NumericalError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, remove_delays
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.poles.stability import GROWTH_LIMIT
+from middeck.systems.state_space.modal import ModalSystem
 
 NEAR = (1e-5, 1e-4, 1e-2, 0.5)
 

@@ -36,7 +36,7 @@ from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
 from middeck.structure.rest.link_loads import link_loads
 from middeck.structure.rest.statics import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from repeats import repeats
 from structure_builders import GRAVITY, TUBE, body, member, node, structure
 

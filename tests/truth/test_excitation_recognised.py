@@ -11,9 +11,9 @@ from middeck.files.records import load_record
 from middeck.signals.excitation import Limits, cut_periods, design_multisine, recognise_excitation
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.modal import ModalSystem
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import simulate
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.modal import ModalSystem
 
 BANK = signals()
 

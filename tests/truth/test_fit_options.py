@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import (
     path_delay,
 )
 from middeck.signals.ports import Port
-from middeck.systems.response import FrequencyResponse, ResponseCovariance
+from middeck.systems.plants.response import FrequencyResponse, ResponseCovariance
 from repeats import LONG
 
 INPUTS = (Port("torque", "N m"), Port("wheel", "N m"))

@@ -16,8 +16,9 @@ from middeck.identification.model.measurement_model import damping_ratio, natura
 from middeck.identification.problem.layout import Layout, Point, Start, pack
 from middeck.identification.record_fit import continuous
 from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.spectra import estimate_response
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 HZ, ZETA, DELAY = np.array([6.3, 27.0]), np.array([0.012, 0.008]), 0.007
@@ -279,3 +280,17 @@ def test_a_model_without_value_on_other_free_samples_stays_on_its_own(monkeypatc
     monkeypatch.setattr(continuous, "refine_record", lambda *_, **__: None)
     fit = fit_record(shaken(PLANT, 512, RATE, (1.0, 40.0), noise=1e-3), states=4)
     assert is_right(fit)
+
+
+@pytest.mark.parametrize("seed", repeats([7, *range(8, 20)], 1))
+def test_a_pair_of_modes_a_line_wide_is_said(seed):
+    """Half-power widths of one line: the local method that made the response leaves more than noise."""
+    rng = np.random.default_rng([43, seed])
+    gap, count = rng.uniform(0.003, 0.005), 2048
+    zeta = 1.1 * RATE / count / 24.0
+    near = (np.array([12.0, 12.0 * (1.0 + gap)]), np.array([zeta, zeta]), [500.0, 400.0], 0.0)
+    record = shaken(near, count, RATE, (1.0, 40.0), noise=1e-4, seed=seed)
+    fit = fit_response(estimate_response(record), states=4, delay=False)
+    said = [w for w in fit.warnings if "frequency and damping hang on" in w]
+    sound = [m for m, standing in enumerate(fit.standing) if standing == "sound"]
+    assert len(said) >= len(sound)

@@ -12,19 +12,19 @@ import updating_case as case
 
 import middeck as md
 from middeck.errors import ConfigError, DataError
-from middeck.files.models import write_model
-from middeck.files.survey_files import load_survey_modes
+from middeck.files.measured.models import write_model
+from middeck.files.measured.survey_files import load_survey_modes
 from middeck.identification import FitResult, estimate_response, fit_response
 from middeck.identification.model.measurement_model import damping_ratio
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import MeasuredModes, measure_modes, sensor_rows
 from middeck.structure.model.article import Sensor, SensorKind, Structure
 from middeck.structure.modes.solve import Modes
-from middeck.updating.findings import findings
-from middeck.updating.fitted_survey import survey_from_fit
-from middeck.updating.refine import refine
-from middeck.updating.surveys import Survey, pair
-from middeck.updating.unknowns import Unknown
+from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.refine import refine
+from middeck.updating.residuals.fitted_survey import survey_from_fit
+from middeck.updating.residuals.surveys import Survey, pair
+from middeck.updating.unknowns.unknowns import Unknown
 
 SEED = 0
 # Uniform within 2 %.

@@ -21,8 +21,8 @@ from middeck.realtime.package.section import InputFilter, LoopPath, Section
 from middeck.realtime.package.single import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, ports, random_law
 
 ANY = GateMargins(gain_db=0.0, phase_deg=0.0)

@@ -9,10 +9,10 @@ import pytest
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain
-from middeck.realtime.engine.article import linear_article
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest, hash_hold
-from middeck.realtime.engine.supervisor import Supervisor
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest, hash_hold
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import linear_article
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.held import with_hold
 from middeck.realtime.gate.linear_law import linear_law
@@ -22,8 +22,8 @@ from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, Section, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 PERIOD_S = 0.002
 WAY, RATE, PUSH, TURN = Port("way", "m"), Port("rate", "m/s"), Port("push", "N"), Port("turn", "N m")

@@ -10,11 +10,11 @@ import pytest
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.realtime.engine.article import linear_article
-from middeck.realtime.engine.rig import EngineRig
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.supervisor import DriverRig
-from middeck.realtime.engine.trial import ENGINE, REFERENCE, Stage, run_trial
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.supervisor import DriverRig
+from middeck.realtime.engine.rigs.article import linear_article
+from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.steps import GateMargins
 from middeck.realtime.gate.trials import (
@@ -29,8 +29,8 @@ from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from served_by_thread import served_by_thread
 
 PERIOD_S = 0.002

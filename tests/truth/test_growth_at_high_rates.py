@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import middeck as md
-from middeck.systems.statespace import gain_system
+from middeck.systems.state_space.statespace import gain_system
 
 
 def _plant(seed: int, rate_hz: float, damping: float) -> md.Plant:

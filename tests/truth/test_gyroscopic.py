@@ -38,7 +38,7 @@ from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual import compare_static_gain
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.systems.response import evaluate_plant
+from middeck.systems.plants.response import evaluate_plant
 from repeats import repeats
 from structure_builders import GRAVITY, body, member, node, random_configuration, structure
 from trusses import truss

@@ -20,14 +20,14 @@ from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler, sensor_lag
 from middeck.laboratory.rig.simulation import simulate_rig, switch_on
 from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import Port
-from middeck.systems.feedback import feedback
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.simulation import simulate
-from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.sampling.sampling import sample_dynamics, tustin
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from rig_checks import on_rig, run_through
 
 RATE, DELAY = 500.0, 0.0103  # not a whole number of samples

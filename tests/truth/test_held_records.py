@@ -20,8 +20,8 @@ from jaxtyping import Float
 from cli_runner import middeck
 from middeck.control.analysis.margins import measure_margins
 from middeck.control.law.compensator import Compensator
-from middeck.files.compensators import write_compensator
-from middeck.files.models import load_model, write_model
+from middeck.files.laws.compensators import write_compensator
+from middeck.files.measured.models import load_model, write_model
 from middeck.files.records import load_record, open_record, write_record
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import model_response
@@ -32,8 +32,8 @@ from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.spectra import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.hold import hold_response, release_hold, release_inputs
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.sampling.hold import hold_response, release_hold, release_inputs
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 PORTS = (Port("torque", "N m"),), (Port("angle", "rad"),)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from middeck.files.documents import load_environment, load_structure
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.laboratory.article import RigArticle, holding_torque, solve_rig_article
 from middeck.laboratory.article_rig import build_article_rig, rig_delay
 from middeck.laboratory.hidden_errors import HiddenErrors, hide_in_structure
 from middeck.laboratory.rig.linear_view import linearise_rig
-from middeck.systems.response import statespace_response
+from middeck.systems.plants.response import statespace_response
 
 ROOT = Path(__file__).resolve().parents[2]
 PORTS = {"inputs": ("pri_rel_z",), "outputs": ("pri_in_z", "pri_rel_z")}

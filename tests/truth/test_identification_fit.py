@@ -17,8 +17,8 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout, Point, pack, unpack
 from middeck.identification.search.refine import logarithmic, weighted
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.response import FrequencyResponse, evaluate_plant, statespace_response
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.response import FrequencyResponse, evaluate_plant, statespace_response
 from repeats import LONG, repeats
 
 

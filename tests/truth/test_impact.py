@@ -11,7 +11,7 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.impact import average_blows, fit_impact, locate_blows, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 HZ, ZETA, DELAY = np.array([6.0, 17.0]), np.array([0.02, 0.01]), 0.011
 PLANT = (HZ, ZETA, [300.0, -800.0], DELAY)

@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 
 from middeck.errors import ConfigError
-from middeck.files.models import load_fitted, write_model
+from middeck.files.measured.models import load_fitted, write_model
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
@@ -14,7 +14,7 @@ from middeck.identification.record_fit.simulation import record_nrmse, simulate_
 from middeck.identification.uncertainty.parameters import parameters_of
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse, evaluate_plant
+from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 
 INPUTS = (Port("torque", "N m"), Port("force", "N"))
 OUTPUTS = (Port("wheel", "rad/s"), Port("bus", "rad/s"))

@@ -14,11 +14,11 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Gyro, Sampler
 from middeck.laboratory.rig.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import simulate
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 from rig_checks import run_through
 
 J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis

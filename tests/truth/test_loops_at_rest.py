@@ -13,13 +13,13 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.integrators import part_integrators, realise_residues
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, remove_delays
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.stability import growth_rates, is_stable
-from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.poles.integrators import part_integrators, realise_residues
+from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from repeats import LONG, repeats
 
 pytestmark = pytest.mark.kernels

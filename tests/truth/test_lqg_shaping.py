@@ -13,9 +13,9 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg import LQGWeights, Shaping, design_filter, design_levels, design_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace, gain_system
 
 PORTS = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
 

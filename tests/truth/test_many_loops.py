@@ -11,8 +11,8 @@ import scipy.linalg as sla
 from middeck.control.h2.closed_cost import Law
 from middeck.control.robust.many_loops import close_many, decide_many, measure_many
 from middeck.errors import ConfigError
-from middeck.systems.stability import is_stable
-from middeck.systems.statespace import StateSpace
+from middeck.systems.poles.stability import is_stable
+from middeck.systems.state_space.statespace import StateSpace
 from repeats import repeats
 
 

@@ -17,11 +17,11 @@ from middeck.control.analysis.scaling import scaled_norms
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.own_plant import make_plant
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
+from middeck.systems.plants.own_plant import make_plant
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
 INTEGRATOR = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(FORCE,), outputs=(WAY,))

@@ -13,10 +13,10 @@ from middeck.control.analysis import decide_stability, measure_margins
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled import emulate
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, remove_delays
-from middeck.systems.stability import growth_rates, is_stable
-from middeck.systems.statespace import SampledStateSpace, StateSpace, gain_system
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from repeats import repeats
 
 pytestmark = pytest.mark.kernels

@@ -13,13 +13,13 @@ from middeck.identification.model.selection import scale_channels, select_channe
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import from_pole_zero_gain, pole_zero_gain
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.simulation import simulate
-from middeck.systems.statespace import StateSpace
-from middeck.systems.transmission_zeros import balance
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.poles.transmission_zeros import balance
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.statespace import StateSpace
 
 NAMES = [p.name for p in gimbal_record.OUTPUTS]
 F = np.geomspace(0.05, 15.0, 200)

@@ -15,8 +15,8 @@ from middeck.identification.uncertainty.covariance import ModelCovariance, as_ex
 from middeck.identification.uncertainty.parameters import parameters_of
 from middeck.identification.uncertainty.unknowns import ModelStructure, places_of, unknowns_of
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.response import FrequencyResponse
 
 pytestmark = pytest.mark.kernels
 

@@ -6,7 +6,7 @@ import pytest
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.missing_delay import missing_delay
 from middeck.signals.ports import Port
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 F = np.arange(0.2, 30.0, 0.05)
 S = 2j * np.pi * F

@@ -17,7 +17,7 @@ from middeck.structure.model.environment import Environment, Suspension
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.systems.modal import modal_response
+from middeck.systems.state_space.modal import modal_response
 from structure_builders import GRAVITY, body, member, node, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)

@@ -20,11 +20,11 @@ from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import BLOCK, cut_blocks, simulate_rig, switch_on
 from middeck.laboratory.rig.stepped import SteppedRig
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import simulate
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 RATE, DELAY = 500.0, 0.010
 T = 1.0 / RATE

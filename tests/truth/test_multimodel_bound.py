@@ -9,9 +9,9 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import finished_plants
 from middeck.control.noise import measure_noise_rms
 from middeck.control.robust import design_multimodel
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.plant import Plant, remove_delays
-from middeck.updating.bound import bound_db, bound_worst
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.updating.promise.bound import bound_db, bound_worst
 
 PADE = 8
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.nastran.cards import join_cards
-from middeck.files.nastran.coordinates import System, place_grids
-from middeck.files.nastran.deck import read_deck
-from middeck.files.nastran.entries import read_entries
-from middeck.files.nastran.numbers import integer, real
-from middeck.files.nastran.shapes import section_shape
-from middeck.files.nastran.units import guess_units, parse_units
+from middeck.files.nastran.deck.cards import join_cards
+from middeck.files.nastran.deck.coordinates import System, place_grids
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.entries import read_entries
+from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.units import guess_units, parse_units
+from middeck.files.nastran.members.shapes import section_shape
 
 REALS = {
     "6.894+7": 6.894e7, "2.74-6": 2.74e-6, "1.D3": 1e3, ".5": 0.5, "-.5": -0.5, "+7.": 7.0, "1.E5": 1e5,

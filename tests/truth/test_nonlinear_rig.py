@@ -16,9 +16,9 @@ from middeck.laboratory.rig.runs import run_open_loop
 from middeck.laboratory.rig.sensors import Sampler
 from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem, modal_response
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem, modal_response
+from middeck.systems.state_space.statespace import StateSpace
 from repeats import repeats
 
 RATE, DELAY = 500.0, 0.0103  # not a whole number of substeps

@@ -27,7 +27,7 @@ from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.record import Record
-from middeck.systems.simulation import simulate
+from middeck.systems.sampling.simulation import simulate
 from repeats import repeats
 
 RATE, MODES = moving_gimbal.RATE, gimbal_record.MODES_HZ

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from middeck.files.documents import load_environment, load_structure
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.rig.linear_view import close_rig, linearise_rig
 from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
 from middeck.signals.excitation import random_multisine
 from middeck.structure.model.environment import Environment
-from middeck.systems.response import statespace_response
-from middeck.systems.sampling import tustin
-from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.sampling.sampling import tustin
+from middeck.systems.state_space.statespace import StateSpace
 from repeats import repeats
 from rig_checks import on_rig
 

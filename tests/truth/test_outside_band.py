@@ -12,7 +12,7 @@ from middeck.identification.order.order import Tried, choose
 from middeck.identification.spectra import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 PORTS = (Port("force", "N"),), (Port("way", "m"),)

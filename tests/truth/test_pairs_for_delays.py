@@ -10,7 +10,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 RATE = 100.0

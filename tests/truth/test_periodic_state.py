@@ -9,11 +9,11 @@ from middeck.errors import NumericalError
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.simulation import find_periodic_state, simulate
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.sampling.simulation import find_periodic_state, simulate
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 
 def steady_outputs(modal, T, delay_s, u):

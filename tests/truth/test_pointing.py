@@ -15,8 +15,8 @@ from middeck.control.loop.pointing import (
 )
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
 
 
 def loop_of(A, B, C):

@@ -25,8 +25,8 @@ from middeck.control.robust.directions import shift_directions
 from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.state_space.modal import ModalSystem
 from repeats import repeats
 
 

@@ -19,10 +19,10 @@ from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.law import place_law
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.response import evaluate_plant
-from middeck.systems.statespace import StateSpace, select_paths
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace, select_paths
 
 INPUTS = Port("u0", "N m"), Port("u1", "N m")
 OUTPUTS = Port("y0", "rad"), Port("y1", "rad")

@@ -20,9 +20,9 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
-from middeck.updating.refine import Refined, refine
-from middeck.updating.surveys import Survey
-from middeck.updating.unknowns import Unknown
+from middeck.updating.refinement.refine import Refined, refine
+from middeck.updating.residuals.surveys import Survey
+from middeck.updating.unknowns.unknowns import Unknown
 
 EI, STIFFER, RHO_A, ELEMENTS = 50.0, 1.6, 0.3, 4
 MASS, SPIN_X, SPIN_Y, SPIN_Z = 0.4, 0.012, 0.02, 0.015

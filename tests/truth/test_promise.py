@@ -20,19 +20,25 @@ from middeck.control.robust.monte_carlo import noise_on, which_decay
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem, select_modes
-from middeck.systems.own_plant import make_plant
-from middeck.systems.plant import Plant, delay_plant, require_modal
-from middeck.systems.statespace import StateSpace
-from middeck.updating.bound import bound_db, bound_worst
-from middeck.updating.draws import DrawnPlants, LoopSpread, draw_plants
-from middeck.updating.orbit import predict_modes
-from middeck.updating.outlook import Outlook, highest_promised, look_ahead, probability_interval, risk_of
-from middeck.updating.plan import Ladder, close_inner, group_loop, plant_of, weights_of
-from middeck.updating.promise import design_ladder, promise
-from middeck.updating.refine import Refined
-from middeck.updating.sweep import sweep_plants, try_sweep
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.own_plant import make_plant
+from middeck.systems.plants.plant import Plant, delay_plant, require_modal
+from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.statespace import StateSpace
+from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.promise.bound import bound_db, bound_worst
+from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
+from middeck.updating.promise.outlook import (
+    Outlook,
+    highest_promised,
+    look_ahead,
+    probability_interval,
+    risk_of,
+)
+from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise.promise import design_ladder, promise
+from middeck.updating.promise.sweep import sweep_plants, try_sweep
+from middeck.updating.refinement.refine import Refined
 
 WEIGHTS = LQGWeights(output=[1.0], input=[1.0], disturbed=("f",), process=[[1.0]], sensor=[1e-4])
 

@@ -18,23 +18,23 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.laboratory.rig.sensors import Sampler
 from middeck.structure.model.environment import Environment
-from middeck.systems.own_plant import make_plant
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.response import statespace_response
-from middeck.systems.statespace import StateSpace
-from middeck.updating import slip_run, slip_time
-from middeck.updating.plan import Plan, group_loop, weights_of
-from middeck.updating.promise import design_ladder, promise
-from middeck.updating.refine import Refined
-from middeck.updating.slip import DrawnSlips, JointSlip, draw_slips
-from middeck.updating.slip_loops import (
+from middeck.systems.plants.own_plant import make_plant
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.state_space.statespace import StateSpace
+from middeck.updating.promise import slip_run, slip_time
+from middeck.updating.promise.plan import Plan, group_loop, weights_of
+from middeck.updating.promise.promise import design_ladder, promise
+from middeck.updating.promise.slip import DrawnSlips, JointSlip, draw_slips
+from middeck.updating.promise.slip_loops import (
     Wiring,
     around_sliders,
     evaluate_open,
     noise_response,
     pole_form,
 )
-from middeck.updating.slip_run import run_slips
+from middeck.updating.promise.slip_run import run_slips
+from middeck.updating.refinement.refine import Refined
 
 GIMBAL = JointSlip(name="turn", slip_torque=0.05, slip_angle=1e-3)
 

@@ -16,7 +16,7 @@ from middeck.identification.faults import detect_faults
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 HZ, SAMPLES = 256.0, 8192
@@ -282,6 +282,17 @@ def test_clipping_is_found_where_no_two_neighbours_are_clipped(campaign: Callabl
         limit = float(np.quantile(np.abs(y), rng.uniform(0.94, 0.97)))
         for clipped in (np.clip(y, -limit, limit), np.minimum(y, limit), np.maximum(y, -limit)):
             assert "clipping" in [f.kind for f in detect_faults(heard(rng, clipped))]
+
+
+def test_dropouts_of_three_samples_are_found_where_no_two_are_alike(campaign: Callable[[int], range]) -> None:
+    """At zero or at the last value, with a leap or without: chance makes no three samples of noise equal."""
+    for seed in campaign(60):
+        rng = np.random.default_rng([34, seed])
+        y = fast_noise(rng)
+        assert detect_faults(heard(rng, y)) == ()
+        a = int(rng.integers(20, len(y) - 40))
+        y[a : a + int(rng.integers(3, 20))] = 0.0 if seed % 2 else y[a]
+        assert "dropout" in [f.kind for f in detect_faults(heard(rng, y))]
 
 
 def test_converters_with_few_levels_are_not_called_clipped(campaign: Callable[[int], range]) -> None:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.systems.refined_poles import refine_poles
-from middeck.systems.resolvent import by_poles, by_schur_form, by_solving, evaluate_transfer, on_axis
-from middeck.systems.response import statespace_response
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.refined_poles import refine_poles
+from middeck.systems.poles.resolvent import by_poles, by_schur_form, by_solving, evaluate_transfer, on_axis
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 RNG = np.random.default_rng(5)
 

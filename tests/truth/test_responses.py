@@ -13,16 +13,16 @@ from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.systems.plant import Plant, delay_plant, subsystem
-from middeck.systems.response import FrequencyResponse, evaluate_plant
-from middeck.systems.transmission_zeros import transmission_zeros
-from middeck.updating.findings import findings
-from middeck.updating.measured_response import AntiResonance, MeasuredResponse
-from middeck.updating.modal_transfer import transfer_of, transfer_slopes
-from middeck.updating.refine import refine
-from middeck.updating.responses import Poles, compare_response, with_poles
-from middeck.updating.surveys import Survey
-from middeck.updating.unknowns import Unknown, bind, change
+from middeck.systems.plants.plant import Plant, delay_plant, subsystem
+from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.refine import refine
+from middeck.updating.residuals.measured_response import AntiResonance, MeasuredResponse
+from middeck.updating.residuals.modal_transfer import transfer_of, transfer_slopes
+from middeck.updating.residuals.responses import Poles, compare_response, with_poles
+from middeck.updating.residuals.surveys import Survey
+from middeck.updating.unknowns.unknowns import Unknown, bind, change
 from repeats import repeats
 
 IN, OUT = ("pri_rel_z", "bus_z"), ("pri_in_z", "pri_rel_z", "bus_z_rate")

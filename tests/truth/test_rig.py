@@ -13,12 +13,12 @@ from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
 from middeck.laboratory.rig.sensors import Sampler
 from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse, statespace_response
-from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.stability import is_stable
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import FrequencyResponse, statespace_response
+from middeck.systems.poles.stability import is_stable
+from middeck.systems.sampling.sampling import sample_dynamics, tustin
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from rig_checks import on_rig
 
 RATE, PERIOD, DELAY = 500.0, 4.0, 0.010

@@ -10,7 +10,7 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_environment, load_structure
-from middeck.files.studies import load_study
+from middeck.files.studies.documents import load_study
 from middeck.laboratory.article import (
     holding_torque,
     rig_article_plant,
@@ -26,7 +26,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer import TUBE_SHEAR
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.systems.stability import growth_rates
+from middeck.systems.poles.stability import growth_rates
 
 ROOT = Path(__file__).resolve().parents[2]
 PORTS = {"inputs": ("pri_rel_z", "bus_z"), "outputs": ("pri_in_z", "pri_rel_z")}

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from middeck.files.documents import load_environment, load_structure
-from middeck.files.rig_build import build_rig_settings
-from middeck.files.studies import load_study
-from middeck.files.study_form import RigForm
+from middeck.files.studies.documents import load_study
+from middeck.files.studies.form import RigForm
+from middeck.files.studies.rig import build_rig_settings
 from middeck.joints.attachment import add_viscous
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
@@ -21,7 +21,7 @@ from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.structure.model.environment import Environment
-from middeck.systems.response import statespace_response
+from middeck.systems.plants.response import statespace_response
 
 ROOT = Path(__file__).resolve().parents[2]
 PORTS = {"inputs": ("pri_rel_z", "bus_z"), "outputs": ("pri_in_z", "pri_rel_z")}

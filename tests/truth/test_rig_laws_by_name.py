@@ -16,9 +16,9 @@ from middeck.laboratory.rig.runs import run_closed_loop
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import simulate_rig
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 RATE_HZ = 200.0
 INPUTS = (Port("wheel", "N m"), Port("gimbal", "N m"))

@@ -13,11 +13,11 @@ from middeck.laboratory.loop import RigView, fastest_pole, judge_loop, view_rig
 from middeck.laboratory.rig.drift import Drift, age_plant, nearest_modes
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.stability import GROWTH_LIMIT
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.poles.stability import GROWTH_LIMIT
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 SAMPLE_HZ = 4000.0  # so fast that hold and Tustin's rule turn the phase at 9 Hz by half a degree only
 ZETA = 0.003

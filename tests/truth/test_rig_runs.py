@@ -19,9 +19,9 @@ from middeck.laboratory.rig.runs import StopRule, find_steady_start, run_closed_
 from middeck.laboratory.rig.sensors import Encoder, Sampler
 from middeck.laboratory.rig.simulation import DivergedError, simulate_rig, switch_on
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace
 from rig_checks import on_rig
 
 RATE = 200.0

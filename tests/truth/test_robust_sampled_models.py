@@ -19,11 +19,11 @@ from middeck.control.robust import (
 )
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, subsystem
-from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant, delay_plant, subsystem
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.sampling.sampling import sample_dynamics, tustin
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 WEIGHTS = LQGWeights(
     output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-3])

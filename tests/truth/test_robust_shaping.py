@@ -27,9 +27,9 @@ from middeck.control.robust import (
 )
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 NAMES = ("low", "high")
 WEIGHTS = LQGWeights(

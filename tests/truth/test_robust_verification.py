@@ -46,15 +46,15 @@ from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delay import pade
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.delayed_sampling import sample_delayed
-from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.plant import Plant, delay_plant, remove_delays
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.rms import band_rms
-from middeck.systems.sampling import tustin
-from middeck.systems.statespace import StateSpace
+from middeck.systems.delay.delay import pade
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.norms.rms import band_rms
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.sampling.delayed_sampling import sample_delayed
+from middeck.systems.sampling.sampling import tustin
+from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.statespace import StateSpace
 from repeats import repeats
 
 

@@ -22,11 +22,11 @@ from middeck.control.sampled.sampling_table import sampling_table
 from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem, select_modes
-from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, delay_plant, name_states, remove_delays
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.statespace import StateSpace, poles
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant, delay_plant, name_states, remove_delays
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.statespace import StateSpace, poles
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,10 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.sampled import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from repeats import repeats
 
 pytestmark = pytest.mark.kernels

@@ -19,12 +19,12 @@ from middeck.control.sampled import design_sampled_lqg, hold_plant, measure_samp
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.delayed_sampling import sample_delayed
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant, delay_plant, remove_delays, subsystem
-from middeck.systems.response import statespace_response
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays, subsystem
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.sampling.delayed_sampling import sample_delayed
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 FORMS = ("predictor", "current")
 

@@ -10,10 +10,10 @@ from middeck.control.lqg import design_lqg
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.response import statespace_response
-from middeck.systems.simulation import simulate
-from middeck.systems.statespace import StateSpace, gain_system, poles
-from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.statespace import StateSpace, gain_system, poles
 
 T = 0.004
 RULES = ("hold", "tustin", "matched")

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.excitation import random_multisine
-from middeck.systems.modal import ModalSystem, modal_response, modal_to_statespace
-from middeck.systems.response import statespace_response
-from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.simulation import find_periodic_state, simulate
-from middeck.systems.stability import growth_rates, is_stable
-from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.sampling.sampling import sample_dynamics, tustin
+from middeck.systems.sampling.simulation import find_periodic_state, simulate
+from middeck.systems.state_space.modal import ModalSystem, modal_response, modal_to_statespace
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
 T = 0.002
 

@@ -19,19 +19,19 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder, Gyro
 from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig, switch_on
 from middeck.laboratory.rig.stepped import SteppedRig
-from middeck.realtime.engine.header import constants
-from middeck.realtime.engine.rig import EngineRig
-from middeck.realtime.engine.rig_server import LOOPBACK, serve_rig
-from middeck.realtime.engine.rig_session import HOLD, LONGEST, REPLY, REQUEST, RigSession
-from middeck.realtime.engine.served_rig import ServedRig
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.supervisor import Supervisor, UdpRig
+from middeck.realtime.engine.interface.header import constants
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.supervisor import Supervisor, UdpRig
+from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
+from middeck.realtime.engine.rigs.rig_session import HOLD, LONGEST, REPLY, REQUEST, RigSession
+from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace
 from repeats import repeats
 from served_by_thread import served_by_thread
 

@@ -19,8 +19,8 @@ from middeck.control.shaping import (
 )
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.resolvent import by_solving
-from middeck.systems.statespace import StateSpace, gain_system, poles
+from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.state_space.statespace import StateSpace, gain_system, poles
 
 HZ = np.geomspace(0.01, 1000.0, 60)
 S = 2j * np.pi * HZ

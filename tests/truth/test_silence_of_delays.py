@@ -20,13 +20,13 @@ from middeck.control.sampled import design_sampled_lqg, emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.record import Record
-from middeck.systems.delay_approximation import approximate_delays, evaluate_approximation
-from middeck.systems.modal import ModalSystem
-from middeck.systems.own_plant import make_plant
-from middeck.systems.plant import Plant, delay_plant, group_ports, name_states
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.delay.delay_approximation import approximate_delays, evaluate_approximation
+from middeck.systems.plants.own_plant import make_plant
+from middeck.systems.plants.plant import Plant, delay_plant, group_ports, name_states
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 
 A = np.zeros((5, 5))
 A[:2, :2], A[2:4, 2:4] = [[0.0, 1.0], [-4.0, -0.2]], [[0.0, 1.0], [-30.0, -0.4]]

@@ -7,7 +7,7 @@ import pytest
 from middeck.errors import ConfigError, FitError
 from middeck.identification import estimate_response
 from middeck.identification.order.stabilisation import stabilisation
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 
 @pytest.fixture(scope="module")

@@ -23,12 +23,12 @@ from middeck.structure.model.article import (
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import AnchoredSpring, Environment, GroundBushing
 from middeck.structure.model.section import Section
-from middeck.updating.deflections import describe_deflections, predict_deflections
-from middeck.updating.findings import findings
-from middeck.updating.gauges import Gauge, GaugeKind
-from middeck.updating.refine import Refined, refine
-from middeck.updating.statics import ErrorFields, StaticTest, set_up_static
-from middeck.updating.unknowns import Unknown
+from middeck.updating.orbit.deflections import describe_deflections, predict_deflections
+from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.refine import Refined, refine
+from middeck.updating.residuals.gauges import Gauge, GaugeKind
+from middeck.updating.residuals.statics import ErrorFields, StaticTest, set_up_static
+from middeck.updating.unknowns.unknowns import Unknown
 from repeats import repeats
 
 LENGTH, EI, G = 1.0, 20.0, 9.80665

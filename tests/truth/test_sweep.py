@@ -12,13 +12,13 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.sampled import design_sampled_lqg
 from middeck.errors import ConfigError
-from middeck.files.compensators import write_compensator
-from middeck.files.models import write_model
+from middeck.files.laws.compensators import write_compensator
+from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.signals.ports import Channel, Port
 from middeck.structure.modes.bending import dispersed_modes
-from middeck.systems.mode_dispersion import DispersedModes, Dispersion, dispersed_factors
+from middeck.systems.plants.mode_dispersion import DispersedModes, Dispersion, dispersed_factors
 
 HZ = np.array([1.7, 7.0, 9.0])
 GAIN = np.array([1.0, -0.42, 0.96])

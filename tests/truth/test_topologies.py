@@ -14,8 +14,8 @@ from middeck.control.lqg import compare_topologies, design_lqg
 from middeck.control.lqg.topologies import select_weights
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace, gain_system
 
 INTENSITY = 2e-6
 LEVELS = (1.0, 100.0)

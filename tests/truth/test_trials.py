@@ -11,15 +11,15 @@ import scipy.linalg as sla
 
 from engine_cases import SENSORS, plain_settings, random_article, random_package
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.article import Fault, linear_article
-from middeck.realtime.engine.stepped_article import SteppedArticle
-from middeck.realtime.engine.supervisor import DriverRig
-from middeck.realtime.engine.trial import ENGINE, REFERENCE, Stage, run_trial
+from middeck.realtime.engine.process.supervisor import DriverRig
+from middeck.realtime.engine.rigs.article import Fault, linear_article
+from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
+from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
 from middeck.realtime.package.section import LoopPath, static_gain
 from middeck.realtime.package.single import to_single
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S
 from served_by_thread import served_by_thread
 

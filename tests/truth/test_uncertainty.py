@@ -30,7 +30,7 @@ from middeck.identification.uncertainty.parameters import (
 )
 from middeck.identification.uncertainty.response_bounds import response_bounds
 from middeck.identification.uncertainty.unknowns import ModelStructure, model_at, places_of, ties, unknowns_of
-from middeck.systems.response import FrequencyResponse, ResponseCovariance
+from middeck.systems.plants.response import FrequencyResponse, ResponseCovariance
 from repeats import LONG, repeats
 
 DRAWS = 60 if LONG else 24

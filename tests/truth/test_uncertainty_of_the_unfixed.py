@@ -17,7 +17,7 @@ from middeck.signals.ports import Port
 from middeck.study.chapters.measured_control.text import fit_tables
 from middeck.study.chapters.two_sensor_control.text import encoder_tables
 from middeck.study.words import UNDETERMINED
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 pytestmark = pytest.mark.kernels
 

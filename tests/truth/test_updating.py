@@ -20,13 +20,13 @@ from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
-from middeck.updating.choice import weigh_unknowns
-from middeck.updating.findings import findings, together, unseen
-from middeck.updating.orbit import predict_modes
-from middeck.updating.posterior import Linear, estimate, unseen_deviations
-from middeck.updating.refine import refine
-from middeck.updating.surveys import Survey, compare
-from middeck.updating.unknowns import Unknown, bind, change
+from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.refinement.choice import weigh_unknowns
+from middeck.updating.refinement.findings import findings, together, unseen
+from middeck.updating.refinement.posterior import Linear, estimate, unseen_deviations
+from middeck.updating.refinement.refine import refine
+from middeck.updating.residuals.surveys import Survey, compare
+from middeck.updating.unknowns.unknowns import Unknown, bind, change
 from repeats import repeats
 
 TIGHT = MeasurementNoise(1e-6, 1e-6)

@@ -10,8 +10,8 @@ from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sensor
 from middeck.laboratory.rig.simulation import simulate_rig
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 
 RATE_HZ = 100.0
 NOISE = 1e-3  # rad/s/sqrt(Hz), two-sided

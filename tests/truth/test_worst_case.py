@@ -25,12 +25,12 @@ from middeck.control.sampled import emulate
 from middeck.control.shaping import second_order_section
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import ModalSystem
-from middeck.systems.mode_blocks import part_modes
-from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, delay_plant, remove_delays
-from middeck.systems.statespace import gain_system
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.mode_blocks import part_modes
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import gain_system
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 # The multi-model reference case: five modes, y 10 ms late, in units of 1/(2 pi 3 Hz).

@@ -17,10 +17,10 @@ from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.signals.ports import Port
-from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.response import evaluate_plant
-from middeck.systems.statespace import StateSpace
-from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.statespace import StateSpace
 
 HZ = 2.0 * np.pi
 

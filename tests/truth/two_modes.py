@@ -6,7 +6,7 @@ import gimbal_record
 import numpy as np
 
 from middeck.identification.fit.fit_response import fit_response
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 HZ, ZETA, CONSTANTS, DELAY_S = np.array([1.2, 1.7]), 0.01, np.array([1.0, 0.8]), 0.010
 LINES = 0.9 + 0.02 * np.arange(60)

@@ -10,9 +10,9 @@ import numpy as np
 
 from middeck.cli.blame import reading
 from middeck.errors import MiddeckError
+from middeck.files.disk.looks import ARTICLE
 from middeck.files.documents import BUILT_IN, find_document, load_setup
-from middeck.files.looks import ARTICLE
-from middeck.files.source import read_source
+from middeck.files.toml.source import read_source
 from middeck.structure.model.article import Structure
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.environment import Environment

@@ -9,9 +9,9 @@ import numpy as np
 
 from middeck.cli.blame import reading
 from middeck.errors import ConfigError
-from middeck.files.form import Form, Positive, whole, within
-from middeck.files.models import load_model
-from middeck.files.study_form import Band
+from middeck.files.measured.models import load_model
+from middeck.files.studies.form import Band
+from middeck.files.toml.form import Form, Positive, whole, within
 from middeck.identification.uncertainty.accuracy import ExpectedAccuracy, expected_accuracy
 from middeck.signals.excitation import (
     Excitation,

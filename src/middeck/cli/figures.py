@@ -51,7 +51,7 @@ def write_figure(drawn: Figure, file: str, *, key: str, title: str, description:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
-    from middeck.files.atomic import replacing
+    from middeck.files.disk.atomic import replacing
     from middeck.plot.style import house_style
     from middeck.plot.svg import svg_text
 
@@ -73,7 +73,7 @@ def draw_modes_to(
     modes: Modes, count: int, file: str, table: Sequence[Sequence[str]], up: str | None
 ) -> None:
     """The lowest ``count`` shapes, those of rigid-body modes only where there are no others."""
-    from middeck.files.vtu import write_vtu
+    from middeck.files.exchange.vtu import write_vtu
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
     from middeck.structure.modes.drawing import build_mode_drawing
@@ -99,7 +99,7 @@ def draw_modes_to(
 
 def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]], up: str | None) -> None:
     """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real one."""
-    from middeck.files.vtu import write_vtu
+    from middeck.files.exchange.vtu import write_vtu
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
     from middeck.structure.modes.drawing import build_mode_drawing

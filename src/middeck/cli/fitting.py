@@ -30,8 +30,8 @@ from middeck.identification.uncertainty.unknowns import ModelStructure
 from middeck.signals.excitation import cut_periods, recognise_excitation
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
-from middeck.systems.hold import release_hold
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.systems.sampling.hold import release_hold
 from middeck.values import record
 
 # Two periods tell noise from response.

@@ -10,8 +10,8 @@ from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
 from middeck.errors import NumericalError
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import poles
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import poles
 from middeck.values import record
 
 # The fastest pole over the slowest, beyond which the Pade states of a delay are the first suspects where a

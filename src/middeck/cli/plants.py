@@ -17,8 +17,8 @@ from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.systems.delay_approximation import SAME_DELAY_S, approximate_delays
-from middeck.systems.plant import Plant
+from middeck.systems.delay.delay_approximation import SAME_DELAY_S, approximate_delays
+from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.values import record
 
 Band = tuple[float, float]
@@ -79,7 +79,14 @@ def model_plant(
     between = f"from {', '.join(u)} to {', '.join(y)}"
     said_of_path = [f"left out of the plant, as it is on no path {between}: {name}" for name in path.dropped]
     said_of_path += [*said, *_dear_delays(path.model, pade_order)]
-    plant = approximate_delays(measured_plant(path.model, w=u, u=u, z=y, y=y), pade_order)
+    fitted = measured_plant(path.model, w=u, u=u, z=y, y=y)
+    if np.any(remove_delays(fitted).system.D):
+        raise ConfigError(
+            f"the model has a constant term {between}: it passes white noise at infinite rms",
+            hint="identify RECORD... --states N, whose fit has none unless asked for; of rates and "
+            "accelerations identify --relative-degree 1",
+        )
+    plant = approximate_delays(fitted, pade_order)
     return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(said_of_path))
 
 

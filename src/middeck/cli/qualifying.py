@@ -16,15 +16,15 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.errors import ConfigError
-from middeck.files.models import load_model
+from middeck.files.measured.models import load_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.structure.modes.bending import dispersed_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.systems.mode_dispersion import DispersedModes
-from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, delay_plant, name_states, remove_delays
+from middeck.systems.plants.mode_dispersion import DispersedModes
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant, delay_plant, name_states, remove_delays
 from middeck.values import record
 
 Law = Compensator

@@ -39,7 +39,7 @@ def is_terminal(stream: TextIO) -> bool:
 def show(as_json: bool, document: Mapping[str, Any], *blocks: str | Table) -> None:
     """Print the result: ``document`` as JSON, or the ``blocks`` for people."""
     if as_json:
-        from middeck.files.json_output import json_text
+        from middeck.files.json.output import json_text
 
         _write(json_text(document))
         return

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.faults import raise_faults
-from middeck.files.form import Form, Positive, whole, within
-from middeck.files.overrides import Target, apply_overrides
-from middeck.files.source import Source, check
-from middeck.files.study_form import Band
+from middeck.files.studies.form import Band
+from middeck.files.toml.faults import raise_faults
+from middeck.files.toml.form import Form, Positive, whole, within
+from middeck.files.toml.overrides import Target, apply_overrides
+from middeck.files.toml.source import Source, check
 
 F = TypeVar("F", bound=Form)
 

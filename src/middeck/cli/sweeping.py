@@ -9,9 +9,9 @@ from middeck.cli.blame import reading
 from middeck.cli.qualifying import Gathered, Law, Shift, chosen_modes, natural_hz, shifted_plants
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError
-from middeck.systems.mode_dispersion import DispersedModes, dispersed_factors
-from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plants.mode_dispersion import DispersedModes, dispersed_factors
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant, name_states
 
 
 def all_plants(gathered: Gathered, law: Law, given: Mapping[str, Any]) -> dict[str, Plant]:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
-from middeck.files.compensators import StoredCompensator, load_compensator, write_compensator
 from middeck.files.exchange.mat import load_mat, write_mat
-from middeck.files.models import write_mat_model, write_model
+from middeck.files.laws.compensators import StoredCompensator, load_compensator, write_compensator
+from middeck.files.measured.models import write_mat_model, write_model
 from middeck.identification.fit.standing import Standing
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance

@@ -8,8 +8,8 @@ from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
 from middeck.control.law.compensator import Compensator, arrange_ports, driven_ports, measured_ports
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import measure_sampled_loop
-from middeck.systems.plant import Plant
-from middeck.systems.stability import growth_limit
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import growth_limit
 
 
 def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:

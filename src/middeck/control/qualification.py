@@ -14,8 +14,8 @@ from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError, NumericalError
-from middeck.systems.plant import Plant, name_states, remove_delays, subsystem
-from middeck.systems.sampling import tustin
+from middeck.systems.plants.plant import Plant, name_states, remove_delays, subsystem
+from middeck.systems.sampling.sampling import tustin
 from middeck.values import record
 
 CONTINUOUS = "continuous"

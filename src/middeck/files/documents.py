@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Any, cast
 
 from middeck.errors import ConfigError
-from middeck.files import looks
-from middeck.files.article_build import build_structure
-from middeck.files.article_checks import article_findings
-from middeck.files.article_form import ArticleForm
-from middeck.files.article_names import attach_names, hanging_names, node_names, wheel_names
-from middeck.files.environment_checks import environment_findings
-from middeck.files.environment_form import EnvironmentForm, build_environment, joint_findings
-from middeck.files.faults import Fault, finding, nearest, raise_faults
-from middeck.files.form import Form
-from middeck.files.overrides import Target, apply_overrides
-from middeck.files.source import WANTED, Checked, Kind, Source, check, read_source, read_sources, refuse
+from middeck.files.articles.build import build_structure
+from middeck.files.articles.checks import article_findings
+from middeck.files.articles.form import ArticleForm
+from middeck.files.articles.names import attach_names, hanging_names, node_names, wheel_names
+from middeck.files.disk import looks
+from middeck.files.environments.checks import environment_findings
+from middeck.files.environments.form import EnvironmentForm, build_environment, joint_findings
+from middeck.files.toml.faults import Fault, finding, nearest, raise_faults
+from middeck.files.toml.form import Form
+from middeck.files.toml.overrides import Target, apply_overrides
+from middeck.files.toml.source import WANTED, Checked, Kind, Source, check, read_source, read_sources, refuse
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.sensitivity.parameters import scale_parameters

@@ -16,9 +16,9 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.joints.element import JointElement
 from middeck.joints.friction import Friction
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 

@@ -24,7 +24,7 @@ from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 MESH_FACTOR = 3  # times the elements of the article

@@ -22,7 +22,7 @@ from middeck.structure.model.article import Actuator, JointState, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.plants.port_rows import RATE
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.plants.plant import Plant, delay_plant
 
 
 def build_rig_article(structure: Structure, environment: Environment, settings: RigSettings) -> RigArticle:

@@ -21,7 +21,7 @@ from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.signals.excitation import Limits, design_multisine, random_multisine
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 SETTLE = 2  # unrecorded periods of a run

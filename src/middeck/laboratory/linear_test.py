@@ -12,7 +12,7 @@ from middeck.signals.excitation import random_multisine
 from middeck.signals.record import Record
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 
 RIG_MODES_HZ = 60.0  # the rig of Figure 6 carries every mode up to here
 EXCITATION_NM = 0.1  # rms of the torque command; the rig is linear, the noise relative

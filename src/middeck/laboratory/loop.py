@@ -18,11 +18,11 @@ from middeck.control.sampled import emulate
 from middeck.laboratory.bench import Bench
 from middeck.laboratory.rig.law import place_law
 from middeck.laboratory.rig.linear_view import linearise_rig
-from middeck.systems.feedback import feedback
-from middeck.systems.plant import Plant
-from middeck.systems.response import evaluate_plant, statespace_response
-from middeck.systems.stability import growth_limits, growth_rates, none_grows
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.poles.stability import growth_limits, growth_rates, none_grows
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 

@@ -10,7 +10,7 @@ from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.uncertainty.response_bounds import ResponseBounds, response_bounds
 from middeck.plot.curves import decibels, draw_magnitude
 from middeck.plot.style import COLOUR, frequency_axis, new_figure, styled
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # Beyond this many paths the panels are too small to read; the first outputs and inputs are drawn.
 MOST_ROWS, MOST_COLUMNS = 4, 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 CARRIER = {"pri": "", "sec": "secondary "}
 KIND = {"in": "payload", "rel": "gimbal"}

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from middeck.plot.curves import bode_figure, decibels, wrapped_phase_deg
 from middeck.plot.style import styled
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 CYCLE = ("#0072B2", "#D55E00", "#009E73", "#B0508A", "#E69F00", "#4D4D4D")
 LINES = ("-", (0, (5, 1.5)), (0, (1, 1)))

@@ -37,11 +37,12 @@ TINY = float(np.finfo(float).tiny)
 MARKS: dict[str, dict[str, Any]] = {
     "mass": {"marker": "o", "markersize": 3.5, "color": COLOUR["ink"]},
     "clamp": {"marker": "s", "markersize": 5.0, "color": "black"},
+    "support": {"marker": "^", "markersize": 5.5, "color": "black", "markerfacecolor": "none"},
     "ground": {"marker": "D", "markersize": 4.0, "color": "black", "markerfacecolor": "none"},
     "force": {"marker": "^", "markersize": 4.5, "color": COLOUR["lab"]},
     "moment": {"marker": "$\\circlearrowleft$", "markersize": 7.0, "color": COLOUR["lab"]},
 }
-WORDS = {"ground": "bushing to the ground"}
+WORDS = {"ground": "bushing to the ground", "support": "support of some directions"}
 BOX = "body, as the uniform box of its size or inertia"
 PART = "component, from its centre of mass to its grids"
 LINKED = "link that leaves some motion free"

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from middeck.identification.order.stabilisation import Stabilisation
 from middeck.plot.curves import decibels
 from middeck.plot.style import COLOUR, frequency_axis, new_figure, styled
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # Where the axis begins, as a share of the lowest mode's frequency.
 BELOW = 0.5

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, cast
 
-from middeck.files.atomic import replacing
-from middeck.files.json_output import plain, write_json
-from middeck.files.studies import Study
+from middeck.files.disk.atomic import replacing
+from middeck.files.json.output import plain, write_json
+from middeck.files.studies.documents import Study
 from middeck.plot.svg import svg_text
 from middeck.report.page import render_page
 from middeck.study import picture

@@ -92,8 +92,13 @@ def _still(page: ShapePage, key: str) -> str:
 
 def describe_rows(page: ShapePage) -> str:
     """The shapes in words, for whoever does not see them."""
-    rows = [[label_of(page.drawings[c.drawing], c.shape) for c in row if c is not None] for row in page.rows]
-    return "; ".join(" | ".join(row) for row in rows).replace("\n", ", ")
+    rows = [[_line(page.drawings[c.drawing], c.shape) for c in row if c is not None] for row in page.rows]
+    return "; ".join(" | ".join(row) for row in rows)
+
+
+def _line(drawing: Drawing, shape: int) -> str:
+    """The label of a shape in one line."""
+    return label_of(drawing, shape).replace("\n(", " (").replace("\n", ", ")
 
 
 def _data(page: ShapePage) -> dict[str, Any]:
@@ -130,7 +135,7 @@ def _cell(page: ShapePage, shown: Shown, base: np.ndarray) -> dict[str, Any]:
     before = drawing.motion[shown.shape + len(drawing.number) // 2] if page.circling else 0.0 * motion
     largest = max(float(np.linalg.norm(np.hstack([motion, before]), axis=1).max(initial=0.0)), 1e-300)
     return {
-        "text": label_of(drawing, shown.shape).replace("\n", ", "),
+        "text": _line(drawing, shown.shape),
         "hz": float(f"{drawing.frequency_hz[shown.shape]:.5g}"),
         "motion": _whole(shown.sign * motion @ base.T / largest * MOTION_STEPS),
         "quarter": _whole(before @ base.T / largest * MOTION_STEPS) if page.circling else None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from middeck.files.studies import Study
+from middeck.files.studies.documents import Study
 from middeck.study.words import Claim, Line, Numbers, Table
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from middeck import __version__
-from middeck.files.studies import Study
+from middeck.files.studies.documents import Study
 from middeck.study.chapter import Chapter
 from middeck.study.chapters.gravity_modes.chapter import GRAVITY_MODES
 from middeck.study.chapters.gravity_responses.chapter import GRAVITY_RESPONSES

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from middeck.files.studies import Study
+from middeck.files.studies.documents import Study
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.structure.gravity.comparison import ModeComparison, compare_modes

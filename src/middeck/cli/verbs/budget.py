@@ -113,7 +113,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         [
             f"{name} *" if m in doubt else name,
             *(f"{f:.4f}" for f in document["frequency_hz"][m]),
-            *(f"{x:+.4f}" for x in (document["shift_hz"][m], *document["share_hz"][m])),
+            *(f"{x:+z.4f}" for x in (document["shift_hz"][m], *document["share_hz"][m])),
             f"{spread[m]:.4f}",
         ]
         for m, name in enumerate(document["name"])

@@ -11,10 +11,10 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.files.candidate_files import Candidates
-    from middeck.updating.candidates import Ranking
-    from middeck.updating.deflections import Deflection
-    from middeck.updating.refine import Refined
+    from middeck.files.refinements.candidates import Candidates
+    from middeck.updating.candidates.candidates import Ranking
+    from middeck.updating.orbit.deflections import Deflection
+    from middeck.updating.refinement.refine import Refined
 
 EPILOG = """\
 \b
@@ -39,10 +39,10 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     is optimised.
     """
     from middeck.cli.blame import reading
-    from middeck.files.candidate_files import load_candidates
     from middeck.files.documents import find_document
-    from middeck.updating.candidates import rank_tests
-    from middeck.updating.refine import refine
+    from middeck.files.refinements.candidates import load_candidates
+    from middeck.updating.candidates.candidates import rank_tests
+    from middeck.updating.refinement.refine import refine
 
     body = find_document(article, "article")
     asked = load_candidates(candidates, body)
@@ -56,7 +56,7 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
 
 
 def _readings(asked: Candidates) -> Callable[[Refined], Sequence[Deflection]] | None:
-    from middeck.updating.deflections import predict_deflections
+    from middeck.updating.orbit.deflections import predict_deflections
 
     loads = asked.loads
     if loads is None:
@@ -69,7 +69,7 @@ def _readings(asked: Candidates) -> Callable[[Refined], Sequence[Deflection]] | 
 
 def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:
     """The JSON document."""
-    from middeck.updating.findings import findings
+    from middeck.updating.refinement.findings import findings
 
     return {
         "schema": "middeck.candidates-ranked/1",

@@ -14,8 +14,8 @@ from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.files.nastran.article.convert import Conversion
-    from middeck.files.nastran.deck import Deck
-    from middeck.files.nastran.units import Units
+    from middeck.files.nastran.deck.deck import Deck
+    from middeck.files.nastran.deck.units import Units
 
 EPILOG = """\
 \b
@@ -71,9 +71,9 @@ def verb(
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
     from middeck.files.nastran.article.convert import convert_deck
-    from middeck.files.nastran.assembly import has_superelements, read_assembly
-    from middeck.files.nastran.deck import read_deck
-    from middeck.files.nastran.units import parse_units
+    from middeck.files.nastran.components.assembly import has_superelements, read_assembly
+    from middeck.files.nastran.deck.deck import read_deck
+    from middeck.files.nastran.deck.units import parse_units
 
     if target and held_target and Path(target).resolve() == Path(held_target).resolve():
         raise click.UsageError("--output and --environment name one file")
@@ -172,9 +172,9 @@ def _written(
     from tempfile import TemporaryDirectory
 
     from middeck.cli.blame import reading
-    from middeck.files.article_toml import document_text
-    from middeck.files.atomic import replacing
-    from middeck.files.components import write_component
+    from middeck.files.articles.components import write_component
+    from middeck.files.articles.document import document_text
+    from middeck.files.disk.atomic import replacing
     from middeck.files.documents import load_setup
     from middeck.structure.summary.summary import summarise
 

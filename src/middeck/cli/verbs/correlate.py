@@ -113,7 +113,7 @@ def verb(
 
     from middeck.cli.blame import reading
     from middeck.cli.cases import solve_case
-    from middeck.files.measured_modes import load_measured_modes
+    from middeck.files.measured.modes import load_measured_modes
     from middeck.structure.correlation.correlate import correlate_modes
     from middeck.structure.correlation.frequencies import compare_frequencies
     from middeck.structure.correlation.measured_modes import MeasurementNoise

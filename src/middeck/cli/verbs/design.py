@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from middeck.cli.lqg import DesignedLoop
     from middeck.cli.plants import FittedPlant, Wanted
     from middeck.cli.settings import LoopSettings
-    from middeck.systems.plant import Plant
+    from middeck.systems.plants.plant import Plant
 
 EPILOG = """\
 \b
@@ -158,7 +158,7 @@ def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Want
     from middeck.cli.fitting import identify
     from middeck.cli.plants import model_plant
     from middeck.cli.settings import FitSettings, settle
-    from middeck.files.models import load_fitted
+    from middeck.files.measured.models import load_fitted
 
     if len(sources) == 1 and Path(sources[0]).suffix.lower() == ".json":
         model, covariance = load_fitted(sources[0])
@@ -182,8 +182,8 @@ def describe(
     import numpy as np
 
     from middeck.control.qualification import decibels
-    from middeck.systems.stability import is_stable
-    from middeck.systems.statespace import poles
+    from middeck.systems.poles.stability import is_stable
+    from middeck.systems.state_space.statespace import poles
 
     law, loop = designed.compensator, designed.loop
     upper = np.array(sorted((p for p in loop.poles if p.imag >= 0.0), key=abs))

@@ -10,7 +10,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.realtime.engine.timing import TimingReport
+    from middeck.realtime.engine.trials.timing import TimingReport
 
 EPILOG = """\
 \b
@@ -62,7 +62,7 @@ def verb(
         raise ConfigError("nothing to examine", hint="middeck doctor --realtime")
     if overrides:
         raise ConfigError(f"doctor takes no keys: {overrides[0]}", hint="its options")
-    from middeck.realtime.engine.timing import measure_timing
+    from middeck.realtime.engine.trials.timing import measure_timing
 
     report = measure_timing(
         rate_hz=rate,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from middeck.identification.model.measurement_model import MeasurementModel
     from middeck.identification.uncertainty.drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
-    from middeck.systems.response import FrequencyResponse
+    from middeck.systems.plants.response import FrequencyResponse
 
 EPILOG = """\
 \b
@@ -87,8 +87,8 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     from middeck.cli.blame import reading
     from middeck.cli.fitting import alike, identify
     from middeck.errors import ConfigError
-    from middeck.files.looks import SCHEMAS, looks_like
-    from middeck.files.models import load_fitted
+    from middeck.files.disk.looks import SCHEMAS, looks_like
+    from middeck.files.measured.models import load_fitted
     from middeck.files.records import require_record
     from middeck.identification.uncertainty.covariance import as_exact
     from middeck.identification.uncertainty.drift import compare_fits

@@ -78,7 +78,7 @@ def verb(
     from middeck.cli.exciting import ExciteSettings, design, expect
     from middeck.cli.settings import settle
     from middeck.errors import ConfigError
-    from middeck.files.commands import write_command
+    from middeck.files.records.commands import write_command
     from middeck.signals.ports import Port
 
     settings = settle(ExciteSettings, given, overrides)

@@ -11,8 +11,8 @@ from middeck.cli.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.realtime.engine.adaptive_gain import AdaptiveGain
-    from middeck.realtime.engine.settings import EngineSettings
+    from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
+    from middeck.realtime.engine.interface.settings import EngineSettings
     from middeck.realtime.gate.gate import GateVerdict
     from middeck.realtime.gate.trials import GateRig
     from middeck.realtime.package.package import ControllerPackage
@@ -151,10 +151,10 @@ def verb(
     """
     from middeck.cli.qualifying import gather_plants
     from middeck.cli.sweeping import all_plants
-    from middeck.files.blacklists import load_blacklist, write_blacklist
-    from middeck.files.json_output import write_json
-    from middeck.files.packages import load_package
-    from middeck.files.sealed import seal
+    from middeck.files.json.output import write_json
+    from middeck.files.json.sealed import seal
+    from middeck.files.laws.blacklists import load_blacklist, write_blacklist
+    from middeck.files.laws.packages import load_package
     from middeck.realtime.gate.gate import examine_package
     from middeck.realtime.gate.linear_law import linear_law
     from middeck.realtime.gate.steps import GateMargins
@@ -220,8 +220,8 @@ def _rig(
     paper: bool,
 ) -> GateRig | None:
     """The rig that was named, behind this engine, or one with the ports, ranges and limits of the package."""
-    from middeck.realtime.engine.build import build_engine
-    from middeck.realtime.engine.supervisor import DriverRig, UdpRig
+    from middeck.realtime.engine.process.build import build_engine
+    from middeck.realtime.engine.process.supervisor import DriverRig, UdpRig
     from middeck.realtime.gate.trials import GateRig, package_settings
 
     if port is not None and driver is not None:
@@ -238,7 +238,7 @@ def _rig(
 
 
 def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
-    from middeck.realtime.engine.adaptive_gain import AdaptiveGain
+    from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 
     rest = {"--adaptive-band": given["band_hz"], "--adaptive-rms": given["rms"]}
     if given["adaptive"] is None:

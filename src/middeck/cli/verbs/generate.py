@@ -81,7 +81,7 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     continuous), or a package, which is written anew or in single precision.
     """
     from middeck.cli.blame import reading
-    from middeck.files.packages import write_package
+    from middeck.files.laws.packages import write_package
 
     _require_consistent(law_file, target, given)
     with reading(law_file):
@@ -115,7 +115,7 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
     from middeck.cli.systems import load_law
     from middeck.control.sampled.emulation import emulate
     from middeck.errors import ConfigError
-    from middeck.files.packages import is_package, load_package
+    from middeck.files.laws.packages import is_package, load_package
     from middeck.realtime.package.build import package_law, without_applied
     from middeck.realtime.package.single import to_single
 
@@ -170,7 +170,7 @@ def same_rate(period_s: float, rate_hz: float) -> bool:
 
 def describe(package: ControllerPackage, files: list[Path]) -> dict[str, Any]:
     """The JSON document; null stands for a limit that is not there."""
-    from middeck.files.packages import package_document
+    from middeck.files.laws.packages import package_document
     from middeck.realtime.package.binary import encode_package
 
     keys = (

@@ -92,7 +92,7 @@ def verb(
 def _write_shapes(modes: Modes, count: int, file: str) -> None:
     """Motions of the nodes alone: a universal file has no place for the angle of a joint."""
     from middeck.errors import ConfigError
-    from middeck.files.measured_modes import write_measured_modes
+    from middeck.files.measured.modes import write_measured_modes
     from middeck.structure.correlation.measured_modes import AXES, measure_modes
 
     if modes.equilibrium.environment.spins:
@@ -109,7 +109,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     import numpy as np
 
     from middeck.cli.summary import summary_numbers
-    from middeck.files.json_results import mode_numbers, most_strained, rest_numbers
+    from middeck.files.json.results import mode_numbers, most_strained, rest_numbers
     from middeck.structure.modes.mesh_error import estimate_mesh_error
     from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance
 

@@ -39,7 +39,7 @@ def verb(folder: Path, as_json: bool) -> None:
     from string import Template
 
     from middeck.errors import ConfigError
-    from middeck.files.atomic import making_folder
+    from middeck.files.disk.atomic import making_folder
     from middeck.files.records import write_record
 
     name = folder.resolve().name

@@ -42,9 +42,9 @@ def verb(
     changed is refused.
     """
     from middeck.cli.blame import reading
-    from middeck.files.json_output import write_json
-    from middeck.files.outcomes import comparison_document, load_outcomes
-    from middeck.files.promise_form import read_promise
+    from middeck.files.json.output import write_json
+    from middeck.files.promises.form import read_promise
+    from middeck.files.promises.outcomes import comparison_document, load_outcomes
 
     promised = read_promise(promise)
     came = load_outcomes(outcome)

@@ -52,7 +52,7 @@ def verb(
     read of the refined article at rest.
     """
     from middeck.files.documents import find_document
-    from middeck.files.json_output import write_json
+    from middeck.files.json.output import write_json
 
     if (plan is None) == (load_cases is None):
         raise ConfigError(
@@ -72,10 +72,10 @@ def verb(
 
 def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
     from middeck.cli.blame import reading
-    from middeck.files.promise_plans import load_plan
-    from middeck.files.promises import hash_files, promise_document
-    from middeck.updating.promise import promise
-    from middeck.updating.refine import refine
+    from middeck.files.promises.documents import hash_files, promise_document
+    from middeck.files.promises.plans import load_plan
+    from middeck.updating.promise.promise import promise
+    from middeck.updating.refinement.refine import refine
 
     loaded = load_plan(plan, body)
     files = hash_files(loaded.files)
@@ -87,11 +87,11 @@ def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     from middeck.cli.blame import reading
-    from middeck.files.promised_loads import load_promised_loads
-    from middeck.files.promises import hash_files, loads_document
-    from middeck.updating.deflections import predict_deflections
-    from middeck.updating.orbit import predict_modes
-    from middeck.updating.refine import refine
+    from middeck.files.promises.documents import hash_files, loads_document
+    from middeck.files.refinements.loads import load_promised_loads
+    from middeck.updating.orbit.deflections import predict_deflections
+    from middeck.updating.orbit.frequencies import predict_modes
+    from middeck.updating.refinement.refine import refine
 
     asked = load_promised_loads(load_cases, body)
     files = hash_files(asked.files)

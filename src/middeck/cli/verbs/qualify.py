@@ -190,7 +190,7 @@ def describe(
     """The JSON document; what is infinite or unknown is null."""
     import math
 
-    from middeck.files.compensators import how_made
+    from middeck.files.laws.compensators import how_made
 
     def finite(value: Any) -> Any:
         return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from middeck.signals.fault import Fault
     from middeck.signals.ports import Port
     from middeck.signals.record import Record
-    from middeck.systems.response import FrequencyResponse
+    from middeck.systems.plants.response import FrequencyResponse
 
 EPILOG = """\
 \b
@@ -154,7 +154,7 @@ def _expected(reference: str, taken: Record) -> FrequencyResponse:
     """The response of a model on the lines of the record, or one from a universal file."""
     import numpy as np
 
-    from middeck.files.models import load_model
+    from middeck.files.measured.models import load_model
     from middeck.files.records import load_response
     from middeck.identification.model.measurement_model import evaluate_model
 
@@ -223,7 +223,7 @@ def _runs(files: tuple[str, ...]) -> dict[str, Any]:
     runs = [path for path in files if Path(path).suffix.lower() == RUN]
     if not runs:
         return {}
-    from middeck.realtime.engine.run_file import read_run
+    from middeck.realtime.engine.recording.run_file import read_run
 
     found = []
     for path in runs:

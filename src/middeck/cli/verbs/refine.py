@@ -11,9 +11,9 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.updating.choice import Choice
-    from middeck.updating.orbit import Prediction
-    from middeck.updating.refine import Refined
+    from middeck.updating.orbit.frequencies import Prediction
+    from middeck.updating.refinement.choice import Choice
+    from middeck.updating.refinement.refine import Refined
 
 EPILOG = """\
 \b
@@ -68,10 +68,10 @@ def verb(
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case
     from middeck.files.documents import load_setup
-    from middeck.files.refinements import load_refinement, refined_text, write_article
-    from middeck.updating.choice import weigh_unknowns
-    from middeck.updating.orbit import predict_modes
-    from middeck.updating.refine import refine
+    from middeck.files.refinements.documents import load_refinement, refined_text, write_article
+    from middeck.updating.orbit.frequencies import predict_modes
+    from middeck.updating.refinement.choice import weigh_unknowns
+    from middeck.updating.refinement.refine import refine
 
     files = find_case(article, environment)
     structure, there = load_setup(*files)
@@ -93,7 +93,7 @@ def verb(
 
 def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
     """The JSON document."""
-    from middeck.updating.findings import findings
+    from middeck.updating.refinement.findings import findings
 
     found = refined.estimate
     return {

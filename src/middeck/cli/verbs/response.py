@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.residual import StaticGainComparison
-    from middeck.systems.response import FrequencyResponse
+    from middeck.systems.plants.response import FrequencyResponse
 
 EPILOG = """\
 \b
@@ -82,7 +82,7 @@ def verb(
     from middeck.cli.cases import find_case, solve_case
     from middeck.structure.plants.modal_plant import build_plant
     from middeck.structure.plants.residual import compare_static_gain, complete_response
-    from middeck.systems.response import evaluate_plant
+    from middeck.systems.plants.response import evaluate_plant
 
     modes = solve_case(article, environment, overrides, count, load_case, standstill=True)
     u, y = options.separate_names(inputs), options.separate_names(outputs)
@@ -132,7 +132,7 @@ def _draw(
 
 def describe(response: FrequencyResponse) -> dict[str, Any]:
     """Every pair of ports in ``responses``; the numbers of a single pair stand beside it as well."""
-    from middeck.files.json_results import response_numbers
+    from middeck.files.json.results import response_numbers
 
     pairs = [
         {

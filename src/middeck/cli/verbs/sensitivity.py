@@ -101,7 +101,7 @@ def find_modes(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     [1, 0, 2, 3]
     """
     from middeck.errors import ConfigError
-    from middeck.files.faults import nearest
+    from middeck.files.toml.faults import nearest
 
     found: dict[int, None] = {}
     for one in wanted:

@@ -11,7 +11,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.files.studies import Study
+    from middeck.files.studies.documents import Study
 
 EPILOG = """\
 \b
@@ -39,7 +39,7 @@ def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) 
     Files are written whole as soon as their stage is done; an interrupted run leaves whole files only.
     """
     from middeck.files.documents import find_document
-    from middeck.files.studies import load_study
+    from middeck.files.studies.documents import load_study
 
     path = find_document(study_file, "study")
     times = _run(load_study(path, overrides), out)

@@ -20,8 +20,8 @@ from jaxtyping import Complex, Float
 from middeck.control.analysis.loop import part_transfer
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
-from middeck.systems.integrators import realise_residues
-from middeck.systems.plant import Plant, select_ports
+from middeck.systems.plants.plant import Plant, select_ports
+from middeck.systems.poles.integrators import realise_residues
 
 TERMS = 20
 """Terms of the power series of an exponential, up to a delay of one radian."""

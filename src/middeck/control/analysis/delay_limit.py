@@ -25,8 +25,8 @@ from middeck.control.analysis.loop import At, form_loop, loop_path
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.law.compensator import Compensator
-from middeck.systems.plant import Plant, delay_plant, remove_delays
-from middeck.systems.statespace import StateSpace, poles
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
 
 TURN = 0.5

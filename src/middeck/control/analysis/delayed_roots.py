@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.control.analysis.loop import FeedbackLoop, Halves
-from middeck.systems.plant import remove_delays
+from middeck.systems.plants.plant import remove_delays
 
 LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""

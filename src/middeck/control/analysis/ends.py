@@ -16,8 +16,8 @@ from middeck.control.analysis.loop import (
     broken_at,
     open_channel,
 )
-from middeck.systems.integrators import part_integrators
-from middeck.systems.statespace import LinearSystem, StateSpace
+from middeck.systems.poles.integrators import part_integrators
+from middeck.systems.state_space.statespace import LinearSystem, StateSpace
 
 Ends = tuple[tuple[float, Complex[np.ndarray, " channel"]], ...]
 """Angular frequency [rad/s] and the ratio of each channel there; infinite on a pole."""

@@ -11,9 +11,9 @@ from jaxtyping import Complex
 
 from middeck.control.analysis.loop import FeedbackLoop, form_loop
 from middeck.control.law.compensator import Compensator
-from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.statespace import StateSpace
-from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 CANCELLED = 1e-8

@@ -15,9 +15,9 @@ from middeck.control.analysis.loop import (
     close_channels,
     open_channel,
 )
-from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import LinearSystem
-from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.state_space.statespace import LinearSystem
 
 Response = Callable[[np.ndarray], np.ndarray]
 Curve = tuple[Float[np.ndarray, " line"], Complex[np.ndarray, "line channel"]]

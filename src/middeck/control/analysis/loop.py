@@ -13,15 +13,15 @@ from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.feedback import beside, close_static
-from middeck.systems.inert_modes import observed_modes, reached_modes
-from middeck.systems.integrators import part_integrators, rest_once
-from middeck.systems.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
-from middeck.systems.plant import Plant, select_ports
-from middeck.systems.resolvent import Resolvent, balance_states, by_schur_form
-from middeck.systems.sampled_plant import sample_plant
-from middeck.systems.statespace import LinearSystem, StateSpace, poles, same_period, select_paths
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, select_ports
+from middeck.systems.poles.inert_modes import observed_modes, reached_modes
+from middeck.systems.poles.integrators import part_integrators, rest_once
+from middeck.systems.poles.resolvent import Resolvent, balance_states, by_schur_form
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.state_space.feedback import beside, close_static
+from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
+from middeck.systems.state_space.statespace import LinearSystem, StateSpace, poles, same_period, select_paths
 from middeck.values import record
 
 At = Literal["inputs", "outputs", "both"]

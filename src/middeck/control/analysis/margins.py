@@ -135,9 +135,9 @@ def measure_margins(
     Raises `ConfigError` for halves that do not fit (`form_loop`).
 
     >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plant import Plant, delay_plant
+    >>> from middeck.systems.plants.plant import Plant, delay_plant
     >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.statespace import StateSpace, gain_system
+    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
     ...     outputs=(way,))

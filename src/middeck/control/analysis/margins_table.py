@@ -19,9 +19,9 @@ def margins_table(margins: Margins) -> str:
 
     >>> from middeck.control.analysis import measure_margins
     >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plant import Plant
+    >>> from middeck.systems.plants.plant import Plant
     >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.statespace import StateSpace, gain_system
+    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
     ...     outputs=(way,))

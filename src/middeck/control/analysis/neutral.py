@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.loop import At, FeedbackLoop, broken_at
-from middeck.systems.plant import remove_delays
+from middeck.systems.plants.plant import remove_delays
 
 AT_ONE = 1e-9
 """Distance below one at which a gain counts as one: rounding of a few products."""

@@ -14,7 +14,7 @@ from jaxtyping import Complex, Float
 from middeck.control.analysis.lines import place_lines, refine_lines
 from middeck.control.analysis.loop import At, FeedbackLoop, broken_at, evaluate_halves, form_loop, go_round
 from middeck.control.law.compensator import Compensator
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 Ratio = Callable[[np.ndarray], np.ndarray]
@@ -52,9 +52,9 @@ def trace_return_ratio(
     Raises `ConfigError` for halves that do not fit (`form_loop`), or lines at which the response is infinite.
 
     >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plant import Plant
+    >>> from middeck.systems.plants.plant import Plant
     >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.statespace import StateSpace, gain_system
+    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> lag = Plant(dynamics=StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,), outputs=(way,))
     >>> P = Compensator(gain_system(np.array([[-2.0]])), (way,), (force,))

@@ -11,9 +11,9 @@ from middeck.control.analysis.stability import decide_loop
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, commands_rms, loop_rms, require_one_each
-from middeck.systems.plant import Plant
-from middeck.systems.rms import response_rms
-from middeck.systems.stability import growth_rates
+from middeck.systems.norms.rms import response_rms
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import growth_rates
 
 
 def measure_rms(

@@ -17,8 +17,8 @@ from middeck.control.analysis.delayed_roots import find_open_poles
 from middeck.control.analysis.lines import HALF_WIDTHS, MOST_DELAY_LINES, PER_DECADE
 from middeck.control.analysis.loop import FeedbackLoop, Halves
 from middeck.errors import NumericalError
-from middeck.systems.delay_approximation import evaluate_approximation
-from middeck.systems.plant import remove_delays
+from middeck.systems.delay.delay_approximation import evaluate_approximation
+from middeck.systems.plants.plant import remove_delays
 
 STEP = 0.7
 """Largest change of phase [rad] accepted from line to line."""

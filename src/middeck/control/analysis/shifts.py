@@ -11,10 +11,10 @@ from middeck.control.analysis.stability import decide_loop, loop_poles
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.systems.mode_blocks import part_modes
-from middeck.systems.mode_shift import shift_modes
-from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.stability import none_grows
+from middeck.systems.plants.mode_blocks import part_modes
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.stability import none_grows
 from middeck.values import record
 
 

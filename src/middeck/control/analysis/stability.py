@@ -18,8 +18,8 @@ from middeck.control.analysis.root_count import clear_walls, count_more, direct_
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
 from middeck.errors import NumericalError
-from middeck.systems.plant import Plant
-from middeck.systems.stability import all_decay, growth_limits, growth_rates, none_grows
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import all_decay, growth_limits, growth_rates, none_grows
 from middeck.values import record
 
 MOST_ORDER = 64
@@ -62,9 +62,9 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     disagree at the highest order, right of every line that was tried.
 
     >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plant import Plant, delay_plant
+    >>> from middeck.systems.plants.plant import Plant, delay_plant
     >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.statespace import StateSpace, gain_system
+    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
     >>> force, way = Port("force", "N"), Port("way", "m")
     >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
     ...     outputs=(way,))

@@ -17,9 +17,9 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty, corner_positions, finished_plants, parameter_names
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_metric
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.plant import Plant
-from middeck.systems.stability import none_grows
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import none_grows
 from middeck.values import record
 
 SEARCHED = 4

@@ -18,8 +18,8 @@ from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg import problem as lqg_problem
 from middeck.control.lqg.design import AUTHORITY
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 INNER = 1e-3

@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 
 from middeck.control.h2.closed_cost import Law
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 WORST_BASIS = 1e8

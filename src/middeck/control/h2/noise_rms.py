@@ -15,9 +15,9 @@ from middeck.control.analysis.stability import decide_loop
 from middeck.control.h2.generalized_plant import generalize, square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.systems.plant import Plant, remove_delays
-from middeck.systems.rms import response_rms
-from middeck.systems.statespace import poles
+from middeck.systems.norms.rms import response_rms
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.state_space.statespace import poles
 from middeck.values import record
 
 FAR = 1e5

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.systems.feedback import close_static
-from middeck.systems.plant import Plant, name_states
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.state_space.feedback import close_static
 from middeck.values import record
 
 

@@ -10,9 +10,15 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse, statespace_response
-from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system, select_paths
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import FrequencyResponse, statespace_response
+from middeck.systems.state_space.statespace import (
+    LinearSystem,
+    SampledStateSpace,
+    StateSpace,
+    gain_system,
+    select_paths,
+)
 from middeck.values import record
 
 

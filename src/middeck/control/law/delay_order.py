@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.control.law.partition import partition_modes
-from middeck.systems.plant import Plant, remove_delays
-from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
 System = StateSpace | SampledStateSpace
 

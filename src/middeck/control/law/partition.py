@@ -12,11 +12,11 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool
 
-from middeck.systems.inert_modes import inert_modes
-from middeck.systems.modal import select_modes
-from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.stability import growth_limits, none_grows
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.inert_modes import inert_modes
+from middeck.systems.poles.stability import growth_limits, none_grows
+from middeck.systems.state_space.modal import select_modes
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 

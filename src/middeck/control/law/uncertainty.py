@@ -11,9 +11,9 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.mode_shift import scale_inputs, shift_modes
-from middeck.systems.plant import Plant
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.mode_shift import scale_inputs, shift_modes
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 PADE_ORDER = 3

@@ -12,8 +12,8 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant
-from middeck.systems.stability import is_stable
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import is_stable
 from middeck.values import record
 
 Design = Callable[[float], Compensator]

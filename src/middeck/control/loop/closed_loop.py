@@ -9,11 +9,11 @@ from middeck.control.law.compensator import Compensator, idle_compensator, locat
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.feedback import feedback
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.response import FrequencyResponse
-from middeck.systems.stability import growth_rates, none_grows
-from middeck.systems.statespace import StateSpace, select_paths
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.systems.poles.stability import growth_rates, none_grows
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import StateSpace, select_paths
 from middeck.values import record
 
 
@@ -26,7 +26,8 @@ class ClosedLoop:
         inputs, outputs: The plant's groups w and z.
         state_names: Mode or part of each plant state; the remaining states are the compensator's.
         poles: Eigenvalues [rad/s].
-        stable: No pole grows (`middeck.systems.stability`); a free body that merely drifts counts as stable.
+        stable: No pole grows (`middeck.systems.poles.stability`); a free body that merely drifts counts as
+            stable.
         inert: Uncontrollable and unobservable modes of the plant, which ``system`` leaves out.
     """
 

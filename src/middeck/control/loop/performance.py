@@ -13,9 +13,9 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.rms import band_rms
-from middeck.systems.statespace import StateSpace
+from middeck.systems.norms.rms import band_rms
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 

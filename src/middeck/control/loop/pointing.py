@@ -21,7 +21,7 @@ from jaxtyping import Float
 from middeck.control.loop.closed_loop import ClosedLoop
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.errors import ConfigError
-from middeck.systems.rms import weighed_rms
+from middeck.systems.norms.rms import weighed_rms
 from middeck.values import record
 
 PERIODS = 20_000
@@ -77,9 +77,9 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
     standard deviation. Raises `ConfigError` for a window too long for the band.
 
     >>> from middeck.control.loop.closed_loop import leave_open
-    >>> from middeck.systems.plant import Plant
+    >>> from middeck.systems.plants.plant import Plant
     >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.statespace import StateSpace
+    >>> from middeck.systems.state_space.statespace import StateSpace
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> plant = Plant(dynamics=lag, inputs=(Port("w", "N"),), outputs=(Port("z", "rad"),), w=("w",), z=("z",))
     >>> disturbance = Performance(np.ones(1), np.eye(1), (0.0, 100.0))

@@ -10,8 +10,8 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.problem import put_beside
 from middeck.control.lqg.shaping import PortFilters, Shaping, pick
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.state_space.statespace import StateSpace
 
 
 def colour_disturbances(plant: Plant, colours: PortFilters) -> Plant:

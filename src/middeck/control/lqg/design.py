@@ -15,8 +15,8 @@ from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati import RiccatiSolution
 from middeck.errors import ConfigError, NotStabilisableError
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 AUTHORITY = "1/rho > 0, as 10"

@@ -10,7 +10,7 @@ from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 
 WARM_STATES = 300
 """Number of states above which Newton steps on n states are cheaper than a Schur form of 2n (measured, four

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from middeck.control.lqg.shaping import Shaping, pick
 from middeck.control.lqg.weights import LQGWeights, require_size
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.statespace import StateSpace, gain_system, series
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.state_space.statespace import StateSpace, gain_system, series
 from middeck.values import record
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.stability import growth_rates
-from middeck.systems.statespace import StateSpace
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 PortFilters = tuple[tuple[str, StateSpace], ...]

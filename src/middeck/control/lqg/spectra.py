@@ -13,8 +13,8 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from middeck.errors import ConfigError, DataError
-from middeck.systems.resolvent import by_solving
-from middeck.systems.statespace import StateSpace, series
+from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.state_space.statespace import StateSpace, series
 from middeck.values import record
 
 

@@ -13,7 +13,7 @@ from middeck.control.loop.performance import Performance, commands_rms, loop_met
 from middeck.control.lqg.levels import design_levels
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 Topology = tuple[Sequence[str], Sequence[str]]

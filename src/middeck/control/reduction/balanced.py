@@ -2,7 +2,7 @@
 
 The error is at most twice the sum of the Hankel singular values left out (Enns 1984, 23rd IEEE CDC; Glover
 1984, Int. J. Control 39; of residualisation Liu and Anderson 1989, Int. J. Control 50). The actual error is
-computed too, see `middeck.systems.peak_gain`.
+computed too, see `middeck.systems.norms.peak_gain`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from middeck.control.reduction.projection import balance, bound_of, check_order,
 from middeck.control.reduction.result import Reduction, Rest
 from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.errors import ConfigError
-from middeck.systems.peak_gain import peak_gain
-from middeck.systems.statespace import StateSpace, add
+from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.state_space.statespace import StateSpace, add
 
 Sizes = Float[np.ndarray, " port"]
 

@@ -21,9 +21,9 @@ from middeck.control.reduction.result import ReducedCompensator
 from middeck.control.reduction.search import Best, Trial, search_law
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
 from middeck.errors import ConfigError
-from middeck.systems.peak_gain import peak_gain
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, add, series
+from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace, add, series
 
 
 def reduce_compensator(

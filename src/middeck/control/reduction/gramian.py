@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
-from middeck.systems.statespace import StateSpace
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 

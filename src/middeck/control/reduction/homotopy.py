@@ -16,8 +16,8 @@ from middeck.control.reduction.loop import absorb, proper_law
 from middeck.control.reduction.methods import Candidate
 from middeck.control.robust.blend import improve
 from middeck.control.robust.starts import stabilises
-from middeck.systems.stability import decays
-from middeck.systems.statespace import StateSpace
+from middeck.systems.poles.stability import decays
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 SMALLEST_STEP = 1.0 / 256.0

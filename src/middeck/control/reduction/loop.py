@@ -19,9 +19,9 @@ from middeck.control.lqg import LQGWeights
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.riccati.lyapunov import solve_lyapunov
 from middeck.errors import ConfigError
-from middeck.systems.feedback import feedback
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, gain_system
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import StateSpace, gain_system
 from middeck.values import record
 
 SENSOR_SHARE = 0.1

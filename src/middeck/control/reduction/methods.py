@@ -24,7 +24,7 @@ from middeck.control.reduction.loop import Loop, gramians_in_loop, proper_law, s
 from middeck.control.reduction.projection import balance, bound_of, check_order, project, settle_order
 from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.control.riccati import solve_riccati
-from middeck.systems.statespace import StateSpace, add
+from middeck.systems.state_space.statespace import StateSpace, add
 from middeck.values import record
 
 Method = Literal["performance", "stability", "coprime", "balanced"]

@@ -20,17 +20,17 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.result import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
 from middeck.errors import ConfigError
-from middeck.systems.modal import (
+from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.resolvent import evaluate_transfer
+from middeck.systems.state_space.modal import (
     ModalSystem,
     modal_response,
     modal_to_statespace,
     select_channels,
     select_modes,
 )
-from middeck.systems.peak_gain import peak_gain
-from middeck.systems.plant import Plant
-from middeck.systems.resolvent import evaluate_transfer
-from middeck.systems.statespace import StateSpace
+from middeck.systems.state_space.statespace import StateSpace
 
 ACROSS = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
 """Lines across each mode, in half-power half-widths, at which a path's largest response is looked for."""

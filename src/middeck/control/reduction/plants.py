@@ -10,9 +10,9 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.balanced import Sizes, reduce_balanced
 from middeck.control.reduction.result import ReducedPlant, Reduction, Rest
 from middeck.errors import ConfigError
-from middeck.systems.modal import ModalSystem, modal_to_statespace, select_modes
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, add
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, select_modes
+from middeck.systems.state_space.statespace import StateSpace, add
 
 
 def reduce_plant(

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from middeck.control.reduction.gramian import GramianFactors
 from middeck.control.reduction.result import Rest
 from middeck.errors import ConfigError
-from middeck.systems.statespace import StateSpace
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 EQUAL = 1e-9

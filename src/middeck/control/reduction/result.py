@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 Rest = Literal["truncate", "residualise"]

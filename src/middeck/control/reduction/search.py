@@ -13,8 +13,8 @@ from middeck.control.reduction.homotopy import Withdrawal, polish_law, withdraw_
 from middeck.control.reduction.loop import Loop, proper_law
 from middeck.control.reduction.methods import Candidate, Method, find_candidate, find_start
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.stability import decays
-from middeck.systems.statespace import StateSpace
+from middeck.systems.poles.stability import decays
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 Best = Literal["best"]

@@ -15,8 +15,8 @@ from jaxtyping import Bool, Complex, Float
 from scipy.linalg import lapack
 
 from middeck.errors import NumericalError
-from middeck.systems.resolvent import balance_states
-from middeck.systems.statespace import StateSpace, add
+from middeck.systems.poles.resolvent import balance_states
+from middeck.systems.state_space.statespace import StateSpace, add
 from middeck.values import record
 
 AXIS = float(np.sqrt(np.finfo(float).eps))

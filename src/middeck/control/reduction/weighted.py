@@ -16,9 +16,9 @@ from middeck.control.reduction.projection import balance, check_order, project, 
 from middeck.control.reduction.result import Reduction, Rest
 from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.errors import ConfigError
-from middeck.systems.peak_gain import peak_gain
-from middeck.systems.stability import decays
-from middeck.systems.statespace import StateSpace, add, series
+from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.poles.stability import decays
+from middeck.systems.state_space.statespace import StateSpace, add, series
 
 
 def reduce_weighted(

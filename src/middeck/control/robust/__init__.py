@@ -30,7 +30,7 @@ from middeck.control.robust.sensitivity_weighted import (
     SensitivityWeightedCompensator,
     design_sensitivity_weighted,
 )
-from middeck.systems.mode_shift import shift_modes
+from middeck.systems.plants.mode_shift import shift_modes
 
 __all__ = [
     "ComparedDesign",

@@ -12,7 +12,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty, parameter_names
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.monte_carlo import PlantOutcomes, stable_share, verify_robustness, worst_db
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 

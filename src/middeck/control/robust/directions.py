@@ -15,10 +15,10 @@ from jaxtyping import Bool, Float
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants, without_delays
 from middeck.errors import ConfigError
-from middeck.systems.mode_shift import mode_coordinates, mode_states
-from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.response import evaluate_plant
-from middeck.systems.statespace import poles
+from middeck.systems.plants.mode_shift import mode_coordinates, mode_states
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.state_space.statespace import poles
 from middeck.values import record
 
 BESIDE = (0.77, 1.31)

@@ -9,8 +9,8 @@ from jaxtyping import Complex, Float
 
 from middeck.control.h2.closed_cost import Law
 from middeck.control.law.partition import partition_modes
-from middeck.systems.plant import Plant, remove_delays
-from middeck.systems.stability import growth_limits
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.stability import growth_limits
 
 RIGHTMOST, NEWTON_STEPS = 6, 3
 DECIDES = 30.0

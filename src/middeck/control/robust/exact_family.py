@@ -28,9 +28,9 @@ from middeck.control.h2.generalized_plant import generalize, square_root
 from middeck.control.h2.noise_rms import FAR, REST, NoiseOutcome
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
-from middeck.systems.modal import ModalSystem, output_rows
-from middeck.systems.plant import Plant, remove_delays
-from middeck.systems.resolvent import Resolvent, balance_states
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.resolvent import Resolvent, balance_states
+from middeck.systems.state_space.modal import ModalSystem, output_rows
 from middeck.values import record
 
 RHO = 0.7

@@ -20,7 +20,7 @@ from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
 from middeck.control.robust.problem import law_of
 from middeck.errors import NumericalError
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 
 ADDED, ROUNDS = 6, 30
 WITHIN = 1.01

@@ -23,12 +23,12 @@ from jaxtyping import Bool, Float
 from middeck.control.h2.closed_cost import Law
 from middeck.control.robust.batch import row_rms
 from middeck.errors import ConfigError
-from middeck.systems.balancing import balance
-from middeck.systems.stability import GROWTH_LIMIT, all_decay, growth_rates, none_grows
-from middeck.systems.statespace import StateSpace
+from middeck.systems.poles.stability import GROWTH_LIMIT, all_decay, growth_rates, none_grows
+from middeck.systems.state_space.balancing import balance
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
-AT_ONCE = 16
+AT_ONCE = 32
 """Loops together: their matrices of 60 states stay in the cache."""
 SQUARINGS = 24
 """A pole that decays by 1e-6 of p or more is proved stable."""
@@ -53,7 +53,7 @@ class ManyLoops:
     """Outcomes of many loops.
 
     Attributes:
-        stable: As `middeck.systems.stability.is_stable` decides each.
+        stable: As `middeck.systems.poles.stability.is_stable` decides each.
         rms: Of each output under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
             pole does not decay.
         residual: |A X + X A' + B B'| / (2 |A| |X| + |B B'|), Frobenius norms, the first as `PROBES` vectors
@@ -83,7 +83,7 @@ def close_many(
 
 
 def decide_many(A: Float[np.ndarray, "loop state state"]) -> Bool[np.ndarray, " loop"]:
-    """Stability of each loop, as `middeck.systems.stability.is_stable` decides it.
+    """Stability of each loop, as `middeck.systems.poles.stability.is_stable` decides it.
 
     >>> decide_many(np.array([[[-1.0]], [[1.0]], [[0.0]]]))
     array([ True, False,  True])

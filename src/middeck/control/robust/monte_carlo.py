@@ -20,10 +20,10 @@ from middeck.control.robust.exact_family import family_law, measure_in_family
 from middeck.control.robust.many_loops import measure_many
 from middeck.control.robust.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.plant import Plant, remove_delays
-from middeck.systems.stability import all_decay, growth_rates, plainly_decays
-from middeck.systems.statespace import StateSpace
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.stability import all_decay, growth_rates, plainly_decays
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 

@@ -24,7 +24,7 @@ from middeck.control.robust.blend import blend
 from middeck.control.robust.problem import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 Over = Literal["mean", "maximum"]

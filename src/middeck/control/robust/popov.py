@@ -28,7 +28,7 @@ from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, firs
 from middeck.control.robust.problem import Problem, law_of, models_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.errors import NumericalError
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 WIDENINGS, WIDEST = (1.0, 2.0, 4.0, 6.0, 9.0), 0.5

@@ -18,8 +18,8 @@ from middeck.control.law.uncertainty import Uncertainty, end_positions, finished
 from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg.regulator import append_integrals
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant, name_states
-from middeck.systems.statespace import StateSpace, series
+from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.state_space.statespace import StateSpace, series
 from middeck.values import record
 
 Plants = Sequence[Plant]

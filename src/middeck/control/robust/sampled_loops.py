@@ -16,12 +16,12 @@ from middeck.control.lqg import LQGWeights
 from middeck.control.robust.batch import row_rms, sampled_covariances
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.feedback import feedback
-from middeck.systems.plant import Plant, subsystem
-from middeck.systems.sampling import sample_dynamics, tustin
-from middeck.systems.stability import growth_limits
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, subsystem
+from middeck.systems.poles.stability import growth_limits
+from middeck.systems.sampling.sampling import sample_dynamics, tustin
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 GRID = 1e-6

@@ -13,9 +13,9 @@ import numpy as np
 from middeck.control.law.partition import partition_modes
 from middeck.control.robust.sampled_loops import delay_at_the_hold
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant, subsystem
-from middeck.systems.sampling import sample_dynamics
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant, subsystem
+from middeck.systems.sampling.sampling import sample_dynamics
+from middeck.systems.state_space.statespace import StateSpace
 
 
 def plant_as_sampled(plant: Plant, period_s: float) -> Plant:

@@ -28,7 +28,7 @@ from middeck.control.robust.directions import Directions, stiffness_directions
 from middeck.control.robust.problem import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.result import RobustCompensator, Stage
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 RUNGS = (0.0, *(0.1 * 2.0**k for k in range(20)))

@@ -13,7 +13,7 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import add_laws, join_stations, split_law
 from middeck.control.h2.nominal_law import lqg_law
-from middeck.systems.stability import all_decay
+from middeck.systems.poles.stability import all_decay
 
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(13))
 """Ratios of authority at which a start is sought, the one requested first."""

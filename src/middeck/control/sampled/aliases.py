@@ -12,10 +12,10 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
-from middeck.systems.modal import select_modes
-from middeck.systems.plant import Plant, require_modal
-from middeck.systems.response import statespace_response
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant, require_modal
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.state_space.modal import select_modes
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 

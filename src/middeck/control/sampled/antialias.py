@@ -8,8 +8,8 @@ import numpy as np
 
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant, name_states, remove_delays
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.state_space.statespace import StateSpace
 
 UNFILTERED = "_unfiltered"
 

@@ -15,8 +15,8 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import Form, design_sampled_lqg
 from middeck.control.sampled.emulation import Rule, emulate
 from middeck.control.sampled.outcome import SampledOutcome, measure_sampled_loop
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.plant import Plant, delay_plant
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.values import record
 
 FORMS: tuple[Form, ...] = ("current", "predictor")

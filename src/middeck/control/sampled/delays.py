@@ -16,9 +16,9 @@ from jaxtyping import Float
 
 from middeck.control.law.delay_order import approximation_order
 from middeck.errors import ConfigError
-from middeck.systems.delay_approximation import SAME_DELAY_S, approximate_delays
-from middeck.systems.delayed_sampling import split_delays
-from middeck.systems.plant import Plant, remove_delays
+from middeck.systems.delay.delay_approximation import SAME_DELAY_S, approximate_delays
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.sampling.delayed_sampling import split_delays
 from middeck.values import record
 
 

@@ -19,8 +19,8 @@ from middeck.control.riccati import DiscreteRiccatiSolution, solve_discrete_ricc
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import integrate_along
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 Form = Literal["predictor", "current"]
@@ -90,7 +90,7 @@ def design_sampled_lqg(
     not fit and for a ``"current"`` law on a plant that answers within the sample.
 
     >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.statespace import StateSpace
+    >>> from middeck.systems.state_space.statespace import StateSpace
     >>> push, way = (Port("push", "N"),), (Port("way", "m"),)
     >>> walk = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=push, outputs=way,
     ...     w=("push",), u=("push",),

@@ -14,8 +14,8 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled.matched import match_roots
 from middeck.errors import ConfigError
-from middeck.systems.sampling import hold_inputs, sample_dynamics, tustin
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.sampling.sampling import hold_inputs, sample_dynamics, tustin
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 Rule = Literal["hold", "tustin", "matched"]
 

@@ -13,9 +13,9 @@ from middeck.control.sampled.integrals import spread_noise
 from middeck.control.sampled.period import Between, Segment, follow_period
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant, name_states, subsystem
-from middeck.systems.sampling import WHOLE
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant, name_states, subsystem
+from middeck.systems.sampling.sampling import WHOLE
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 MOST_LATE = 200

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.systems.response import statespace_response
-from middeck.systems.statespace import SampledStateSpace, StateSpace, poles
-from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
 Roots = tuple[complex, ...]
 """One real root, two real ones, or a complex one with its conjugate."""

@@ -11,10 +11,10 @@ from middeck.control.riccati import solve_discrete_lyapunov
 from middeck.control.sampled.held import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
-from middeck.systems.feedback import feedback
-from middeck.systems.plant import Plant
-from middeck.systems.stability import is_stable
-from middeck.systems.statespace import SampledStateSpace, poles, same_period, select_paths
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import is_stable
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import SampledStateSpace, poles, same_period, select_paths
 from middeck.values import record
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.sampled.integrals import spread_noise
-from middeck.systems.sampling import WHOLE
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.sampling.sampling import WHOLE
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 

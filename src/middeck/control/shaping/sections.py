@@ -14,8 +14,8 @@ import scipy.linalg as sla
 from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, gain_system, series
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace, gain_system, series
 
 
 def second_order_section(
@@ -27,7 +27,7 @@ def second_order_section(
     the frequencies where the zeros come first (the paper's, lightly damped, about the modes near 9 Hz), a lag
     where the poles do. Raises `ConfigError` for a frequency or a damping of the poles that is not positive.
 
-    >>> from middeck.systems.response import statespace_response
+    >>> from middeck.systems.plants.response import statespace_response
     >>> lead = second_order_section(8.0, 0.02, 10.0, 0.02)
     >>> at_9_hz = statespace_response(lead, np.array([2.0 * np.pi * 9.0]))[0, 0, 0]
     >>> 150.0 < float(np.degrees(np.angle(at_9_hz))) < 180.0
@@ -49,7 +49,7 @@ def second_order_section(
 def notch(frequency_hz: float, depth: float, width: float) -> StateSpace:
     """A dip to ``depth`` (0 to 1) at ``frequency_hz``, if deep 3 dB down over ``width`` of that frequency.
 
-    >>> from middeck.systems.response import statespace_response
+    >>> from middeck.systems.plants.response import statespace_response
     >>> dip = statespace_response(notch(9.0, 0.1, 0.2), np.array([2.0 * np.pi * 9.0]))[0, 0, 0]
     >>> round(float(abs(dip)), 12)
     0.1
@@ -77,7 +77,7 @@ def first_order_section(zero_hz: float, pole_hz: float) -> StateSpace:
 def roll_off(frequency_hz: float, order: int = 2) -> StateSpace:
     """Butterworth's low pass of ``order`` at ``frequency_hz``: -3 dB there, flat below (Butterworth 1930).
 
-    >>> from middeck.systems.response import statespace_response
+    >>> from middeck.systems.plants.response import statespace_response
     >>> G = statespace_response(roll_off(20.0, 3), 2.0 * np.pi * np.array([20.0]))[0, 0, 0]
     >>> round(float(abs(G)) ** 2, 12)
     0.5

@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.systems.plant import Plant, delay_plant
-from middeck.systems.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system, series
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.statespace import (
+    LinearSystem,
+    SampledStateSpace,
+    StateSpace,
+    gain_system,
+    series,
+)
 
 
 def build_foreign(matrices: Mapping[str, Any], period_s: float | None, what: str) -> LinearSystem:

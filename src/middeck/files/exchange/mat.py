@@ -15,22 +15,22 @@ import numpy as np
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
-from middeck.files.atomic import replacing
-from middeck.files.channels import build_channel
-from middeck.files.compensators import (
+from middeck.files.disk.atomic import replacing
+from middeck.files.exchange.foreign import real_matrix, settle_period
+from middeck.files.exchange.named import Exchangeable, as_compensator, exchanged, matrices_of
+from middeck.files.json.channels import build_channel
+from middeck.files.json.output import json_text
+from middeck.files.laws.compensators import (
     StoredCompensator,
     build_stored,
     build_system,
     how_made,
     with_applied,
 )
-from middeck.files.exchange.foreign import real_matrix, settle_period
-from middeck.files.exchange.named import Exchangeable, as_compensator, exchanged, matrices_of
-from middeck.files.json_output import json_text
 from middeck.signals.ports import Port
-from middeck.systems.delayed_sampling import split_delays
-from middeck.systems.own_plant import name_ports
-from middeck.systems.plant import Plant, delay_plant, group_ports, remove_delays
+from middeck.systems.plants.own_plant import name_ports
+from middeck.systems.plants.plant import Plant, delay_plant, group_ports, remove_delays
+from middeck.systems.sampling.delayed_sampling import split_delays
 
 GROUPS = ("w", "u", "z", "y")
 KINDS = ("", "plant", "compensator", "system")

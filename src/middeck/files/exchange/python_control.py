@@ -14,8 +14,8 @@ from middeck.errors import ConfigError, MissingExtraError
 from middeck.files.exchange.foreign import build_foreign, realise_ratio, settle_period, with_delay
 from middeck.files.exchange.named import Exchangeable, exchanged, known_ports, matrices_of
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import LinearSystem, SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace
 
 # python-control keeps the dot for "system.signal".
 DOT, INSTEAD = ".", "·"

@@ -12,9 +12,9 @@ from middeck.errors import ConfigError
 from middeck.files.exchange import foreign
 from middeck.files.exchange.named import Exchangeable, exchanged, matrices_of
 from middeck.signals.ports import Port
-from middeck.systems.own_plant import name_ports
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import LinearSystem, SampledStateSpace
+from middeck.systems.plants.own_plant import name_ports
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace
 
 
 def to_scipy(value: Exchangeable, *, negative_feedback: bool = False) -> Any:
@@ -22,7 +22,7 @@ def to_scipy(value: Exchangeable, *, negative_feedback: bool = False) -> Any:
 
     The sign of a compensator is that of this house, u = K y added; ``negative_feedback=True`` gives -K.
 
-    >>> from middeck.systems.statespace import StateSpace
+    >>> from middeck.systems.state_space.statespace import StateSpace
     >>> to_scipy(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])).A
     array([[-1.]])
     """

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.looks import NO_RECORD, looks_like
+from middeck.files.disk.looks import NO_RECORD, looks_like
 from middeck.files.records.columns import Columns, columns_beside, name_columns
 from middeck.files.records.raw import Raw, build_record
 from middeck.files.records.together import (
@@ -28,7 +28,7 @@ from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record
 
 if TYPE_CHECKING:
-    from middeck.systems.response import FrequencyResponse
+    from middeck.systems.plants.response import FrequencyResponse
 
 __all__ = [
     "Columns",

@@ -10,10 +10,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.channels import build_channel
-from middeck.files.faults import raise_faults
-from middeck.files.form import Finite, Form, Positive, whole
-from middeck.files.source import check, read_source
+from middeck.files.json.channels import build_channel
+from middeck.files.toml.faults import raise_faults
+from middeck.files.toml.form import Finite, Form, Positive, whole
+from middeck.files.toml.source import check, read_source
 from middeck.signals.ports import Channel
 from middeck.values import record
 

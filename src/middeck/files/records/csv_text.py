@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.files.atomic import replacing
-from middeck.files.channels import KEYS, build_channel
+from middeck.files.disk.atomic import replacing
+from middeck.files.json.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.decimals import separator_of, with_points
 from middeck.files.records.ending import cut_short

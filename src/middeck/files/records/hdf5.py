@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.atomic import replacing
+from middeck.files.disk.atomic import replacing
 from middeck.files.records.layout import build_raw, check_samples, contents_of, describe, is_own
 from middeck.files.records.raw import Raw, raw_matrix
 from middeck.signals.record import Record, RecordStream

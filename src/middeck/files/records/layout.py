@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.channels import KEYS, build_channel
-from middeck.files.commands import SCHEMA as COMMAND
+from middeck.files.json.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
+from middeck.files.records.commands import SCHEMA as COMMAND
 from middeck.files.records.raw import Head, Raw
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.io.matlab import MatlabOpaque, MatReadError
 
 from middeck.errors import DataError
-from middeck.files.atomic import replacing
+from middeck.files.disk.atomic import replacing
 from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.layout import build_raw, contents_of, is_own

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.records.raw import Head, Raw, channel_fault
-from middeck.realtime.engine.run_file import Run, RunFault, read_run
+from middeck.realtime.engine.recording.run_file import Run, RunFault, read_run
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Port
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.atomic import replacing
-from middeck.files.channels import build_channel
+from middeck.files.disk.atomic import replacing
+from middeck.files.json.channels import build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
 from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
@@ -20,7 +20,7 @@ from middeck.files.records.uff58_write import Header, write_58
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 AXES = ("", "x", "y", "z", "rx", "ry", "rz")

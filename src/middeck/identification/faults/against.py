@@ -9,7 +9,7 @@ from middeck.errors import DataError
 from middeck.identification.faults.runs import Found, fault
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # Share of an output's power in the band that the reference must explain before anything is said of it.
 EXPLAINED = 0.5

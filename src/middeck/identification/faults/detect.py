@@ -29,7 +29,7 @@ from middeck.identification.faults.samples import (
 from middeck.signals.fault import Fault, Side
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # With these in a channel, what outputs leave of their inputs is no noise.
 LOCAL = ("clipping", "dropout", "spike", "held", "duplicate")

@@ -30,6 +30,8 @@ FEWEST_EQUAL, NEXT_VALUES = 4, 20
 SWITCHED = 0.5
 # Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
 STUCK = 8
+# Of an output of which nearly all samples differ three in a row are not equal by chance, leap or not.
+STUCK_AMONG_UNLIKE, UNLIKE = 3, 0.98
 # A share of equal neighbours above which a signal is held by intention.
 HELD = 0.3
 # Input at rest for so long a share of the period: a burst that ended.
@@ -137,10 +139,12 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
     low, high = x.min(), x.max()
     if np.mean(np.diff(x) == 0.0) > HELD and len(equal_runs(x, 2)) > 5 * len(equal_runs(x, STUCK)):
         return []
-    runs = [(a, b) for a, b in equal_runs(x, STUCK) if a > 0 and x[a] not in (low, high)]
+    unlike = levels.count > UNLIKE * len(x) and not is_input
+    least = STUCK_AMONG_UNLIKE if unlike else STUCK
+    runs = [(a, b) for a, b in equal_runs(x, least) if a > 0 and x[a] not in (low, high)]
     if is_input:  # a burst rests for long, and to the end
         runs = [(a, b) for a, b in runs if b - a < REST * period and b < len(x)]
-    runs = [r for r in runs if _leaps(x, r, levels.step)]
+    runs = [r for r in runs if unlike or _leaps(x, r, levels.step)]
     if not runs:
         return []
     count = sum(b - a for a, b in runs)

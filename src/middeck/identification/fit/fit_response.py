@@ -39,17 +39,15 @@ from middeck.identification.search.fit_warnings import (
     refuse_a_lead,
 )
 from middeck.identification.search.likelihood import likelihood_polish
-from middeck.identification.search.polish import Polished, logarithmic_polish, polish, settle
+from middeck.identification.search.polish import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
-from middeck.systems.hold import release_hold
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.systems.sampling.hold import release_hold
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
-# Steps from a fit of nearly the same response, and how many times more than that one it may leave.
-NEAR_STEPS, MORE_LEFT = 6, 1.5
 
 
 @record(kw_only=True)
@@ -169,17 +167,17 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     """`fit_response` with its options as one value.
 
     A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
-    some thousandths of the response at an eighth of the rate. So a fit of as many states goes on from there.
+    some thousandths of the response at an eighth of the rate.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
         return fit_lines(measured, asked, cost)
     if not hold_s:
         return marked(fit_lines(measured, asked, cost), hold_s)
-    first = _searched(release_hold(measured), asked, cost)
-    folded = folded_response(_model_of(first)[0], measured.frequency_hz, 1.0 / hold_s)
+    first = _model_of(_searched(release_hold(measured), asked, cost))[0]
+    folded = folded_response(first, measured.frequency_hz, 1.0 / hold_s)
     alone = dataclasses.replace(measured, H=measured.H - folded)
-    return marked(_result(_searched(release_hold(alone), asked, cost, first)), hold_s)
+    return marked(fit_lines(release_hold(alone), asked, cost), hold_s)
 
 
 def marked(fit: FitResult, hold_s: float | None) -> FitResult:
@@ -205,10 +203,7 @@ class _Searched:
     reason: str
 
 
-def _searched(
-    measured: FrequencyResponse, asked: FitOptions, cost: Cost, near: _Searched | None = None
-) -> _Searched:
-    """The search; ``near`` is one on nearly the same response."""
+def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Searched:
     check_word("cost", cost, get_args(Cost))
     options, states = decided(measured, asked), asked.states
     check_response(measured, count_unknowns(measured, options))
@@ -229,7 +224,7 @@ def _searched(
     if states is None:
         best, reason = choose_order(measured, data, spread, options, asked)
     else:
-        best, reason = _raced(data, spread, options, near), f"{states} states were asked for"
+        best, reason = race(data, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
     best = settle(data, best, followed)
     if states is None:
@@ -239,18 +234,6 @@ def _searched(
     if cost == "likelihood" and measured.covariance is not None:
         best, followed = likelihood_polish(data, best, measured.covariance), spread
     return _Searched(measured=measured, data=data, best=best, spread=spread, followed=followed, reason=reason)
-
-
-def _raced(data: Data, spread: Spread, options: FitOptions, near: _Searched | None) -> Polished:
-    """From where ``near`` ended, where that follows these data as well; else a race of new starts."""
-    if near is not None:
-        start, share = near.best.start, near.best.share
-        found = polish(data, start, spread, steps=NEAR_STEPS, rounds=1, share=share)
-        if found is not None and model_error(found, spread) <= max(
-            EXPLAINED, MORE_LEFT * model_error(near.best, near.spread)
-        ):
-            return found
-    return race(data, spread, options)
 
 
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:

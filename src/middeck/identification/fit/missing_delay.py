@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, dou
 from middeck.identification.search.fit_warnings import LEFT
 from middeck.identification.spectra.weights import by_output
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # A delay is named where it leaves less than half of what is left without.
 MUCH = 0.5

@@ -20,7 +20,7 @@ from middeck.identification.order.race import race
 from middeck.identification.problem.data import Data
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # Pairs beyond the band that are tried.

@@ -15,7 +15,7 @@ from middeck.identification.search.fit_warnings import confounded_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # "sound": its deviations hold. "doubtful": it may be noise, or what the fit leaves is no noise. "unresolved":

@@ -16,7 +16,7 @@ from middeck.identification.problem.layout import Point, Start, pack
 from middeck.identification.search.polish import Polished, polish
 from middeck.identification.spectra.weights import Spread
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # A mode of fewer deviations is worth a try without it; which of the two is better, lengths tell.
 WORTH_A_TRY = 8.0

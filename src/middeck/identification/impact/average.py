@@ -20,7 +20,7 @@ from middeck.identification.spectra.coherence import ordinary_coherence
 from middeck.identification.spectra.ratios import spectra_response
 from middeck.identification.spectra.scatter import trusted
 from middeck.signals.record import Record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record as frozen
 
 # Share of the response's first rms that the window leaves of it at the end.

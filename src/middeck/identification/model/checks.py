@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, DataError, FitError
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, RecordStream
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record as frozen
 
 FEWEST_SAMPLES = 16

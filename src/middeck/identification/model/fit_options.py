@@ -10,7 +10,7 @@ from typing import Literal, get_args
 from middeck.errors import ConfigError
 from middeck.identification.model.checks import check_word
 from middeck.signals.ports import Port
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 Constants = Literal["real", "complex"]

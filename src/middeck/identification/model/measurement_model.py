@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.signals.ports import Port
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # Share of the largest singular value below which another of a matrix is rounding.

@@ -25,7 +25,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.search.fit_warnings import LEFT
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 
 def choose_order(

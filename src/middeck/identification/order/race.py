@@ -18,7 +18,7 @@ from middeck.identification.search.polish import Polished, polish
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread
 from middeck.identification.start.start import few_starts, starts
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # Steps of all starts, of the best few of them, of the best, and of modes exchanged.
 HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4

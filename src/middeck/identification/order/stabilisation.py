@@ -21,7 +21,7 @@ from middeck.identification.problem.data import Data, data_of
 from middeck.identification.spectra.weights import spread_of
 from middeck.identification.start.start import upper_half, weighted_residues
 from middeck.identification.start.subspace import block_rows, subspace_poles
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # As the starts of a fit: block rows beyond the least.

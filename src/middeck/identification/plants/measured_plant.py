@@ -16,8 +16,8 @@ from middeck.identification.model.measurement_model import (
     path_delay,
     rank_of,
 )
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 # A pair whose pole is closer to the real axis than this share of its size is near critical damping.
 CRITICAL = 0.5

@@ -22,9 +22,9 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.measured_plant import rational_statespace
-from middeck.systems.delay_approximation import SAME_DELAY_S
-from middeck.systems.delayed_sampling import is_sum
-from middeck.systems.transmission_zeros import transmission_zeros
+from middeck.systems.delay.delay_approximation import SAME_DELAY_S
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.sampling.delayed_sampling import is_sum
 from middeck.values import record
 
 NEWTON_STEPS = 8

@@ -25,7 +25,7 @@ from middeck.identification.problem.design import residual_of
 from middeck.identification.search.polish import Polished, bound_theta, bounded
 from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import ROUNDING, averaged
-from middeck.systems.response import ResponseCovariance
+from middeck.systems.plants.response import ResponseCovariance
 from middeck.values import record
 
 # Rounds of a search and new weights: the excess of a weighted fit is a good first one.

@@ -20,7 +20,7 @@ from middeck.identification.spectra.start_up import steadied
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.repetition import blocks_of
 from middeck.signals.record import Record, RecordStream, stream_record
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
 FEWEST_PERIODS, REPEATED = 2, 0.01

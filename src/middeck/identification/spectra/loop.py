@@ -28,8 +28,8 @@ from middeck.identification.spectra.lines import WORST_CONDITION, refuse_alike
 from middeck.identification.spectra.scatter import ResponseScatter, variance_of
 from middeck.signals.ports import Port, port_indices
 from middeck.signals.record import Record, RecordStream
-from middeck.systems.response import statespace_response
-from middeck.systems.statespace import SampledStateSpace, StateSpace
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 # Below this share of the input, what is left of it beside K y is rounding of K and of the samples.
 FAINTEST_REFERENCE = 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.systems.response import ResponseCovariance
+from middeck.systems.plants.response import ResponseCovariance
 from middeck.values import record as frozen
 
 

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Complex, Float
 
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # Half width of the average over lines.

@@ -28,7 +28,7 @@ from middeck.identification.uncertainty.unknowns import ModelStructure, places_o
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.signal import Excitation
 from middeck.signals.record import Record
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 # Real part of a residue of displacement, as a share of its size, that is rounding.

@@ -29,7 +29,7 @@ from middeck.identification.uncertainty.entry_factors import (
     shared_functions,
 )
 from middeck.identification.uncertainty.unknowns import ModelStructure, Places, places_of, ties, unknowns_of
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # Standard deviations by which the mean square residual must exceed noise before it is no longer taken for it.

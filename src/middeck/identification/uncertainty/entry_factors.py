@@ -31,7 +31,7 @@ from middeck.identification.uncertainty.unknowns import (
     part_of,
     places_of,
 )
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 

@@ -12,7 +12,7 @@ from middeck.identification.spectra.weights import NEIGHBOURS, by_output, spread
 from middeck.identification.uncertainty.covariance import line_degrees
 from middeck.identification.uncertainty.parameters import check_level, joint_tail
 from middeck.signals.ports import Port
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # Lines of two periods are one line if they agree to this share of their spacing.

@@ -26,7 +26,7 @@ from middeck.laboratory.rig.motors import LimitedMotors
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.state import RigState
 from middeck.laboratory.rig.tick import converter_ends
-from middeck.realtime.engine.build import cache_folder, find_compiler
+from middeck.realtime.engine.process.build import cache_folder, find_compiler
 
 Array = np.ndarray
 FLAGS = (

@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.laboratory.rig.sensors import Sensor, is_summed
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 

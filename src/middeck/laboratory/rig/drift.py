@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.systems.modal import ModalSystem
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem
 from middeck.values import record
 
 

@@ -14,9 +14,9 @@ from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, add_viscous
 from middeck.laboratory.rig.sensor_filters import anti_alias, sensor_filter
 from middeck.laboratory.rig.sensors import Gyro, Sensor, is_summed
-from middeck.systems.modal import ModalSystem, modal_to_statespace
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace, select_paths
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.statespace import StateSpace, select_paths
 
 
 class FilteredPlant(NamedTuple):

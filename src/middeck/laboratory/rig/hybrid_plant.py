@@ -18,9 +18,9 @@ from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, check_collocated
 from middeck.laboratory.rig.filtered_plant import filter_outputs, sample_noise
 from middeck.laboratory.rig.sensors import Sensor
-from middeck.systems.plant import Plant
-from middeck.systems.sampling import WHOLE, hold_inputs, split_delay
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.sampling.sampling import WHOLE, hold_inputs, split_delay
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 Hold = Callable[[float], tuple[np.ndarray, np.ndarray]]

@@ -9,7 +9,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.statespace import SampledStateSpace, same_period
+from middeck.systems.state_space.statespace import SampledStateSpace, same_period
 
 
 def place_law(

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from middeck.laboratory.rig.computer import integrators
 from middeck.laboratory.rig.rig import Rig
-from middeck.systems.feedback import feedback
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import SampledStateSpace
 
 
 def linearise_rig(rig: Rig) -> Plant:

@@ -25,7 +25,7 @@ from middeck.laboratory.rig.motors import Motor, MotorBank, gather_motors
 from middeck.laboratory.rig.readout import Readout, gather_readout
 from middeck.laboratory.rig.sensors import Sampler, Sensor, sensor_lag
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 
@@ -47,7 +47,7 @@ class Rig:
         """A tick [s]."""
         return 1.0 / self.sample_hz
 
-    @property
+    @functools.cached_property
     def linear(self) -> bool:
         """Whether nothing is switched on: motors without limits, samplers, no joints and no drift."""
         plain = all(m == Motor() for m in self.motors) and all(isinstance(s, Sampler) for s in self.sensors)

@@ -30,9 +30,9 @@ from middeck.laboratory.rig.simulation import (
 )
 from middeck.laboratory.rig.state import RigBlock, RigState, cut_block
 from middeck.signals.record import Record
-from middeck.systems.simulation import find_periodic_state
-from middeck.systems.stability import growth_rates, is_stable
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.sampling.simulation import find_periodic_state
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 REST_S = 30.0

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from middeck.laboratory.rig.sensors import BUTTERWORTH_DELAY, Gyro, Sampler, Sensor
-from middeck.systems.statespace import StateSpace, gain_system, series
+from middeck.systems.state_space.statespace import StateSpace, gain_system, series
 
 
 def sensor_filter(sensor: Sensor) -> StateSpace:

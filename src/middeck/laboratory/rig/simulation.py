@@ -25,8 +25,8 @@ from middeck.laboratory.rig.linear_view import close_rig
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.state import RigBlock, RigState, check_start, start_at_rest
 from middeck.laboratory.rig.tick import Tick
-from middeck.systems.simulation import simulate
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.sampling.simulation import simulate
+from middeck.systems.state_space.statespace import SampledStateSpace
 
 BLOCK = 2048  # ticks simulated in one go
 

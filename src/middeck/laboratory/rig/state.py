@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.rig import Rig
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 

@@ -13,7 +13,7 @@ from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.simulation import BLOCK, draw_errors, pair_rows, switch_on
 from middeck.laboratory.rig.state import RigState
 from middeck.laboratory.rig.tick import Tick
-from middeck.realtime.engine.rig import EngineRig
+from middeck.realtime.engine.rigs.rig import EngineRig
 
 Array = np.ndarray
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.gate.gain_loop import form_gain_loop
 from middeck.realtime.gate.gain_proof import Proved, prove_interval
 from middeck.realtime.package.package import ControllerPackage
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 

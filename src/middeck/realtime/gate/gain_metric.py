@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from middeck.realtime.gate.gain_loop import GainLoop, closed_at
 from middeck.realtime.gate.gain_plan import Disc
-from middeck.systems.balancing import balance
+from middeck.systems.state_space.balancing import balance
 from middeck.values import record
 
 DOUBLINGS = 60

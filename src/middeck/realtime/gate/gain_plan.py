@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.realtime.gate.gain_loop import GainLoop, closed_at
-from middeck.systems.balancing import balance
-from middeck.systems.resolvent import evaluate_transfer
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.poles.resolvent import evaluate_transfer
+from middeck.systems.state_space.balancing import balance
+from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 SHARE = 0.7

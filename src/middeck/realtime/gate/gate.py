@@ -6,8 +6,8 @@ import hashlib
 from collections.abc import Mapping
 
 from middeck.errors import ConfigError
-from middeck.realtime.engine.adaptive_gain import AdaptiveGain, ProvedGain
-from middeck.realtime.engine.settings import EngineSettings, hash_hold
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain
+from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.held import with_hold
 from middeck.realtime.gate.steps import (
@@ -29,7 +29,7 @@ from middeck.realtime.gate.trials import (
 )
 from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.package import ControllerPackage
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 NO_HOLD = hashlib.sha256().hexdigest()

@@ -7,7 +7,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.realtime.gate.norm_bound import is_positive, rounding_of_sums
-from middeck.systems.balancing import balance
+from middeck.systems.state_space.balancing import balance
 
 
 def is_proved_to_grow(

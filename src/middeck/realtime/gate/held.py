@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.realtime.engine.settings import EngineSettings
+from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.section import LoopPath

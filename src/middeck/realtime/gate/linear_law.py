@@ -6,7 +6,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.rounding import unfold_law
-from middeck.systems.statespace import SampledStateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 
 
 def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:

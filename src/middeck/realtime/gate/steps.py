@@ -16,8 +16,8 @@ from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single import bound_error
 from middeck.realtime.package.vectors import run_vectors
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import same_period
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import same_period
 from middeck.values import record
 
 FADES = tuple(k / 10.0 for k in range(11))

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.realtime.engine.article import LinearArticle, linear_article
-from middeck.realtime.engine.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.trial import AnyRig, Stage, Trial, run_trial
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
+from middeck.realtime.engine.trials.trial import AnyRig, Stage, Trial, run_trial
 from middeck.realtime.gate.held import with_hold
 from middeck.realtime.gate.steps import GateStep
 from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.ports import Port
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 ENVELOPE = 0.9

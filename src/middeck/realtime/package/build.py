@@ -54,7 +54,7 @@ def package_law(
     Raises `ConfigError` for a continuous law (see `emulate`), a law with such poles that are not declared,
     a modal form of poles that nearly coincide, and what `ControllerPackage` refuses.
 
-    >>> from middeck.systems.statespace import SampledStateSpace
+    >>> from middeck.systems.state_space.statespace import SampledStateSpace
     >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], period_s=0.002)
     >>> made = package_law(Compensator(lag, (Port("y", "rad"),), (Port("u", "N m"),)), "lag", limit=0.25)
     >>> made.core.pairs, made.vectors.u[0].tolist() == [0.25]

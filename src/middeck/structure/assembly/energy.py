@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -262,7 +262,7 @@ class _Members(NamedTuple):
     ``apart`` are states of the elements inside carried parts.
     """
 
-    energy: float
+    energy: Any
     gradient: np.ndarray
     excess: np.ndarray
     material: np.ndarray

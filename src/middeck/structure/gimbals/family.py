@@ -30,7 +30,7 @@ from middeck.structure.modes.naming import name_modes
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.systems.plant import Plant
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 # Between two points a mode is surely the same when this, squared, of its shape is; else the way is halved.

@@ -23,6 +23,7 @@ from middeck.structure.elements.frames import (
 )
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
+from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Interpolation, Link
 from middeck.structure.modes.recovery import inner_points
 from middeck.structure.modes.repeated import repeated
@@ -62,7 +63,8 @@ class Line(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """A point with a meaning: "mass", "clamp", "ground" (a bushing to it), "force" or "moment".
+    """A point with a meaning: "mass", "clamp", "support" (a clamp of some directions), "ground" (a bushing to
+    it), "force" or "moment".
 
     ``direction`` is a unit vector in W, zero where there is none.
     """
@@ -385,7 +387,8 @@ def _seats(equilibrium: Equilibrium) -> Iterator[tuple[Mark, int, np.ndarray]]:
     for mass in structure.masses:
         yield Mark("mass", mass.name, 0, none), model.frames.index(mass.frame), mass.body.cg
     for node in dict.fromkeys(clamp.node for clamp in equilibrium.environment.clamps):
-        yield Mark("clamp", node, 0, none), model.frames.index(node), np.zeros(3)
+        what = "clamp" if _all_held(equilibrium.environment, node) else "support"
+        yield Mark(what, node, 0, none), model.frames.index(node), np.zeros(3)
     for bushing, pose in zip(equilibrium.environment.bushings, loads.ground.point, strict=True):
         yield Mark("ground", bushing.name, 0, none), int(model.points.frame[pose]), model.points.offset[pose]
     for load, pose in zip(structure.loads, model.load_point, strict=True):
@@ -393,6 +396,18 @@ def _seats(equilibrium: Equilibrium) -> Iterator[tuple[Mark, int, np.ndarray]]:
             if np.any(vector):
                 x, y, z = (vector / np.linalg.norm(vector)).tolist()
                 yield Mark(what, load.name, 0, (x, y, z)), int(model.points.frame[pose]), load.offset
+
+
+def _all_held(environment: Environment, node: str) -> bool:
+    """Whether the clamps of ``node`` together hold all six of its degrees of freedom."""
+    own = [clamp for clamp in environment.clamps if clamp.node == node]
+    for held in ([(c, c.along) for c in own], [(c, c.about) for c in own]):
+        directions = np.hstack(
+            [c.axes[:, ["xyz".index(letter) for letter in letters]] for c, letters in held]
+        )
+        if np.linalg.matrix_rank(directions, tol=1e-6) < 3:
+            return False
+    return True
 
 
 def _strain(equilibrium: Equilibrium, shapes: np.ndarray, lines: Sequence[Line]) -> np.ndarray:

@@ -17,10 +17,10 @@ from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.gyroscopic import momentum_warnings
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual import residual_flexibility
-from middeck.systems.inert_modes import inert_modes
-from middeck.systems.modal import ModalSystem, couple_rates, select_modes
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.inert_modes import inert_modes
+from middeck.systems.state_space.modal import ModalSystem, couple_rates, select_modes
+from middeck.systems.state_space.statespace import StateSpace
 
 
 def build_plant(

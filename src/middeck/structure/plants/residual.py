@@ -27,7 +27,7 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.solve import Modes
 from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.plants.port_rows import input_rows, output_rows
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # Residual of a solution, over the size of its terms, above which it is not one.

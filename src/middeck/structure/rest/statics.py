@@ -497,5 +497,6 @@ def _damped_step(
     raise NumericalError(
         "no step towards equilibrium: the tangent stays indefinite at any damping",
         where=f"structure {model.structure.title!r}",
-        hint="a motion without mass that something pushes over? give its frame a mass and an inertia",
+        hint="a load beyond buckling? apply less of it; a motion without mass that something pushes over? "
+        "give its frame a mass and an inertia",
     )

@@ -12,8 +12,8 @@ from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import close_loop, leave_open, predict_closed_loop_response
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg import LQGWeights
-from middeck.files.studies import Study
-from middeck.files.study_form import SisoForm
+from middeck.files.studies.documents import Study
+from middeck.files.studies.form import SisoForm
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -23,8 +23,8 @@ from middeck.identification.model.measurement_model import (
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.bench import build_bench, take_closed_loop
 from middeck.laboratory.loop import RigLoop, RigView, judge_loops, view_rig
-from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 SEEN_DB = 40.0  # prediction and measurement are compared where the open loop is within this of its peak

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from middeck.plot.curves import draw_magnitude
 from middeck.plot.style import COLOUR, frequency_axis, new_figure
 from middeck.study.measured_loop.computation import MeasuredLoop
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 
 DARKER, LIGHTER, LIGHT = 0.4, 0.3, 0.35
 

@@ -6,11 +6,11 @@ from collections import Counter
 
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.deck import asked_formulation
-from middeck.files.nastran.formats import DIVIDING
-from middeck.files.nastran.members import NAMES
-from middeck.files.nastran.scalars import MASSES
-from middeck.files.nastran.units import doubt_modulus
+from middeck.files.nastran.deck.deck import asked_formulation
+from middeck.files.nastran.deck.formats import DIVIDING
+from middeck.files.nastran.deck.units import doubt_modulus
+from middeck.files.nastran.masses_and_springs.scalars import MASSES
+from middeck.files.nastran.members.members import NAMES
 
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
@@ -20,6 +20,12 @@ NO_PART = {
     "how to solve": ("EIGR", "EIGRL"),
 }
 NOT_SELECTED = "not selected by case control"
+# What an article has in place of cards that are passed over, by the beginning of their names.
+ELSEWHERE = {
+    ("ROTOR", "RSPIN", "RGYRO"): "rotors stand still: give a [[wheel]] and its speed in the environment",
+    ("CDAMP", "PDAMP", "CVISC", "PVISC"): "damping: give it in the article's [damping]",
+}
+DIVIDES = "which superelement something is in: the article is not divided"
 
 
 def count_converted(basis: Basis, parts: Parts, standing: Standing) -> dict[str, int]:
@@ -44,11 +50,7 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     rows = [(name, len(entries.of(name)), why) for why, names in NO_PART.items() for name in names]
     if not parts.scalars and (direct is None or not direct.modal):  # else its modal coordinates
         rows.append(("SPOINT", len(entries.of("SPOINT")), "nothing stands on these scalar points"))
-    divides = "which superelement something is in: the article is not divided"
-    rows += [
-        (name, count, divides if name in DIVIDING else "no part in stiffness and mass")
-        for name, count in sorted(entries.idle.items())
-    ]
+    rows += [(name, count, _why_idle(name)) for name, count in sorted(entries.idle.items())]
     inside = [e for e in entries.of("GRID") if e["seid"]]
     rows.append(("GRID SEID", len(inside), "which superelement they are in: the article is not divided"))
     idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
@@ -58,6 +60,13 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
     rows.append(("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]"))
     return [row for row in rows if row[1] > 0]
+
+
+def _why_idle(card: str) -> str:
+    if card in DIVIDING:
+        return DIVIDES
+    found = (why for starts, why in ELSEWHERE.items() if card.startswith(starts))
+    return next(found, "no part in stiffness and mass")
 
 
 def note_doubts(basis: Basis) -> list[str]:

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from middeck.files.faults import Fault
 from middeck.files.nastran.article.account import account_left_out, count_converted, note_doubts
 from middeck.files.nastran.article.holds import ground_clamps, loose_clamps
+from middeck.files.nastran.article.loads import LoadSets
 from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
 from middeck.files.nastran.article.parts import LeftOut, read_parts, set_out
 from middeck.files.nastran.article.sections import Formulation
@@ -17,13 +17,13 @@ from middeck.files.nastran.article.springs import scalar_tables, spring_tables
 from middeck.files.nastran.article.standing import Standing, find_standing
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
 from middeck.files.nastran.article.wholeness import check_whole
-from middeck.files.nastran.coordinates import place_grids
-from middeck.files.nastran.deck import Deck, real_parameter
-from middeck.files.nastran.direct_input import NAME
-from middeck.files.nastran.entries import raise_some
-from middeck.files.nastran.loads import LoadSets
-from middeck.files.nastran.sections_of_bars import read_material
-from middeck.files.nastran.units import Units, guess_units
+from middeck.files.nastran.components.direct_input import NAME
+from middeck.files.nastran.deck.coordinates import place_grids
+from middeck.files.nastran.deck.deck import Deck, real_parameter
+from middeck.files.nastran.deck.entries import raise_some
+from middeck.files.nastran.deck.units import Units, guess_units
+from middeck.files.nastran.members.sections_of_bars import read_material
+from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
 
 

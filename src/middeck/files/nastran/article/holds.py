@@ -6,10 +6,10 @@ from typing import Any
 
 from middeck.files.nastran.article.parts import Basis, Parts, turns
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.constraints import joined_components
-from middeck.files.nastran.loose_turns import loose_turns, turn_clamp
-from middeck.files.nastran.restraints import clamp
-from middeck.files.nastran.rigid_links import ALL
+from middeck.files.nastran.constraints.constraints import joined_components
+from middeck.files.nastran.constraints.restraints import clamp
+from middeck.files.nastran.constraints.rigid_links import ALL
+from middeck.files.nastran.masses_and_springs.loose_turns import loose_turns, turn_clamp
 from middeck.structure.model.connectivity import some_names
 
 Tables = list[dict[str, Any]]
@@ -50,7 +50,7 @@ def loose_clamps(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables
     return clamps, notes
 
 
-def _joins(standing: Standing) -> dict[str, str] | dict[int, str]:
+def _joins(standing: Standing) -> dict[int, str]:
     """Components of each grid that constraints, rigid links and components join."""
     components = {grid for grids in standing.joined for grid in grids}
     whole = dict.fromkeys({*components, *standing.riders, *standing.riders.values()}, ALL)

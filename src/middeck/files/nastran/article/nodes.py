@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.files.nastran.article.parts import Basis, reach, turns
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.bodies import Mass
+from middeck.files.nastran.masses_and_springs.bodies import Mass
 from middeck.structure.model.connectivity import some_names
 
 Tables = list[dict[str, Any]]

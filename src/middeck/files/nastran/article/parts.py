@@ -6,20 +6,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from middeck.files.faults import Fault
 from middeck.files.nastran.article.sections import Formulation
-from middeck.files.nastran.bodies import Mass, read_masses, read_scalar_masses, scalar_masses
-from middeck.files.nastran.constraints import Constraint, read_constraints, term_rows
-from middeck.files.nastran.coordinates import Places, place_grids
-from middeck.files.nastran.deck import Deck, real_parameter
-from middeck.files.nastran.direct_input import direct_component
-from middeck.files.nastran.entries import Entries, Entry, raise_some
-from middeck.files.nastran.members import Bar, read_bars
-from middeck.files.nastran.numbers import integer
-from middeck.files.nastran.restraints import read_restraints
-from middeck.files.nastran.scalars import WAY, Element, held_points, read_elements, scalar_points, tie_terms
-from middeck.files.nastran.ties import Tie, read_ties
-from middeck.files.nastran.units import Units
+from middeck.files.nastran.components.direct_input import direct_component
+from middeck.files.nastran.constraints.constraints import Constraint, read_constraints, term_rows
+from middeck.files.nastran.constraints.restraints import read_restraints
+from middeck.files.nastran.deck.coordinates import Places, place_grids
+from middeck.files.nastran.deck.deck import Deck, real_parameter
+from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
+from middeck.files.nastran.deck.numbers import integer
+from middeck.files.nastran.deck.units import Units
+from middeck.files.nastran.masses_and_springs.bodies import (
+    Mass,
+    read_masses,
+    read_scalar_masses,
+    scalar_masses,
+)
+from middeck.files.nastran.masses_and_springs.scalars import (
+    WAY,
+    Element,
+    held_points,
+    read_elements,
+    scalar_points,
+    tie_terms,
+)
+from middeck.files.nastran.masses_and_springs.ties import Tie, read_ties
+from middeck.files.nastran.members.members import Bar, read_bars
+from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
 
 LeftOut = tuple[str, int, str]

@@ -13,11 +13,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.beam_stations import Cut
-from middeck.files.nastran.bodies import Mass
-from middeck.files.nastran.members import Bar, own_axes
-from middeck.files.nastran.sections_of_bars import BarSection
-from middeck.files.nastran.units import Units
+from middeck.files.nastran.deck.units import Units
+from middeck.files.nastran.masses_and_springs.bodies import Mass
+from middeck.files.nastran.members.beam_stations import Cut
+from middeck.files.nastran.members.members import Bar, own_axes
+from middeck.files.nastran.members.sections_of_bars import BarSection
 from middeck.structure.model.connectivity import some_names
 
 Formulation = Literal["consistent", "coupled", "lumped"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.scalars import ScalarNodes, scalar_nodes
+from middeck.files.nastran.masses_and_springs.scalars import ScalarNodes, scalar_nodes
 from middeck.structure.model.connectivity import some_names
 
 Tables = list[dict[str, Any]]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from middeck.files.faults import Fault
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts, grids_named, linked_grids
 from middeck.files.nastran.article.sections import lumps
-from middeck.files.nastran.bodies import Mass, merged
-from middeck.files.nastran.constraints import Constraint, check_dependent, that_matter
-from middeck.files.nastran.entries import raise_some
-from middeck.files.nastran.rigid_links import find_carriers
+from middeck.files.nastran.constraints.constraints import Constraint, check_dependent, that_matter
+from middeck.files.nastran.constraints.rigid_links import find_carriers
+from middeck.files.nastran.deck.entries import raise_some
+from middeck.files.nastran.masses_and_springs.bodies import Mass, merged
+from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.article.sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.entries import Entry
-from middeck.files.nastran.members import RODS, Bar, own_axes
+from middeck.files.nastran.deck.entries import Entry
+from middeck.files.nastran.members.members import RODS, Bar, own_axes
 
 Tables = list[dict[str, Any]]
 

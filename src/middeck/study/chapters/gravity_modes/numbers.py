@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.files.json_results import mode_numbers, rest_numbers
+from middeck.files.json.results import mode_numbers, rest_numbers
 from middeck.structure.gravity.comparison import ModeComparison
 from middeck.study.words import Numbers
 

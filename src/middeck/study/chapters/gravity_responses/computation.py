@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.files.studies import Study
+from middeck.files.studies.documents import Study
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.shared import find_modes
-from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse, evaluate_plant
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 from middeck.values import record
 
 LINES = 600  # logarithmic, for the models' curves

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.files.json_results import response_numbers
+from middeck.files.json.results import response_numbers
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
 from middeck.study.words import Claim, Numbers, below
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from middeck.control.lqg import design_filter, design_lqg
 from middeck.control.robust import design_multimodel
-from middeck.files.studies import Study
-from middeck.files.study_form import SisoForm
+from middeck.files.studies.documents import Study
+from middeck.files.studies.form import SisoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
@@ -28,10 +28,10 @@ from middeck.study.measured_loop.computation import (
     measure_loop,
     view_shifted_rigs,
 )
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.modal import output_rows
-from middeck.systems.plant import Plant, require_modal
-from middeck.systems.response import FrequencyResponse, in_band
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, require_modal
+from middeck.systems.plants.response import FrequencyResponse, in_band
+from middeck.systems.state_space.modal import output_rows
 from middeck.values import record
 
 HELD = 0.02  # relative distance within which a fitted pole is a mode's

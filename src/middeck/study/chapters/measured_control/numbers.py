@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from middeck.files.json_results import fitted_numbers, response_numbers
+from middeck.files.json.results import fitted_numbers, response_numbers
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.laboratory.loop import RigLoop
 from middeck.study.chapters.measured_control.computation import MeasuredControl

@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.files.records import load_record
-from middeck.files.studies import Study
+from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import evaluate_model
 from middeck.identification.model.simulation import nrmse
 from middeck.identification.spectra import estimate_response
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 BAND_HZ = (1.0, 3000.0)  # the data set's own lines

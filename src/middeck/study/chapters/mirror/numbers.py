@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from middeck.files.json_results import fitted_numbers
+from middeck.files.json.results import fitted_numbers
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.study.chapters.mirror.computation import PUBLISHED_NRMSE, MirrorFit
 from middeck.study.words import Claim, Numbers, percent, row

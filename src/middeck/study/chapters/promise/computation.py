@@ -12,10 +12,10 @@ from middeck.control.analysis.stability import LoopStability, decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGCompensator, design_lqg
-from middeck.files.outcomes import name_of, name_of_mode, statements_of
-from middeck.files.promise_build import build_plan
-from middeck.files.promises import promised_there
-from middeck.files.studies import Study
+from middeck.files.promises.build import build_plan
+from middeck.files.promises.documents import promised_there
+from middeck.files.promises.outcomes import name_of, name_of_mode, statements_of
+from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
@@ -28,12 +28,12 @@ from middeck.structure.modes.solve import Modes
 from middeck.study.chapters.promise.flight import Flown, fly, launch
 from middeck.study.chapters.promise.ground import Ground, run_ground_tests
 from middeck.study.shared import find_modes
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.updating.outlook import LEVELS
-from middeck.updating.plan import Plan, weights_of
-from middeck.updating.promise import Promise, design_ladder, design_on, promise
-from middeck.updating.score import Outcome, Score, Verdict, judge, score
-from middeck.updating.surveys import pair, set_up
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.updating.promise.outlook import LEVELS
+from middeck.updating.promise.plan import Plan, weights_of
+from middeck.updating.promise.promise import Promise, design_ladder, design_on, promise
+from middeck.updating.promise.score import Outcome, Score, Verdict, judge, score
+from middeck.updating.residuals.surveys import pair, set_up
 from middeck.values import record
 
 FLEXIBLE = 10  # frequencies that are judged together

@@ -11,7 +11,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.qualification import decibels
 from middeck.control.robust.monte_carlo import noise_on, uncontrolled_rms
 from middeck.control.sampled import emulate
-from middeck.files.study_promise import PromiseForm
+from middeck.files.studies.promise import PromiseForm
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
@@ -21,9 +21,9 @@ from middeck.signals.excitation import random_multisine
 from middeck.signals.ports import port_indices
 from middeck.signals.record import Record
 from middeck.structure.plants.port_rows import RATE
-from middeck.systems.plant import Plant
-from middeck.systems.statespace import StateSpace
-from middeck.updating.plan import Plan, group_loop, once, weights_of
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
+from middeck.updating.promise.plan import Plan, group_loop, once, weights_of
 from middeck.values import record
 
 SETTLE = 1  # unrecorded period of a run

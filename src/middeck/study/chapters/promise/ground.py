@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.files.promise_build import build_modal_test, build_unknowns
-from middeck.files.studies import Study
-from middeck.files.study_promise import PromiseForm, SetUpForm
+from middeck.files.promises.build import build_modal_test, build_unknowns
+from middeck.files.studies.documents import Study
+from middeck.files.studies.promise import PromiseForm, SetUpForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.friction import JointFriction, find_friction, without_friction
 from middeck.identification.spectra import estimate_response
@@ -19,10 +19,10 @@ from middeck.laboratory.settings import RigSettings
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
-from middeck.systems.response import FrequencyResponse
-from middeck.updating.fitted_survey import survey_from_fit
-from middeck.updating.refine import Refined, refine
-from middeck.updating.surveys import Survey
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.updating.refinement.refine import Refined, refine
+from middeck.updating.residuals.fitted_survey import survey_from_fit
+from middeck.updating.residuals.surveys import Survey
 from middeck.values import record
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.files.promises import limits_of
+from middeck.files.promises.documents import limits_of
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.uncertainty.parameters import stated
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, PromiseKept
 from middeck.study.chapters.promise.ground import GroundTest
 from middeck.study.words import Claim, Numbers, above, at_most, row
-from middeck.updating.findings import findings
-from middeck.updating.outlook import LEVELS
+from middeck.updating.promise.outlook import LEVELS
+from middeck.updating.refinement.findings import findings
 
 PERCENT, LEAST_TIMES = 0.1, 8.0  # of the first flexible frequencies: error, and how far below the sheet's
 COVERED = 90.0  # per cent of outcomes within 95 % intervals

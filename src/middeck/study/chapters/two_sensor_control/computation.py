@@ -13,7 +13,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import design_filter, design_lqg
 from middeck.control.shaping import second_order_section, shape_compensator
-from middeck.files.studies import Study
+from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import rig_delay
@@ -35,7 +35,7 @@ from middeck.study.measured_loop.computation import (
     measured_rms_of,
     view_shifted_rigs,
 )
-from middeck.systems.response import FrequencyResponse
+from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 FLEXIBLE_HZ = (7.0, 9.0)  # the modes that the bus penalty is for

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from middeck.files.studies import Study
+from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import damping_ratio, model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
@@ -17,9 +17,9 @@ from middeck.identification.search.fit_warnings import FAR, HALF
 from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
 from middeck.study.measured_loop.computation import DesignCase, design_case
-from middeck.systems.delay_approximation import approximate_delays
-from middeck.systems.plant import Plant
-from middeck.systems.response import FrequencyResponse, in_band
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.response import FrequencyResponse, in_band
 from middeck.values import record
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.files.json_results import fitted_numbers, response_numbers
+from middeck.files.json.results import fitted_numbers, response_numbers
 from middeck.identification.model.measurement_model import path_delay
 from middeck.identification.plants.zeros import name_zeros
 from middeck.identification.uncertainty.parameters import stated

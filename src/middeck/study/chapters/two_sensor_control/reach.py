@@ -9,7 +9,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.laboratory.loop import RigView, fastest_pole, judge_loops
 from middeck.study.measured_loop.computation import DesignCase, predicted_db
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.values import record
 
 LEVELS = np.arange(0.0, 4.51, 0.25)  # log10 authority

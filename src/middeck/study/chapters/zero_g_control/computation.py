@@ -19,17 +19,17 @@ from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.lqg import LQGWeights, design_filter, design_lqg
 from middeck.errors import ConfigError, NumericalError
-from middeck.files.studies import Study
-from middeck.files.study_form import ControlForm
+from middeck.files.studies.documents import Study
+from middeck.files.studies.form import ControlForm
 from middeck.structure.gravity.comparison import ModeComparison
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE
-from middeck.systems.modal import select_modes
-from middeck.systems.plant import Plant, require_modal
-from middeck.systems.rms import band_rms_by_quadrature
-from middeck.systems.stability import GROWTH_LIMIT
+from middeck.systems.norms.rms import band_rms_by_quadrature
+from middeck.systems.plants.plant import Plant, require_modal
+from middeck.systems.poles.stability import GROWTH_LIMIT
+from middeck.systems.state_space.modal import select_modes
 from middeck.values import record
 
 SUB_MODELS = ("all", "rigid", "flexible")

@@ -1,0 +1,192 @@
+"""Forms of clamps, bushings and load cases, and the values that they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import AfterValidator, Field, PlainValidator
+from pydantic_core import PydanticCustomError
+
+from middeck.errors import ConfigError
+from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector
+from middeck.structure.model.article import AddedMass, Body, Bushing, LoadCase, PointLoad
+from middeck.structure.model.clamps import LETTERS, Clamp
+from middeck.structure.model.environment import GroundBushing
+
+ORIGIN = (0.0, 0.0, 0.0)
+X, Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+# Sine between the two axes below which they are one: rounding decides where the third is.
+APART = 1e-6
+
+
+def held_letters(value: str) -> str:
+    """Some of x, y and z, or none, each once and in this order.
+
+    >>> held_letters("")
+    ''
+    """
+    if value != "".join(axis for axis in LETTERS if axis in value):
+        raise PydanticCustomError(
+            "range", "out of range", {"allowed": 'x, y, z, in this order, as in "yz"; "" for none'}
+        )
+    return value
+
+
+def stiffness_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
+    """Six numbers of a diagonal or six rows of six; whether it can be is checked with the article."""
+    allowed = {"allowed": "six numbers, the diagonal, or six rows of six, symmetric: N/m, N, N m/rad"}
+    try:
+        matrix: np.ndarray = np.array(value, dtype=float)
+    except (ValueError, TypeError):
+        matrix = np.zeros(0)
+    matrix = np.diag(matrix) if matrix.shape == (6,) else matrix
+    if matrix.shape != (6, 6) or not np.all(np.isfinite(matrix)):
+        raise PydanticCustomError("stiffness", "not six numbers nor a 6x6 matrix of them", allowed)
+    return tuple(tuple(map(float, row)) for row in matrix)
+
+
+Held = Annotated[str, AfterValidator(held_letters)]
+Stiffness = Annotated[Any, PlainValidator(stiffness_matrix)]
+
+
+class ClampForm(Form):
+    """Degrees of freedom of a node that the ground holds."""
+
+    node: str
+    along: Held = LETTERS
+    about: Held = LETTERS
+    x_axis: Vector = X
+    y_axis: Vector = Y
+
+
+class PrescribedForm(ClampForm):
+    """Those that are moved from where the article was drawn, in the axes of the clamp."""
+
+    shift_m: Vector = ORIGIN
+    turn_deg: Vector = ORIGIN
+
+
+class GroundBushingForm(Form):
+    """A 6x6 stiffness from an attach point to the ground."""
+
+    name: Name | None = None
+    attach: str
+    stiffness: Stiffness
+    x_axis: Vector = X
+    y_axis: Vector = Y
+
+
+class BushingForm(Form):
+    """A 6x6 stiffness between two attach points, which follows the first."""
+
+    name: Name | None = None
+    from_: str = Field(alias="from")
+    to: str
+    stiffness: Stiffness
+    x_axis: Vector = X
+    y_axis: Vector = Y
+
+
+class LoadForm(Form):
+    """A dead force, at ``offset_m`` from the origin of a frame, and a dead moment; both in W."""
+
+    frame: str
+    force_n: Vector = ORIGIN
+    moment_nm: Vector = ORIGIN
+    offset_m: Vector = ORIGIN
+
+
+class MassForm(Form):
+    """A body bolted to a frame; without ``inertia_kg_m2`` a point at ``cg_m``."""
+
+    frame: str
+    mass_kg: NotNegative
+    cg_m: Vector = ORIGIN
+    inertia_kg_m2: Inertia | None = None
+
+
+class LoadCaseForm(Form):
+    """What is hung on the article, pushes it or displaces it in one test."""
+
+    name: Name
+    load: Annotated[tuple[LoadForm, ...], Field(strict=False)] = ()
+    mass: Annotated[tuple[MassForm, ...], Field(strict=False)] = ()
+    prescribed: Annotated[tuple[PrescribedForm, ...], Field(strict=False)] = ()
+
+
+def build_clamp(form: ClampForm) -> Clamp:
+    """The clamp that a valid form describes."""
+    moved = form if isinstance(form, PrescribedForm) else PrescribedForm(node=form.node)
+    return Clamp(
+        node=form.node,
+        along=form.along,
+        about=form.about,
+        axes=build_axes(form, f"clamp of node {form.node!r}"),
+        shift=np.array(moved.shift_m),
+        turn=np.deg2rad(moved.turn_deg),
+    )
+
+
+def build_ground(form: GroundBushingForm) -> GroundBushing:
+    """The bushing to the ground that a valid form describes."""
+    name = form.name or f"bushing_{form.attach}"
+    axes = build_axes(form, f"bushing {name!r}")
+    return GroundBushing(name=name, attach=form.attach, stiffness=np.array(form.stiffness), axes=axes)
+
+
+def build_bushing(form: BushingForm) -> Bushing:
+    """The bushing between two attach points that a valid form describes."""
+    name = form.name or f"{form.from_}-{form.to}"
+    axes = build_axes(form, f"bushing {name!r}")
+    return Bushing(name=name, start=form.from_, end=form.to, stiffness=np.array(form.stiffness), axes=axes)
+
+
+def build_load_cases(forms: Sequence[LoadCaseForm]) -> tuple[LoadCase, ...]:
+    """The load cases that valid forms describe; loads and masses have the names of frames, numbered."""
+    return tuple(
+        LoadCase(
+            name=form.name,
+            loads=tuple(
+                PointLoad(
+                    name=f"{form.name}_{i}_{p.frame}",
+                    frame=p.frame,
+                    force=np.array(p.force_n),
+                    moment=np.array(p.moment_nm),
+                    offset=np.array(p.offset_m),
+                )
+                for i, p in enumerate(form.load)
+            ),
+            masses=tuple(
+                AddedMass(f"{form.name}_{i}_{m.frame}", m.frame, _body(m)) for i, m in enumerate(form.mass)
+            ),
+            prescribed=tuple(build_clamp(p) for p in form.prescribed),
+        )
+        for form in forms
+    )
+
+
+def _body(form: MassForm) -> Body:
+    inertia = np.zeros((3, 3)) if form.inertia_kg_m2 is None else np.array(form.inertia_kg_m2)
+    return Body(form.mass_kg, np.array(form.cg_m), inertia)
+
+
+def build_axes(form: ClampForm | GroundBushingForm | BushingForm, where: str) -> Float[np.ndarray, "3 3"]:
+    """Unit vectors as columns, see `build_plane`."""
+    return build_plane(form.x_axis, form.y_axis, where)
+
+
+def build_plane(x_axis: Sequence[float], y_axis: Sequence[float], where: str) -> Float[np.ndarray, "3 3"]:
+    """Unit vectors as columns, y in the plane of both; raises `ConfigError` where the two given are one."""
+    x, y = np.array(x_axis), np.array(y_axis)
+    across = np.cross(x, y)
+    if not np.linalg.norm(across) > APART * np.linalg.norm(x) * np.linalg.norm(y):
+        raise ConfigError(
+            f"x_axis {x.tolist()} and y_axis {y.tolist()} make no plane",
+            where=where,
+            hint="two vectors in different directions; lengths do not matter",
+        )
+    x, z = x / np.linalg.norm(x), across / np.linalg.norm(across)
+    return np.column_stack([x, np.cross(z, x), z])

@@ -1,0 +1,160 @@
+"""Components in files: NPZ and MAT with names, in SI units; OUTPUT4 or punched DMIG with their cards."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from middeck.errors import ConfigError, DataError
+from middeck.files.articles.component_form import ComponentForm
+from middeck.files.disk.atomic import replacing
+from middeck.structure.model.component import Component, require_component
+
+SCHEMA = "middeck.component/1"
+OPTIONAL = ("damping", "present", "outputs", "recovery")
+# Names by which others may have them.
+ALSO = {"K": "stiffness", "M": "mass", "B": "damping", "C": "damping"}
+HINT = "stiffness, mass, grids and positions; middeck reduce writes them"
+
+
+def write_component(path: str | Path, component: Component) -> None:
+    """Write a component to an NPZ or MAT file, by the ending, whole or not at all.
+
+    Arrays: ``stiffness``, ``mass`` (six coordinates of each grid, then modal ones; SI units), ``grids``,
+    ``positions`` [m], and where there are any ``damping``, ``present``, ``outputs`` and ``recovery``. Raises
+    `ConfigError` for another ending.
+    """
+    path = Path(path)
+    arrays: dict[str, Any] = {"schema": SCHEMA, "name": component.name, "grids": list(component.grids)}
+    arrays |= {key: getattr(component, key) for key in ("positions", "stiffness", "mass")}
+    arrays |= {
+        key: value for key in OPTIONAL if (value := getattr(component, key)) is not None and len(value)
+    }
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        if path.suffix == ".npz":
+            np.savez(stream, **arrays)
+        elif path.suffix == ".mat":
+            _save_mat(stream, arrays)
+        else:
+            raise ConfigError(f"a component file {path.name!r}", where=str(path), hint="name it .npz or .mat")
+
+
+def _save_mat(stream: Any, arrays: Mapping[str, Any]) -> None:
+    import scipy.io
+
+    def cells(texts: Sequence[str]) -> np.ndarray:
+        out = np.empty(len(texts), dtype=object)
+        out[:] = list(texts)
+        return out
+
+    texts = {key: cells(arrays[key]) for key in ("grids", "outputs") if key in arrays}
+    scipy.io.savemat(stream, {**arrays, **texts}, oned_as="column")
+
+
+def load_component(path: str | Path) -> Component:
+    """The component in an NPZ or MAT file, its grids fixed to frames of the same names.
+
+    Raises `DataError` naming file and array for what is missing, broken or no component.
+    """
+    where = str(path)
+    arrays = {ALSO.get(key, key): value for key, value in _arrays(Path(path)).items()}
+    missing = [key for key in ("stiffness", "mass", "grids", "positions") if key not in arrays]
+    if missing:
+        there = ", ".join(arrays) or "nothing"
+        raise DataError(f"no {', '.join(missing)}; there is {there}", where=where, hint=HINT)
+    grids = tuple(str(name) for name in np.ravel(arrays["grids"]).tolist())
+    try:
+        return require_component(
+            Component(
+                name=str(np.ravel(arrays.get("name", Path(path).stem))[0]),
+                grids=grids,
+                frames=grids,
+                positions=_real(arrays, "positions"),
+                stiffness=_real(arrays, "stiffness"),
+                mass=_real(arrays, "mass"),
+                damping=_real(arrays, "damping") if "damping" in arrays else None,
+                present=_real(arrays, "present") != 0.0 if "present" in arrays else None,
+                outputs=tuple(str(name) for name in np.ravel(arrays.get("outputs", [])).tolist()),
+                recovery=_real(arrays, "recovery") if "recovery" in arrays else None,
+            )
+        )
+    except ConfigError as error:
+        raise DataError(error.what, where=where, hint=error.hint or HINT) from None
+
+
+def _arrays(path: Path) -> dict[str, Any]:
+    from middeck.files.records.mat import mat_arrays
+
+    try:
+        if path.suffix == ".npz":
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+                return {key: file[key] for key in file.files}
+        if path.suffix == ".mat":
+            return mat_arrays(path)
+    except FileNotFoundError:
+        raise DataError("cannot be read: no such file", where=str(path), hint="check the path") from None
+    except DataError:
+        raise
+    except Exception as error:
+        raise DataError(f"truncated or no {path.suffix} file: {error}", where=str(path), hint=HINT) from None
+    raise DataError("no ending of a component", where=str(path), hint=".npz or .mat, or .op4 with its cards")
+
+
+def _real(arrays: Mapping[str, Any], key: str) -> np.ndarray:
+    array = np.asarray(arrays[key])
+    if array.dtype.kind not in "fiub" or array.ndim != 2:
+        raise ConfigError(f"{key} is no real matrix: {array.dtype} of shape {array.shape}")
+    return array.astype(float)
+
+
+def build_component(form: ComponentForm, folder: Path) -> Component:
+    """The component that a valid form describes; its files are sought beside the article.
+
+    Raises `DataError` for files, and `ConfigError` for grids without a frame.
+    """
+    found = _read(form, folder)
+    where = f"component {form.name!r}"
+    unknown = [grid for grid in (*form.nodes, *form.offsets_m) if grid not in found.grids]
+    if unknown:
+        raise ConfigError(
+            f"no grid {unknown[0]}", where=where, hint=f"its grids are {', '.join(found.grids)}"
+        )
+    lost = [grid for grid in found.grids if grid not in form.nodes]
+    if lost:
+        raise ConfigError(
+            f"grid {lost[0]} is fixed to nothing",
+            where=f"{where}, nodes",
+            hint=f'{lost[0]} = "name of a frame"',
+        )
+    return dataclasses.replace(
+        found,
+        name=form.name,
+        frames=tuple(form.nodes[grid] for grid in found.grids),
+        offsets=np.array([form.offsets_m.get(grid, (0.0, 0.0, 0.0)) for grid in found.grids]),
+        axes=form.axes(where),
+    )
+
+
+def _read(form: ComponentForm, folder: Path) -> Component:
+    from middeck.files.nastran.components.external import read_external
+    from middeck.files.nastran.deck.units import parse_units
+
+    path = folder / form.file
+    if path.suffix in (".npz", ".mat"):
+        return load_component(path)
+    if form.units is None:
+        raise ConfigError(
+            "matrices of another program do not state their units",
+            where=f"component {form.name!r}, units",
+            hint='such as units = "mm-kg-s-mN"',
+        )
+    # Cards alone may hold the matrices, punched.
+    punched = path.suffix in (".pch", ".dat", ".bdf", ".nas")
+    cards = [*([path] if punched else []), *(folder / card for card in form.cards)]
+    return read_external(
+        cards, None if punched else path, parse_units(form.units), number=form.superelement, name=form.name
+    )

@@ -1,0 +1,57 @@
+"""Names that the tables of an article define, by kind; the tables need not fit the form."""
+
+from __future__ import annotations
+
+from middeck.files.toml.tables import Table, array_of, table_of, tables
+
+
+def named_tables(data: Table, key: str) -> dict[str, Table]:
+    """The sub-tables of table ``key`` by name."""
+    return {name: t for name, t in table_of(data, key).items() if isinstance(t, dict)}
+
+
+def node_names(data: Table) -> list[str]:
+    """Names of the nodes."""
+    return [str(t["name"]) for _, t in tables(data, "node") if "name" in t]
+
+
+def joint_names(data: Table) -> list[str]:
+    """Names of the joints: two for a gimbal, one for a revolute or a proof mass."""
+    return [*axis_names(data), *(str(t["name"]) for _, t in tables(data, "proof_mass") if "name" in t)]
+
+
+def axis_names(data: Table) -> list[str]:
+    """Names of the axes of gimbals and revolutes."""
+    gimbals = [f"{t['name']}_{a}" for _, t in tables(data, "gimbal") if "name" in t for a in "xz"]
+    return gimbals + [str(t["name"]) for _, t in tables(data, "revolute") if "name" in t]
+
+
+def attach_names(data: Table) -> list[str]:
+    """Names of the attach points: the suspension's nodes and the listed ones."""
+    listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
+    return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *listed]
+
+
+def hanging_names(data: Table) -> list[str]:
+    """Attach points that a suspension may take: all but the listed ones where a spring or bushing ends."""
+    ties = [t for key in ("spring", "bushing") for _, t in tables(data, key)]
+    ends = {str(t.get(end)) for t in ties for end in ("from", "to")}
+    own = set(map(str, array_of(table_of(data, "suspension"), "nodes")))
+    return [name for name in attach_names(data) if name in own or name not in ends]
+
+
+def wheel_names(data: Table) -> list[str]:
+    """Names of the wheels."""
+    return [str(t["name"]) for _, t in tables(data, "wheel") if "name" in t]
+
+
+def damped_names(data: Table) -> dict[str, list[str]]:
+    """Names of what may be damped, by key."""
+    springs = [str(t.get("name", f"{t.get('from')}-{t.get('to')}")) for _, t in tables(data, "spring")]
+    return {
+        "joint": axis_names(data),  # a proof mass has its own damping, not in N m s/rad
+        "spring": springs,
+        "attach": attach_names(data),
+        "material": list(named_tables(data, "material")),
+        "section": list(named_tables(data, "section")),
+    }

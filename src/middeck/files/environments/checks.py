@@ -1,0 +1,130 @@
+"""Faults of an environment beyond the form of its keys; tolerates a broken form."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+
+from middeck.files.articles.boundary_checks import bushing_findings, clamp_findings
+from middeck.files.articles.boundary_form import ClampForm, GroundBushingForm, build_ground
+from middeck.files.environments.form import TUNED, default_name
+from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.lines import Path
+from middeck.files.toml.tables import Table, array_of, is_number, table_of, tables
+
+
+def environment_findings(data: Table) -> list[Finding]:
+    """Everything that is wrong with the environment ``data`` by itself."""
+    gravity = table_of(data, "constants").get("gravity_m_s2", 0.0)
+    weightless = gravity == 0.0
+    devices = [(("device", i), d) for i, d in enumerate(_all(data, "device"))]
+    found = [*_gravity_findings(data, gravity), *_suspension_findings(data, gravity), *_name_findings(data)]
+    found += clamp_findings(("clamp",), tables(data, "clamp"), ClampForm)
+    found += bushing_findings(("bushing",), tables(data, "bushing"), GroundBushingForm, build_ground)
+    for path, device in devices:
+        found += _device_findings(path, device, weightless)
+        found += _friction_findings(path, device)
+    return found
+
+
+def _gravity_findings(data: Table, gravity: Any) -> list[Finding]:
+    found: list[Finding] = []
+    held = any(data.get(key) for key in ("suspension", "device", "spring", "clamp", "bushing"))
+    if is_number(gravity) and gravity > 0.0 and not held:
+        advice = "add [suspension], [[device]], [[spring]] or [[clamp]], or leave [constants] out for orbit"
+        path = ("constants", "gravity_m_s2")
+        found.append(finding(path, "a missing suspension in gravity", gravity, hint=advice))
+    if table_of(data, "constants").get("gravity_direction") == [0.0, 0.0, 0.0]:
+        found.append(finding(("constants", "gravity_direction"), "must not be the zero vector"))
+    return found
+
+
+def _suspension_findings(data: Table, gravity: Any) -> list[Finding]:
+    suspension = table_of(data, "suspension")
+    path: Path = ("suspension",)
+    found = _friction_findings(path, suspension)
+    if suspension and gravity == 0.0:
+        advice = "give [constants] gravity_m_s2, or use [[spring]]"
+        found.append(finding(path, "cables carry nothing without gravity", hint=advice))
+    if suspension.get("held") == {}:
+        found.append(finding((*path, "held"), "no attach point hangs on a cable", hint='n1 = "xyz"'))
+    length: Any = suspension.get("cable_length_m")
+    bounce: Any = suspension.get("bounce_hz")
+    numbers = all(is_number(x) and x > 0.0 for x in (length, bounce, gravity))
+    if suspension.get("device") == "spring" and numbers:
+        sink = float(gravity / (2.0 * np.pi * bounce) ** 2)
+        if not length > sink:
+            message = f"a spring at this bounce_hz stretches by {sink:.4g} m: no free length is left"
+            advice = f"more than {sink:.4g}, a higher bounce_hz, or a constant_force device"
+            found.append(finding((*path, "cable_length_m"), message, length, hint=advice))
+    return found
+
+
+def _device_findings(path: Path, device: Table, weightless: bool) -> list[Finding]:
+    found: list[Finding] = []
+    for this, that in (("stiffness_n_per_m", "bounce_hz"), ("cable_length_m", "anchor_m")):
+        if this in device and that in device:
+            found.append(finding((*path, that), f"instead of {this!r}, not beside it", device[that]))
+        elif this not in device and that not in device:
+            found.append(finding(path, f"needs {this!r} or {that!r}"))
+    tuned = device.get("force_n", TUNED) == TUNED
+    if tuned and "held" not in device:
+        advice = 'held = "yz", the world directions pinned while its load is found; or give force_n'
+        found.append(finding(path, "a tuned device needs 'held'", hint=advice))
+    if not tuned and "held" in device:
+        message = "is for a tuned device; this one has a force"
+        found.append(finding((*path, "held"), message, device["held"], hint=f'force_n = "{TUNED}"'))
+    idle = [key for key in ("bounce_hz", "cable_length_m") if key in device]
+    if weightless and (tuned or idle):
+        key = idle[0] if idle else "force_n"
+        advice = "give [constants] gravity_m_s2; or force_n, stiffness_n_per_m and anchor_m"
+        found.append(finding((*path, key), "means nothing without gravity", hint=advice))
+    return found
+
+
+def _friction_findings(path: Path, device: Table) -> list[Finding]:
+    friction = device.get("friction_n", 0.0)
+    if is_number(friction) and friction > 0.0 and "presliding_m" not in device:
+        advice = "presliding_m, how far it gives before it slips: 1e-5 to 1e-3 is usual"
+        return [finding((*path, "friction_n"), "needs 'presliding_m' beside it", friction, hint=advice)]
+    if friction == 0.0 and "presliding_m" in device:
+        message = "means nothing without 'friction_n'"
+        return [finding((*path, "presliding_m"), message, device["presliding_m"])]
+    return []
+
+
+def _name_findings(data: Table) -> list[Finding]:
+    """Names that two devices or springs have, or two supports: results are listed by them."""
+    held = table_of(table_of(data, "suspension"), "held")
+    names: list[tuple[Path, Any]] = [(("suspension", "held", name), name) for name in held]
+    names += [(("device", i, "name"), d.get("name")) for i, d in enumerate(_all(data, "device"))]
+    for i, spring in enumerate(_all(data, "spring")):
+        key = "name" if "name" in spring else "attach"
+        names.append((("spring", i, key), spring.get("name", default_name(str(spring.get("attach"))))))
+    advice = "a name of its own; a suspension's devices have those of their attach points"
+    held_nodes = dict.fromkeys(c.get("node") for c in _all(data, "clamp"))
+    supports: list[tuple[Path, Any]] = [(("clamp",), node) for node in held_nodes]
+    for i, bushing in enumerate(_all(data, "bushing")):
+        key = "name" if "name" in bushing else "attach"
+        supports.append((("bushing", i, key), bushing.get("name", f"bushing_{bushing.get('attach')}")))
+    return [
+        *_again(names, "device or spring", advice),
+        *_again(supports, "support", "a name of its own, which no clamped node has"),
+    ]
+
+
+def _again(names: list[tuple[Path, Any]], kind: str, advice: str) -> list[Finding]:
+    first: set[str] = set()
+    found: list[Finding] = []
+    for path, name in names:
+        if isinstance(name, str) and name in first:
+            found.append(finding(path, f"names a second {kind}", name, hint=advice))
+        elif isinstance(name, str):
+            first.add(name)
+    return found
+
+
+def _all(data: Table, key: str) -> list[Table]:
+    """The tables of an array; an empty one in the place of anything else."""
+    return [cast("Table", item) if isinstance(item, dict) else {} for item in array_of(data, key)]

@@ -1,0 +1,1 @@
+"""JSON documents in and out, sealed ones among them."""

@@ -1,0 +1,1 @@
+"""Compensators and controller packages in files, and the packages that have tripped."""

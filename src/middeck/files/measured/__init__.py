@@ -1,0 +1,1 @@
+"""What a test has measured: models fitted to records, and modal surveys."""

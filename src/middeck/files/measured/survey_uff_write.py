@@ -1,0 +1,118 @@
+"""Mode shapes as a universal file: header (151), units (164), nodes (2411), members (82), shapes (55)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from middeck.errors import DataError
+from middeck.files.disk.atomic import replacing
+from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
+from middeck.structure.model.article import Structure
+
+NONE = "NONE"
+DISPLACEMENT, REAL, COMPLEX = 8, 2, 5
+
+
+def write_uff(path: Path, measured: MeasuredModes, structure: Structure | None = None) -> None:
+    """Write shapes in SI and global axes, whole or not at all; members of ``structure`` as trace lines.
+
+    Nodes have the number at the end of their name where no two share one, else their place in the list.
+    Numbers have six digits; standard deviations have no place in the format and are left out. Directions that
+    were not measured are zero, as the format has it.
+
+    Raises `DataError` for what the format cannot hold: no shapes, the angle or travel of a joint, damping
+    that is not stated, complex modes of a ratio of 1 or more, nodes without number and place.
+    """
+    where = str(path)
+    odd = sorted({d for d in measured.direction if d not in AXES})
+    if odd or not measured.node:
+        what = f"the {odd[0]} of a joint" if odd else "frequencies without shapes"
+        hint = "measure_modes(modes, at=[(node, direction), ...]) of x ... rz, or write .json"
+        raise DataError(f"data set 55 has no place for {what}", where=where, hint=hint)
+    if np.isnan(measured.damping).any():
+        hint = "state it, or write .json"
+        raise DataError("a damping is not stated, and zero would be read", where=where, hint=hint)
+    if not measured.is_real and np.any(np.abs(measured.damping) >= 1.0):
+        raise DataError("a complex mode that does not oscillate", where=where, hint="leave it out")
+    numbers = _numbers(measured, where)
+    with replacing(path) as temporary, open(temporary, "w", encoding="ascii", errors="replace") as text:
+        _set(text, 151, [path.stem, f"{len(measured.frequency_hz)} modes", "middeck", "", "", "middeck", ""])
+        _set(
+            text,
+            164,
+            [f"{1:10d}{'SI: m N':<20}{2:10d}", "".join(map(_real25, (1.0, 1.0, 1.0))), _real25(273.15)],
+        )
+        if measured.position_m is not None:
+            _set(text, 2411, _node_lines(measured, numbers))
+        if structure is not None:
+            _set(text, 82, _trace_lines(structure, numbers))
+        for mode in range(len(measured.frequency_hz)):
+            _set(text, 55, _mode_lines(measured, numbers, mode))
+
+
+def _numbers(measured: MeasuredModes, where: str) -> dict[str, int]:
+    names = list(dict.fromkeys(measured.node))
+    ends = [re.search(r"\d{1,9}$", name) for name in names]
+    numbers = [int(m[0]) for m in ends if m]
+    if len(set(numbers)) == len(names) and min(numbers) > 0:
+        return dict(zip(names, numbers, strict=True))
+    if measured.position_m is None:
+        hint = "names that end in numbers, or position_m of each channel"
+        raise DataError("nodes have neither numbers of their own nor places", where=where, hint=hint)
+    return {name: k for k, name in enumerate(names, 1)}
+
+
+def _set(text: IO[str], number: int, lines: list[str]) -> None:
+    text.write(f"{-1:6d}\n{number:6d}\n" + "".join(f"{line}\n" for line in lines) + f"{-1:6d}\n")
+
+
+def _real25(x: float) -> str:
+    return f"{x:25.16e}"
+
+
+def _node_lines(measured: MeasuredModes, numbers: dict[str, int]) -> list[str]:
+    assert measured.position_m is not None
+    lines: list[str] = []
+    for name, number in numbers.items():
+        at = measured.position_m[measured.node.index(name)]
+        lines += [f"{number:10d}{1:10d}{1:10d}{11:10d}", "".join(map(_real25, at))]
+    return lines
+
+
+def _trace_lines(structure: Structure, numbers: dict[str, int]) -> list[str]:
+    """Members whose ends are measured, one behind the other; 0 lifts the pen."""
+    ends = [(m.start, m.end) for m in structure.members]
+    path = [n for a, b in ends if a in numbers and b in numbers for n in (numbers[a], numbers[b], 0)]
+    rows = ["".join(f"{n:10d}" for n in path[k : k + 8]) for k in range(0, len(path), 8)]
+    return [f"{1:10d}{len(path):10d}{11:10d}", "members", *rows]
+
+
+def _mode_lines(measured: MeasuredModes, numbers: dict[str, int], mode: int) -> list[str]:
+    real, hz, zeta = measured.is_real, float(measured.frequency_hz[mode]), float(measured.damping[mode])
+    wide = any(d in AXES[3:] for d in measured.direction)
+    size = 6 if wide else 3
+    rows = {n: np.zeros(size, dtype=complex) for n in numbers.values()}
+    for name, way, value in zip(measured.node, measured.direction, measured.shape[:, mode], strict=True):
+        rows[numbers[name]][AXES.index(way)] = value
+    omega = 2.0 * np.pi * hz
+    told = (
+        [hz, 0.0, zeta, 0.0] if real else [-zeta * omega, omega * np.sqrt(1.0 - zeta**2), 0.0, 0.0, 0.0, 0.0]
+    )
+    lines = [f"mode {mode + 1}", f"{hz:.6g} Hz", NONE, NONE, NONE]
+    kind = REAL if real else COMPLEX
+    lines.append(
+        "".join(f"{n:10d}" for n in (1, 2 if real else 3, 3 if wide else 2, DISPLACEMENT, kind, size))
+    )
+    lines.append("".join(f"{n:10d}" for n in (2, len(told), 1, mode + 1)))
+    lines += _reals(told)
+    for number, row in rows.items():
+        lines += [f"{number:10d}", *_reals(list(np.real(row) if real else row.view(float)))]
+    return lines
+
+
+def _reals(values: list[float]) -> list[str]:
+    return ["".join(f"{x:13.5e}" for x in values[k : k + 6]) for k in range(0, len(values), 6)]

@@ -1,0 +1,157 @@
+"""Forces and moments of a deck as load cases of the article, one for each load set, and its gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.entries import Entry
+from middeck.files.nastran.deck.formats import OTHER_LOADS
+from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.units import Units
+from middeck.files.toml.faults import Fault
+from middeck.structure.model.connectivity import some_names
+
+DIRECT = ("FORCE", "MOMENT")
+ALIKE = 1e-6  # of gravity: fields of eight columns
+
+
+class LoadSets:
+    """The load sets of a deck; one is converted as a whole or not at all."""
+
+    def __init__(self, deck: Deck, places: Places, carriers: Mapping[int, int], kept: set[int]) -> None:
+        self.places, self.carriers, self.kept = places, carriers, kept
+        self.direct: dict[int, list[Entry]] = {}
+        self.entries = deck.entries.of(*DIRECT, "GRAV", *OTHER_LOADS)
+        for entry in self.entries:
+            self.direct.setdefault(entry.id, []).append(entry)
+        self.sums = deck.entries.numbered("LOAD")
+        self.chosen = deck.selection.sets.get("LOAD")
+        self.refused: list[tuple[str, int, str]] = []
+        self.gravity: dict[int, np.ndarray] = {}  # acceleration by set, zero in one of forces alone
+
+    def cases(self, units: Units, faults: list[Fault]) -> list[dict[str, Any]]:
+        """Load cases ``load7`` of the sets that case control selects, of all if it selects none.
+
+        Sets with loads other than forces, moments and gravity go to ``refused``.
+        """
+        found: list[dict[str, Any]] = []
+        chosen = None if self.chosen is None else self.chosen & {*self.direct, *self.sums}
+        summed = {integer(text) for sid in (chosen or self.sums) for text in self._terms(sid)[1::2]}
+        for sid in sorted({*self.direct, *self.sums}):
+            if chosen is not None and sid not in chosen:
+                if sid in summed:
+                    continue
+                self.refused.append((f"load set {sid}", 1, "not selected by case control"))
+                continue
+            parts = self._parts(sid, faults)
+            other = next((entry.name for _, entry in parts if entry.name not in (*DIRECT, "GRAV")), None)
+            if other is not None:
+                self.refused.append((f"load set {sid}", 1, f"it has {other}, which is no point load"))
+                continue
+            falls = [self._acceleration(f, entry, faults) for f, entry in parts if entry.name == "GRAV"]
+            loads = [self._load(f, entry, units, faults) for f, entry in parts if entry.name in DIRECT]
+            if loads or not falls:
+                found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
+            if loads or sid not in summed:
+                self.gravity[sid] = np.sum([np.zeros(3), *falls], axis=0) * units.length / units.time**2
+        return found
+
+    def constants(self, holds: bool) -> tuple[dict[str, Any], list[str]]:
+        """Gravity for an environment, where all sets that have some have the same, and notes.
+
+        What is not converted goes to ``refused``, as all of it where nothing ``holds`` the deck.
+        """
+        falling = {sid: g for sid, g in self.gravity.items() if np.any(g)}
+        if not falling:
+            return {}, [self._down()]
+        first = next(iter(falling.values()))
+        size = float(np.linalg.norm(first))
+        along = first / size
+        named = some_names([f"{sid}" for sid in falling])
+        given = f"{size:g} m/s^2 along {along.round(6).tolist()}"
+        alike = all(np.linalg.norm(g - first) <= ALIKE * size for g in falling.values())
+        if not alike or not holds:
+            why = "nothing holds the deck" if alike else "an environment has one, and load sets differ"
+            self.refused += [
+                (f"gravity of load set {sid}", 1, f"{why}: {g.round(6).tolist()} m/s^2")
+                for sid, g in falling.items()
+            ]
+            return {}, [
+                f"gravity is left out: [constants] of an environment gives it, load set {named} {given}"
+            ]
+        notes = [
+            f"the environment has the gravity of load set {named}, {given}: modes are those under it; those "
+            "of the deck's own program, without STATSUB, are those without [constants]"
+        ]
+        others = [f"load{sid}" for sid in self.gravity if sid not in falling]
+        if others:
+            notes.append(
+                f"load case {some_names(others)} has no gravity in the deck, and the environment's here"
+            )
+        return {"gravity_m_s2": size, "gravity_direction": along}, notes
+
+    def _down(self) -> str:
+        """A note on where down is in a deck without gravity."""
+        known = [self._acceleration(1.0, entry, []) for entry in self.entries if entry.name == "GRAV"]
+        down = next((g / np.linalg.norm(g) for g in known if np.any(g)), None)
+        says = (
+            "the deck has no GRAV and does not say where down is"
+            if down is None
+            else f"down is {down.round(6).tolist()} by a GRAV that is not selected"
+        )
+        return (
+            f"{says}: gravity of an environment ([constants]) acts along -y, unless gravity_direction says "
+            "otherwise, which is [0.0, 0.0, -1.0] for z up"
+        )
+
+    def _terms(self, sid: int) -> list[str]:
+        """Factors and sets, in turn, that a LOAD of this number sums."""
+        entry = self.sums.get(sid)
+        return [] if entry is None else [text or "" for text in entry["rest"]]
+
+    def _parts(self, sid: int, faults: list[Fault]) -> list[tuple[float, Entry]]:
+        """Factors and loads of a set: its own, and those that a LOAD of this number sums."""
+        parts = [(1.0, entry) for entry in self.direct.get(sid, ())]
+        entry = self.sums.get(sid)
+        if entry is None:
+            return parts
+        texts = self._terms(sid)
+        for i in range(0, len(texts), 2):
+            factor, number = real(texts[i]), integer("".join(texts[i + 1 : i + 2]))
+            if not any(texts[i : i + 2]):
+                continue
+            if factor is None or number not in self.direct:
+                faults.append(entry.fault(f"no factor and set of loads: {texts[i : i + 2]}", "rest"))
+            else:
+                parts += [(entry["s"] * factor, part) for part in self.direct[number]]
+        return parts
+
+    def _acceleration(self, factor: float, entry: Entry, faults: list[Fault]) -> np.ndarray:
+        system = self.places.systems.get(entry["cid"])
+        if system is None or system.kind != "R":
+            faults.append(entry.fault(f"there is no rectangular coordinate system {entry['cid']}", "cid"))
+            return np.zeros(3)
+        return factor * entry["a"] * (system.axes @ np.array([entry["n1"], entry["n2"], entry["n3"]]))
+
+    def _load(self, factor: float, entry: Entry, units: Units, faults: list[Fault]) -> dict[str, Any]:
+        grid, cid = entry["g"], entry["cid"]
+        carrier = self.carriers.get(grid, grid)
+        if carrier not in self.kept:
+            faults.append(entry.fault(f"nothing stands on grid {grid}, or it is not there", "g"))
+        elif cid not in self.places.systems:
+            faults.append(entry.fault(f"there is no coordinate system {cid}", "cid"))
+        else:
+            place = self.places.grids[grid]
+            given = np.array([entry["n1"], entry["n2"], entry["n3"]])
+            vector = factor * entry["f"] * (self.places.systems[cid].axes_at(place) @ given)
+            key, unit = "force_n", units.force
+            if entry.name == "MOMENT":
+                key, unit = "moment_nm", units.force * units.length
+            arm = (place - self.places.grids[carrier]) * units.length
+            return {"frame": f"g{carrier}", key: vector * unit, "offset_m": arm}
+        return {}

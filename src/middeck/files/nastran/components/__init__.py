@@ -1,0 +1,1 @@
+"""Reduced components in decks: external superelements and matrices by direct input."""

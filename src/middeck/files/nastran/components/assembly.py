@@ -1,0 +1,194 @@
+"""Decks that join external superelements (SEBULK, SECONCT, BEGIN SUPER): the components, and the rest."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.files.nastran.components.external import (
+    GEOMETRY,
+    Bulk,
+    component_of,
+    geometry_of,
+    has_card,
+    read_bulk,
+)
+from middeck.files.nastran.deck.cards import Card
+from middeck.files.nastran.deck.case_control import read_selection
+from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.entries import raise_some, read_entries
+from middeck.files.nastran.deck.formats import IDLE, PLACED, PLACING
+from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.units import Units
+from middeck.files.toml.faults import Fault
+from middeck.structure.model.component import Component
+
+_ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*['\"]?([^'\",]+)['\"]?[^\n]*?UNIT\s*=\s*(\d+)", re.IGNORECASE)
+OWN = ("SEBULK", "SECONCT")
+# What a superelement's own section may hold beside idle cards: all else would change it.
+SETS = tuple(f"{kind}SET{end}" for kind in "ABCQ" for end in ("", "1"))
+PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH", "PMASS", "MAT1")
+WITHIN = frozenset(("EXTRN", "DMIG", "SPOINT", "PARAM", "EIGR", "EIGRL", *GEOMETRY, *SETS, *PROPERTIES))
+# Of the size: grids that are joined by place.
+NEAR = 1e-5
+LONGEST = 100_000  # points in a range
+
+
+def has_superelements(path: str | Path) -> bool:
+    """Whether a deck's main bulk data have SEBULK; false for what cannot be read."""
+    try:
+        return has_card(path, "SEBULK")
+    except ConfigError:
+        return False
+
+
+def read_assembly(path: str | Path, units: Units, name: str) -> tuple[Deck, dict[str, Component]]:
+    """What stands beside the superelements of a deck, for `convert_deck`, and these by files to be written.
+
+    Matrices come from the OUTPUT4 files that ASSIGN INPUTT4 names (SEBULK EXTOP4), or from DMIG (EXTERNAL).
+    Raises `ConfigError` or `DataError` for superelements of other types, reflected or moved ones, and grids
+    that SECONCT joins to none.
+    """
+    bulk = read_bulk([path])
+    places = geometry_of(bulk.main)
+    files = _assigned(bulk, Path(path).parent)
+    raise_some([*_unread(bulk)])
+    parts: dict[str, Component] = {}
+    for card in bulk.main:
+        if card.name != "SEBULK":
+            continue
+        number, matrices = _declared(card, bulk, files)
+        part = component_of(bulk.supers[number], matrices, units, f"se{number}", str(path))
+        joined = _joined(card, number, bulk, part, places, units)
+        frames = tuple(f"g{grid}" for grid in joined.values())
+        parts[f"{name}-se{number}.npz"] = dataclasses.replace(part, frames=frames)
+    if not parts:
+        raise ConfigError(
+            "no SEBULK in the bulk data", where=str(path), hint="does all of it stand behind BEGIN BULK?"
+        )
+    loose = [number for number in bulk.supers if f"{name}-se{number}.npz" not in parts]
+    if loose:
+        first = (bulk.supers[loose[0]] or bulk.main)[0]
+        raise_some([_fault(first, f"superelement {loose[0]} is joined by no SEBULK of the bulk data")])
+    cend = next((i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head))
+    cards = [card for card in bulk.main if card.name not in OWN]
+    selection = read_selection(bulk.head[cend + 1 :])
+    missing = tuple(bulk.missing)
+    return Deck(str(path), selection, read_entries(cards), missing, not bulk.head, len(bulk.main)), parts
+
+
+def _unread(bulk: Bulk) -> Iterator[Fault]:
+    """Cards that place superelements, and what stands within them beside their matrices."""
+    for card in (*bulk.main, *(card for cards in bulk.supers.values() for card in cards)):
+        if card.name in PLACING:
+            yield _fault(card, f"{PLACING[card.name]}, which is not read", PLACED)
+    for number, cards in bulk.supers.items():
+        for card in cards:
+            if card.name not in (*IDLE, *WITHIN):
+                what = f"in superelement {number}, of which its matrices alone are read"
+                yield _fault(card, what, "put it into the matrices, or into the main bulk data")
+
+
+def _assigned(bulk: Bulk, folder: Path) -> dict[int, Path]:
+    """OUTPUT4 files by unit; a line that ends with a comma goes on in the next."""
+    text = re.sub(r",\s*\n\s*", ", ", "\n".join(line[0].rstrip() for line in bulk.head))
+    return {int(unit): folder / file.strip() for file, unit in _ASSIGN.findall(text)}
+
+
+def _fault(card: Card, message: str, hint: str = "", at: int = 0) -> Fault:
+    _, file, line = card.line(at)
+    return Fault(
+        file=file,
+        line=line,
+        key=f"{card.name} {card.fields[0] if card.fields else ''}",
+        message=message,
+        hint=hint,
+    )
+
+
+def _declared(card: Card, bulk: Bulk, files: dict[int, Path]) -> tuple[int, Path | None]:
+    """Number of a superelement, and its OUTPUT4 file; None for matrices among its cards."""
+    fields = [*card.fields, *[""] * 8]
+    number, kind, reference = integer(fields[0]), fields[1], integer(fields[2]) or 0
+    unit = integer(fields[6])
+    faults: list[Fault] = []
+    if number is None or number not in bulk.supers:
+        faults.append(_fault(card, f"there is no BEGIN SUPER {fields[0]}"))
+    if kind not in ("EXTOP4", "EXTERNAL") or reference:
+        faults.append(
+            _fault(
+                card,
+                f"a superelement of type {kind} of {reference or 'none'} is not read",
+                "EXTOP4 or EXTERNAL",
+            )
+        )
+    if kind == "EXTOP4" and (unit is None or unit not in files):
+        known = ", ".join(f"{n}: {file.name}" for n, file in files.items()) or "none"
+        faults.append(_fault(card, f"no ASSIGN INPUTT4 of unit {unit}; assigned are {known}"))
+    raise_some(faults)
+    assert number is not None
+    return number, files[unit or 0] if kind == "EXTOP4" else None
+
+
+def _ranges(card: Card, listed: list[str]) -> Iterator[tuple[range, range]]:
+    """Points of both sides that ``listed`` fields join one by one: pairs, or ``a THRU b c THRU d``."""
+    while listed:
+        step = 3 if listed[1:2] == ["THRU"] else 1
+        texts, listed = listed[: 2 * step], listed[2 * step :]
+        places = (0, 2, 3, 5) if step == 3 else (0, 0, 1, 1)
+        ends = [integer(texts[i]) or 0 for i in places if i < len(texts)]
+        if len(ends) < 4 or min(ends) <= 0 or (step == 3 and texts[4] != "THRU"):
+            raise_some([_fault(card, "no pairs of grids", "pairs, or a THRU b with c THRU d")])
+        first, second = range(ends[0], ends[1] + 1), range(ends[2], ends[3] + 1)
+        if not 0 < len(first) == len(second) <= LONGEST:
+            raise_some([_fault(card, "THRU over unequal or backward ranges", "as many points on both sides")])
+        yield first, second
+
+
+def _joined(
+    sebulk: Card, number: int, bulk: Bulk, part: Component, places: Places, units: Units
+) -> dict[str, int]:
+    """Main grid of each boundary grid: by SECONCT, or by place where SEBULK says AUTO."""
+    pairs: dict[int, int] = {}
+    for card in bulk.main:
+        if card.name != "SECONCT" or number not in map(integer, card.fields[:2]):
+            continue
+        if sorted((integer(f) or 0) for f in card.fields[:2]) != [0, number]:
+            raise_some([_fault(card, "joins two superelements directly: not read", "join both to grids")])
+        turned = integer(card.fields[0]) != number
+        listed, found = [field for field in card.fields[8:] if field], list[tuple[int, int]]()
+        own = set(map(int, part.grids))
+        for first, second in _ranges(card, listed):
+            one, other = (second, first) if turned else (first, second)
+            if not own.isdisjoint(one) and not own.issuperset(one):
+                raise_some([_fault(card, "THRU over numbers that are no boundary grids", "pairs of grids")])
+            found += zip(one, other, strict=True)
+        for a, b in found:
+            if pairs.setdefault(a, b) != b:
+                raise_some([_fault(card, f"grid {a} is joined twice")])
+    method = sebulk.fields[3] if len(sebulk.fields) > 3 else ""
+    near = NEAR * max(1.0, float(np.abs(part.positions).max())) / units.length
+    tolerance = (real(sebulk.fields[4]) or near) if len(sebulk.fields) > 4 else near
+    out: dict[str, int] = {}
+    for grid, x in zip(part.grids, part.positions / units.length, strict=True):
+        to = pairs.get(int(grid))
+        if to is None and method != "MANUAL":
+            at = {g: float(np.linalg.norm(place - x)) for g, place in places.grids.items()}
+            to = min(at, key=at.__getitem__, default=None)
+            to = to if to is not None and at[to] <= tolerance else None
+        if to is None or to not in places.grids:
+            raise_some(
+                [
+                    _fault(
+                        sebulk, f"boundary grid {grid} is joined to no grid of the main bulk data", "SECONCT"
+                    )
+                ]
+            )
+        out[grid] = to or 0
+    return out

@@ -1,0 +1,412 @@
+"""External superelements in a deck: their cards, and their matrices in OUTPUT4 or as punched DMIG.
+
+EXTSEOUT writes three files a component: matrices (`.op4`, or DMIG in the punch file), cards for its own BEGIN
+SUPER section (`.pch`: EXTRN, boundary grids, ASET, SPOINT, DTI) and for the main bulk data (`.asm`: SEBULK,
+SECONCT). EXTRN has the order of rows: grids with their components, then the scalar points of modal
+coordinates.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from middeck.errors import ConfigError, DataError
+from middeck.files.nastran.deck.cards import Card, join_cards
+from middeck.files.nastran.deck.coordinates import Places, place_grids
+from middeck.files.nastran.deck.entries import read_entries
+from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.sections import Line
+from middeck.files.nastran.deck.units import Units
+from middeck.files.nastran.output4.matrices import op4_by_name
+from middeck.files.toml.faults import Fault, raise_fault, raise_faults
+from middeck.structure.model.component import Component, require_component
+
+# Names of stiffness, mass, viscous and structural damping in what programs write.
+NAMES = {
+    "stiffness": ("KXX", "KAAX", "KAA"),
+    "mass": ("MXX", "MAAX", "MAA"),
+    "damping": ("BXX1", "BXX", "BAAX", "BAA"),
+    "structural damping": ("K4XX1", "K4XX", "K4AAX", "K4AA"),
+}
+GEOMETRY = ("GRID", "GRDSET", "CORD1R", "CORD2R", "CORD1C", "CORD2C", "CORD1S", "CORD2S")
+ALL = "123456"
+_SUPER = re.compile(r"\s*BEGIN\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNORECASE)
+_BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
+_ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
+_INCLUDE = re.compile(r"\s*INCLUDE\s*=?\s*['\"]?([^'\"$]+?)['\"]?\s*$", re.IGNORECASE)
+DEPTH = 32
+
+
+class Bulk(NamedTuple):
+    """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK."""
+
+    head: list[Line]
+    main: list[Card]
+    supers: dict[int, list[Card]]
+    missing: list[str]
+
+
+def read_bulk(paths: Sequence[str | Path]) -> Bulk:
+    """Bulk data of several files one after the other, with what they include, apart by superelement.
+
+    A file without BEGIN BULK is bulk data from its first line. Raises `ConfigError` for files that cannot be
+    read and includes in bulk data that are not there.
+    """
+    head: list[Line] = []
+    main: list[Line] = []
+    supers: dict[int, list[Line]] = {}
+    missing: list[str] = []
+    for path in paths:
+        lines = _lines(Path(path), Path(path).parent, missing, 0)
+        begun = not any(_BULK.match(line[0]) for line in lines)
+        into = main if begun else head
+        for line in lines:
+            found = _SUPER.match(line[0])
+            if found:
+                into = supers.setdefault(int(found[1]), [])
+            elif _BULK.match(line[0]):
+                into = main
+            elif _ENDDATA.match(line[0]):
+                break
+            else:
+                into.append(line)
+    return Bulk(head, join_cards(main), {n: join_cards(found) for n, found in supers.items()}, missing)
+
+
+def has_card(path: str | Path, name: str) -> bool:
+    """Whether any line of a deck and its includes begins with ``name``; no card is cut up for that."""
+    lines = _lines(Path(path), Path(path).parent, [], 0)
+    return any(line[0].lstrip().upper().startswith(name) for line in lines)
+
+
+def _lines(path: Path, folder: Path, missing: list[str], depth: int) -> list[Line]:
+    if depth > DEPTH:
+        _refuse(path, "includes itself")
+    try:
+        text = path.read_bytes().decode("latin-1")
+    except OSError as error:
+        _refuse(path, f"cannot be read: {error.strerror}")
+    if "\0" in text:
+        _refuse(path, "a binary file", "a file of cards is text")
+    out: list[Line] = []
+    begun = False
+    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
+        include = _INCLUDE.match(line)
+        bare = line if include else line.split("$")[0]
+        begun = begun or bool(_BULK.match(bare))
+        if include:
+            named = folder / include[1].replace("\\", "/")
+            if named.is_file():
+                out += _lines(named, folder, missing, depth + 1)
+            elif begun:
+                _refuse(path, f"includes {include[1]!r}, which is not there", line=number)
+            else:
+                missing.append(f"{include[1]} ({path}:{number})")
+        elif bare.strip():
+            out.append((bare, str(path), number))
+    return out
+
+
+def _refuse(path: Path, message: str, hint: str = "check the path", line: int = 0) -> NoReturn:
+    raise_fault(Fault(file=str(path), line=line, key="", message=message, hint=hint))
+
+
+class Boundary(NamedTuple):
+    """Coordinates of a component in their order: grids with their components, then scalar points."""
+
+    grids: tuple[int, ...]
+    components: tuple[str, ...]
+    scalars: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Rows of its matrices."""
+        return sum(map(len, self.components)) + len(self.scalars)
+
+
+def read_external(
+    cards: Sequence[str | Path],
+    matrices: str | Path | None,
+    units: Units,
+    *,
+    number: int | None = None,
+    name: str = "component",
+) -> Component:
+    """The component of one superelement, in SI units, its grids named by their numbers.
+
+    Args:
+        cards: Files with its cards, such as the punch file.
+        matrices: Its OUTPUT4 file; None where DMIG among the cards hold them.
+        units: Of the deck.
+        number: Of the superelement, where the cards are those of several.
+        name: Of the component.
+
+    Raises `ConfigError` or `DataError` with file and line for cards or matrices that do not fit.
+    """
+    bulk = read_bulk(cards)
+    if number is None and len(bulk.supers) > 1:
+        raise ConfigError(
+            f"cards of superelements {', '.join(map(str, bulk.supers))}",
+            where=str(cards[0]),
+            hint="say which",
+        )
+    own = (
+        bulk.supers.get(number, bulk.main)
+        if number is not None
+        else next(iter(bulk.supers.values()), bulk.main)
+    )
+    return component_of(own, matrices, units, name, str(cards[-1]))
+
+
+def component_of(
+    cards: Sequence[Card],
+    matrices: str | Path | None,
+    units: Units,
+    name: str,
+    where: str,
+    names: Mapping[str, tuple[str, ...]] = NAMES,
+) -> Component:
+    """The component of the ``cards`` of one superelement, see `read_external`; ``names`` of its matrices."""
+    places = geometry_of(cards)
+    punched = read_dmig([card for card in cards if card.name == "DMIG"])
+    boundary = _boundary(cards, punched.pairs(names), places, where)
+    found = _op4_matrices(matrices) if matrices is not None else punched.matrices(boundary)
+    source = where if matrices is None else str(matrices)
+    K, M, B, K4 = (_pick(found, names.get(what, ()), what, boundary.size, source) for what in NAMES)
+    if K is None or M is None:
+        what = names["stiffness" if K is None else "mass"]
+        raise DataError(
+            f"none of the matrices {', '.join(what)}; there are {', '.join(found) or 'none'}", where=source
+        )
+    if K4 is not None:
+        raise DataError(
+            "structural damping (K4) is not taken from matrices",
+            where=source,
+            hint="give the article's [damping] a ratio, or leave K4 out",
+        )
+    turn, present = _to_basic(boundary, cards, places, units)
+    energy = units.mass * units.length**2 / units.time**2
+
+    def si(matrix: np.ndarray | None, time: float) -> np.ndarray | None:
+        return None if matrix is None else energy * time * (turn @ matrix @ turn.T)
+
+    stiffness, mass, damping = si(K, 1.0), si(M, units.time**2), si(B, units.time)
+    assert stiffness is not None
+    assert mass is not None
+    try:
+        return require_component(
+            Component(
+                name=name,
+                grids=tuple(map(str, boundary.grids)),
+                frames=tuple(f"g{grid}" for grid in boundary.grids),
+                positions=np.array([places.grids[g] for g in boundary.grids]).reshape(-1, 3) * units.length,
+                stiffness=stiffness,
+                mass=mass,
+                damping=damping,
+                present=present,
+            )
+        )
+    except ConfigError as error:
+        raise DataError(
+            error.what, where=source, hint="do matrices, cards and units belong together?"
+        ) from None
+
+
+def geometry_of(cards: Iterable[Card]) -> Places:
+    """Grids and coordinate systems of ``cards``."""
+    return place_grids(read_entries([card for card in cards if card.name in GEOMETRY]))
+
+
+def _op4_matrices(path: str | Path) -> dict[str, np.ndarray]:
+    """All of its square matrices: not every program says which are symmetric."""
+    full = {name: matrix.value.toarray() for name, matrix in op4_by_name(path).items()}
+    return {name: value for name, value in full.items() if value.shape[0] == value.shape[1]}
+
+
+def _pick(
+    found: Mapping[str, np.ndarray], names: Sequence[str], what: str, size: int, where: str
+) -> np.ndarray | None:
+    """The matrix of one of its names; a 1x1 of zero stands for none."""
+    name = next((n for n in names if n in found), None)
+    if name is None:
+        return None
+    matrix = found[name]
+    if matrix.shape == (1, 1) and size > 1 and matrix[0, 0] == 0.0:
+        return None
+    if np.iscomplexobj(matrix):
+        raise DataError(f"the {what} is complex", where=f"{where}, matrix {name!r}")
+    if matrix.shape != (size, size):
+        raise DataError(
+            f"the {what} has {matrix.shape[0]} rows for {size} coordinates of grids and scalar points",
+            where=f"{where}, matrix {name!r}",
+            hint="do matrices and cards belong together?",
+        )
+    return matrix
+
+
+def _boundary(cards: Sequence[Card], punched: list[tuple[int, str]], places: Places, where: str) -> Boundary:
+    """From EXTRN or, without it, from the coordinates of punched matrices in the order of ASET and SPOINT."""
+    pairs = [pair for card in cards if card.name == "EXTRN" for pair in _pairs(card)] or punched
+    if not pairs:
+        raise DataError(
+            "no EXTRN card: which coordinate a row is, is not known",
+            where=where,
+            hint="add the punch file of the component",
+        )
+    grids = [(number, comps) for number, comps in pairs if comps]
+    scalars = [number for number, comps in pairs if not comps]
+    seen: set[int] = set()
+    for number in (*(grid for grid, _ in grids), *scalars):
+        if number in seen:
+            raise DataError(f"point {number} twice on the boundary", where=where)
+        seen.add(number)
+    lost = [grid for grid, _ in grids if grid not in places.grids]
+    if lost:
+        raise DataError(
+            f"no GRID {lost[0]}, a boundary grid", where=where, hint="add the punch file of the component"
+        )
+    first_scalar = next((i for i, (_, comps) in enumerate(pairs) if not comps), len(pairs))
+    if any(comps for _, comps in pairs[first_scalar:]):
+        raise DataError("scalar points before grids on the boundary", where=where, hint="grids first")
+    return Boundary(tuple(g for g, _ in grids), tuple(c for _, c in grids), tuple(scalars))
+
+
+def _pairs(card: Card) -> list[tuple[int, str]]:
+    """Grid and components, or scalar point and none."""
+    fields = [*card.fields, ""] if len(card.fields) % 2 else list(card.fields)
+    out: list[tuple[int, str]] = []
+    for i in range(0, len(fields), 2):
+        if not fields[i]:
+            continue
+        number, comps = integer(fields[i]), "".join(sorted(fields[i + 1].replace("0", "")))
+        if number is None or set(comps) - set(ALL) or len(set(comps)) < len(comps):
+            _, file, line = card.line(i)
+            raise_faults(
+                [
+                    Fault(
+                        file=file,
+                        line=line,
+                        key=card.name,
+                        message="no grid and components",
+                        value=f"{fields[i]} {fields[i + 1]}",
+                    )
+                ]
+            )
+        out.append((int(number or 0), comps))
+    return out
+
+
+def _to_basic(
+    boundary: Boundary, cards: Sequence[Card], places: Places, units: Units
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates in SI and basic axes, six of each grid, times rows; and which six there are."""
+    cd = {
+        entry.id: entry["cd"] or 0
+        for entry in read_entries([c for c in cards if c.name in GEOMETRY]).of("GRID")
+    }
+    grids = len(boundary.grids)
+    present = np.zeros((grids, 6), dtype=bool)
+    turn = np.zeros((6 * grids + len(boundary.scalars), boundary.size))
+    row = 0
+    for i, (grid, comps) in enumerate(zip(boundary.grids, boundary.components, strict=True)):
+        system = cd[grid]
+        if system not in places.systems:
+            raise DataError(f"grid {grid} has no coordinate system {system} (CD)", where=cards[0].line()[1])
+        axes = places.systems[system].axes_at(places.grids[grid])
+        whole = np.kron(np.eye(2), axes) * np.repeat([1.0 / units.length, 1.0], 3)[:, None]
+        index = np.array([int(c) - 1 for c in comps])
+        turn[6 * i : 6 * i + 6, row : row + len(index)] = whole[:, index]
+        present[i] = np.any(whole[:, index] != 0.0, axis=1)
+        row += len(index)
+    turn[6 * grids :, row:] = np.eye(len(boundary.scalars))
+    return turn, present
+
+
+class Punched(NamedTuple):
+    """Punched matrices: by name whether one triangle stands for both, and entries by two (point, way)."""
+
+    symmetric: dict[str, bool]
+    columns: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]]
+
+    def pairs(self, names: Mapping[str, tuple[str, ...]]) -> list[tuple[int, str]]:
+        """Points of the stiffness and mass with their components, grids first, in ascending order."""
+        ways: dict[int, set[int]] = {}
+        for name in (*names["stiffness"], *names["mass"]):
+            for (a, i), (b, j) in self.columns.get(name, {}):
+                ways.setdefault(a, set()).add(i)
+                ways.setdefault(b, set()).add(j)
+        found = [
+            (point, "".join(str(c) for c in sorted(comps) if c)) for point, comps in sorted(ways.items())
+        ]
+        return [pair for pair in found if pair[1]] + [pair for pair in found if not pair[1]]
+
+    def matrices(self, boundary: Boundary) -> dict[str, np.ndarray]:
+        """As arrays in the order of ``boundary``."""
+        rows = [
+            (g, int(c)) for g, comps in zip(boundary.grids, boundary.components, strict=True) for c in comps
+        ]
+        place = {row: i for i, row in enumerate([*rows, *((s, 0) for s in boundary.scalars)])}
+        out: dict[str, np.ndarray] = {}
+        for name, entries in self.columns.items():
+            matrix = np.zeros((len(place), len(place)))
+            for (a, b), value in entries.items():
+                if a not in place or b not in place:
+                    lost = a if a not in place else b
+                    raise DataError(
+                        f"DMIG {name} names point {lost[0]} component {lost[1]}, which is not on the boundary"
+                    )
+                matrix[place[a], place[b]] = value
+                if self.symmetric[name]:
+                    matrix[place[b], place[a]] = value
+            out[name] = matrix
+        return out
+
+
+def read_dmig(cards: Sequence[Card]) -> Punched:
+    """Real DMIG by name; raises `ConfigError` with file and line for complex ones and entries given twice."""
+    symmetric: dict[str, bool] = {}
+    columns: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]] = {}
+    for card in cards:
+        name, fields = card.fields[0], card.fields
+        if len(fields) > 2 and fields[1] == "0":
+            kind = integer(fields[3]) if len(fields) > 3 else None
+            if kind not in (1, 2) or integer(fields[2]) not in (1, 2, 6, 9):
+                raise_faults(
+                    [_dmig_fault(card, 2, "a matrix that is not real, or of a form other than 1, 2, 6, 9")]
+                )
+            symmetric[name] = integer(fields[2]) == 6
+            columns.setdefault(name, {})
+            continue
+        if name not in symmetric:
+            raise_faults([_dmig_fault(card, 0, "a column before the head of its matrix")])
+        column = _point(card, 1)
+        for i in range(4, len(fields), 4):
+            if not any(fields[i : i + 4]):
+                continue
+            value = real(fields[i + 2]) if i + 2 < len(fields) else None
+            if value is None:
+                raise_faults([_dmig_fault(card, i, "no grid, component and real number")])
+            entry = (_point(card, i), column)
+            if entry in columns[name] or (symmetric[name] and entry[::-1] in columns[name]):
+                raise_faults([_dmig_fault(card, i, "an entry given twice")])
+            columns[name][entry] = value or 0.0
+    return Punched(symmetric, columns)
+
+
+def _point(card: Card, at: int) -> tuple[int, int]:
+    number = integer(card.fields[at]) if at < len(card.fields) else None
+    text = card.fields[at + 1] if at + 1 < len(card.fields) else ""
+    way = integer(text) if text else 0
+    if number is None or number <= 0 or way is None or not 0 <= way <= 6:
+        raise_faults([_dmig_fault(card, at, "no grid and component")])
+    return int(number or 0), int(way or 0)
+
+
+def _dmig_fault(card: Card, at: int, message: str) -> Fault:
+    _, file, line = card.line(at)
+    return Fault(file=file, line=line, key=f"DMIG {card.fields[0]}", message=message)

@@ -1,0 +1,74 @@
+"""What the ground holds of a deck's grids: the selected SPC and SPC1, and PS of the grids."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from typing import Any
+
+from middeck.files.nastran.constraints.rigid_links import ALL, expand
+from middeck.files.nastran.deck.coordinates import Places, default_components
+from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.entries import Entry
+from middeck.files.nastran.deck.numbers import integer
+from middeck.files.toml.faults import Fault
+from middeck.structure.model.clamps import LETTERS
+
+
+def read_restraints(
+    deck: Deck, places: Places, scalars: Container[int], faults: list[Fault]
+) -> dict[int, str]:
+    """Held components by grid; appends to ``faults`` what is wrong or has no clamp.
+
+    Scalar points (``scalars``) are passed over: see `held_points`.
+    """
+    found: dict[int, set[str]] = {}
+    default = default_components(deck.entries)
+    for entry in deck.entries.of("GRID"):
+        ps = default if entry["ps"] is None else entry["ps"]
+        if ps:
+            found.setdefault(entry.id, set()).update(ps)
+    line = deck.selection.lines.get("SPC")
+    if line and len(deck.selection.sets["SPC"]) > 1:
+        what = f"sets {sorted(deck.selection.sets['SPC'])} are selected, each in a subcase"
+        hint = "one set, and a conversion for each"
+        faults.append(Fault(file=line[1], line=line[2], key="SPC", message=what, hint=hint))
+    for entry in deck.selected("SPC"):
+        for key, grid, components in _terms(entry, places, faults):
+            if grid in scalars:
+                continue
+            if grid not in places.grids:
+                faults.append(entry.fault(f"there is no grid {grid}", key))
+            elif not components:
+                faults.append(entry.fault(f"no components of grid {grid}", key, f"some of {ALL}"))
+            else:
+                found.setdefault(grid, set()).update(components)
+    return {grid: "".join(sorted(held)) for grid, held in found.items()}
+
+
+def clamp(grid: int, held: str, places: Places) -> dict[str, Any]:
+    """The clamp, in an environment's form, that holds the components ``held`` of ``grid``."""
+    axes = places.displacement_axes(grid)
+    along, about = (
+        "".join(letter for letter, digit in zip(LETTERS, digits, strict=True) if digit in held)
+        for digits in ("123", "456")
+    )
+    return {
+        "node": f"g{grid}",
+        "along": along,
+        "about": about,
+        "x_axis": axes[:, 0],
+        "y_axis": axes[:, 1],
+    }
+
+
+def _terms(entry: Entry, places: Places, faults: list[Fault]) -> list[tuple[str, int, str | None]]:
+    """Fields, grids and components of an SPC or SPC1; of a range (THRU) the grids that are there."""
+    if entry.name == "SPC1":
+        texts = [text for text in entry["grids"] if text]
+        named = {integer(text) for text in texts}
+        grids = expand(entry, texts, "grids", faults)
+        return [("grids", grid, entry["c"]) for grid in grids if grid in named or grid in places.grids]
+    if entry["d1"] or entry["d2"]:
+        faults.append(entry.fault("a displacement that is not zero is not converted yet", "d1"))
+    terms = [(f"g{i}", entry[f"g{i}"], entry[f"c{i}"]) for i in "12"]
+    return [term for term in terms if term[1] is not None]

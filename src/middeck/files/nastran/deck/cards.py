@@ -1,0 +1,207 @@
+"""Logical cards: fields of free, small and large format, joined over continuations.
+
+A line with a comma is free; one whose first eight columns hold an asterisk is large (fields of 16 columns),
+any other small (of 8). A continuation begins with blanks, ``+`` or ``*``; with a mnemonic it belongs to the
+line that ends with it, wherever that is, without one to the line before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from operator import itemgetter
+from typing import NamedTuple
+
+from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.replication import Row, replicated
+from middeck.files.nastran.deck.sections import Line
+from middeck.files.toml.faults import Fault, raise_faults
+
+ROW = 8  # fields in a row of either format
+BLANKS = [""] * ROW
+
+
+def _columns(width: int, count: int) -> Callable[[str], tuple[str, ...]]:
+    """Cuts a line at its columns into ``count`` fields, at least two; a fourth of the time of a loop."""
+    return itemgetter(*(slice(8 + width * k, 8 + width * (k + 1)) for k in range(max(2, count))))
+
+
+# By how many fields a line has.
+NARROW = [_columns(8, count) for count in range(ROW + 1)]
+WIDE = [_columns(16, count) for count in range(ROW // 2 + 1)]
+MARKS = "+*"
+BREAK = "break it with a continuation"
+
+
+class Card(NamedTuple):
+    """A card: its name, its fields after the name, and the lines with the number of their first field."""
+
+    name: str
+    fields: tuple[str, ...]
+    lines: tuple[tuple[int, Line], ...]
+
+    def line(self, field: int = 0) -> Line:
+        """The line on which ``field`` (the first after the name is 0) stands or should stand."""
+        return next(line for first, line in reversed(self.lines) if first <= field or not first)
+
+
+# Places in a `Row`, one line cut up: a card's name or a continuation's mark, the fields, the mark at the end,
+# whether the fields are large, and the line. A plain tuple, for there are as many as lines.
+HEAD, FIELDS, TAIL, LARGE, LINE = 0, 1, 2, 3, 4
+
+
+def join_cards(lines: Iterable[Line]) -> list[Card]:
+    """The cards of bulk data ``lines``; raises `ConfigError` for lines that are no part of any card."""
+    faults: list[Fault] = []
+    groups: list[list[Row]] = []
+    apart: list[list[Row]] = []  # continuations whose parents are elsewhere, each with its followers
+    group: list[Row] = []
+    lines, strip = list(lines), str.strip
+    whole = "\n".join([line[0] for line in lines]).upper()
+    texts = whole.split("\n")  # all at once: a fifth of one by one
+    tabs, stars = "\t" in whole, "*" in whole
+    for text, line in zip(texts, lines, strict=False):  # no lines are one text
+        if "," in text:
+            row = _cut_free(text, line)
+            if isinstance(row, Fault):
+                faults.append(row)
+                continue
+        else:
+            text = (text.expandtabs(8) if tabs else text).rstrip()
+            head = text[:8].strip()
+            if stars and "*" in head:
+                row = _cut_large(head, text, line)
+            else:  # here, not in a function: three in four lines of a large deck
+                end = len(text)
+                tail = text[72:80].strip() if end > 72 else ""
+                row = (
+                    head or "+",
+                    tuple(map(strip, NARROW[min(ROW, (end - 1) // 8)](text))),
+                    tail,
+                    False,
+                    line,
+                )
+        head = row[HEAD]
+        if head[0] not in MARKS:
+            group = [row]
+            groups.append(group)
+            continue
+        mark = _mark(head)
+        if not group:
+            faults.append(_fault(line, "a continuation of nothing"))
+        elif not mark or mark in (_mark(group[-1][TAIL]), _mark(group[-1][TAIL][1:])):  # column 73 is any
+            group.append(row)
+        else:
+            group = [row]
+            apart.append(group)
+    if apart:
+        faults += _adopt(groups, apart)
+    for group in groups:
+        if group[-1][TAIL]:
+            faults += _forgotten(group)
+    if "=" in whole:
+        groups = replicated(groups, faults)
+    raise_faults(faults)
+    new = tuple.__new__  # half of the time of a named tuple's own
+    return [
+        new(Card, (row[HEAD], row[FIELDS], ((0, row[LINE]),)))
+        if len(group) == 1 and (row := group[0])[FIELDS] and row[FIELDS][-1]
+        else _joined(group)
+        for group in groups
+    ]
+
+
+def _mark(text: str) -> str:
+    """The name of a continuation; Nastran's own echo goes on at ``++000001`` where it wrote ``+000001``."""
+    return text.lstrip(MARKS).strip()
+
+
+def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[Fault]:
+    """Put continuations that stand elsewhere behind the rows that end with their marks."""
+    faults: list[Fault] = []
+    waiting: dict[str, list[list[Row]]] = {}
+    for group in apart:
+        waiting.setdefault(_mark(group[0][HEAD]), []).append(group)
+    for mark, found in waiting.items():
+        faults += [_fault(g[0][LINE], f"a second continuation {mark!r}") for g in found[1:]]
+    asked: dict[str, Line] = {}
+    for group in groups:
+        mark = _mark(group[-1][TAIL])
+        while mark in waiting:
+            if mark in asked:
+                faults.append(_fault(group[-1][LINE], f"a second card that goes on at {mark!r}"))
+                break
+            asked[mark] = group[-1][LINE]
+            group += waiting[mark][0]
+            mark = _mark(group[-1][TAIL])
+    faults += [
+        _fault(g[0][LINE], f"a continuation {mark!r} of no card")
+        for mark, (g, *_) in waiting.items()
+        if mark not in asked
+    ]
+    return faults
+
+
+def _forgotten(group: list[Row]) -> list[Fault]:
+    """A last row that announces a continuation, with a mark of its own, which is nowhere."""
+    tail = group[-1][TAIL]
+    if tail[:1] in MARKS and _mark(tail):
+        hint = "is the deck whole? if the card ends here, clear its tenth field"
+        return [_fault(group[-1][LINE], f"the continuation {_mark(tail)!r} is missing", hint)]
+    return []
+
+
+def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
+    text, file, number = line
+    return Fault(file=file, line=number, key="", message=message, value=text.strip()[:40], hint=hint)
+
+
+def _joined(group: list[Row]) -> Card:
+    head, fields, _, _, line = group[0]
+    if len(group) == 1:
+        return Card(head, _filled(list(fields)), ((0, line),))
+    if len(group) == 2 and not (group[0][LARGE] or group[1][LARGE]):
+        _, more, _, _, other = group[1]
+        fields = fields if len(fields) == ROW else (*fields, *BLANKS[len(fields) :])
+        return Card(head, _filled([*fields, *more]), ((0, line), (ROW, other)))
+    joined: list[str] = []
+    lines: list[tuple[int, Line]] = []
+    half = False
+    for _, row_fields, _, large, line in group:
+        if half and not large:
+            joined += BLANKS[: ROW // 2]
+        half = large and not half
+        lines.append((len(joined), line))
+        joined += row_fields
+        joined += BLANKS[len(row_fields) + ROW // 2 * large :]
+    return Card(head, _filled(joined), tuple(lines))
+
+
+def _filled(fields: list[str]) -> tuple[str, ...]:
+    """Without the blanks at the end."""
+    while fields and not fields[-1]:
+        fields.pop()
+    return tuple(fields)
+
+
+def _cut_large(head: str, text: str, line: Line) -> Row:
+    fields = WIDE[min(ROW // 2, (len(text) + 7) // 16)](text)
+    return _large(head), tuple(map(str.strip, fields)), text[72:80].strip(), True, line
+
+
+def _large(head: str) -> str:
+    """A card's name without its asterisk; a continuation keeps its mark."""
+    return head if head[0] in MARKS else head.rstrip("*").rstrip()
+
+
+def _cut_free(text: str, line: Line) -> Row | Fault:
+    head, *fields = map(str.strip, text.split(",")) if " " in text or "\t" in text else text.split(",")
+    large = "*" in head
+    room = ROW // 2 if large else ROW
+    if len(fields) <= room and not large:
+        return head or "+", tuple(fields), "", False, line
+    if any(fields[room + 1 :]):
+        return _fault(line, f"more than {room} fields in one line", BREAK)
+    tail = fields[room] if len(fields) > room else ""
+    if tail and (real(tail) is not None or integer(tail) is not None):
+        return _fault(line, f"a number, {tail}, where the mark of a continuation stands", BREAK)
+    return _large(head) if large else head or "+", tuple(fields[:room]), tail, large, line

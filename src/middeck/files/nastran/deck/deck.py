@@ -1,0 +1,118 @@
+"""A deck as values: what case control selects, cards with their fields, and parameters."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from middeck.errors import ConfigError
+from middeck.files.disk.looks import EMPTY, NO_DECK, looks_like
+from middeck.files.nastran.deck.cards import join_cards
+from middeck.files.nastran.deck.case_control import Selection, read_selection
+from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
+from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.sections import read_sections
+from middeck.files.toml.faults import Fault
+
+CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
+
+
+class Deck(NamedTuple):
+    """A deck as read.
+
+    ``bulk_only``: it has neither executive nor case control, so that nothing is selected. ``missing`` names
+    the includes before BEGIN BULK that are not there; ``cards`` is the number of cards.
+    """
+
+    path: str
+    selection: Selection
+    entries: Entries
+    missing: tuple[str, ...]
+    bulk_only: bool
+    cards: int
+
+    def selected(self, command: str) -> list[Entry]:
+        """The constraints that case control selects by SPC or MPC, unions (SPCADD, MPCADD) resolved."""
+        wanted = set(self.selection.sets.get(command, ()))
+        for union in self.entries.of(f"{command}ADD"):
+            if union.id in wanted:
+                wanted |= {number for number in union["sets"] if number}
+        return [entry for entry in self.entries.of(*CHOSEN[command]) if entry.id in wanted]
+
+
+def read_deck(path: str | Path) -> Deck:
+    """Read a Nastran deck with all that it includes.
+
+    Raises `ConfigError` with what is wrong, by file, line, card and field.
+    """
+    kind = looks_like(path)
+    if kind == EMPTY or kind in NO_DECK:
+        what = "the file is empty" if kind == EMPTY else f"looks like {kind}, not a Nastran deck"
+        raise ConfigError(what, where=str(path), hint="a deck in this place")
+    with _without_collection():
+        sections = read_sections(path)
+        cards = join_cards(sections.bulk)
+        entries = read_entries(cards)
+    return Deck(
+        str(path),
+        read_selection(sections.case),
+        entries,
+        sections.missing,
+        not sections.case and not sections.executive,
+        len(cards),
+    )
+
+
+@contextmanager
+def _without_collection() -> Generator[None]:
+    """Cards are many and hold no cycles: looking for them takes half of the reading."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def real_parameter(deck: Deck, name: str, default: float) -> float:
+    """A real PARAM of bulk data, or of case control, which goes before it."""
+    found = default
+    for entry in deck.entries.of("PARAM"):
+        if entry.id == name:
+            value = real(entry["v1"])
+            if value is None or not value > 0.0:
+                raise_some([entry.fault("must be a real number > 0", "v1")])
+            found = value or default
+    for line in deck.selection.params:
+        parts = line[0].upper().replace(",", " ").split()
+        if parts[1:2] == [name]:
+            value = real(parts[2]) if len(parts) > 2 else None
+            if value is None or not value > 0.0:
+                raise_some(
+                    [
+                        Fault(
+                            file=line[1],
+                            line=line[2],
+                            key=f"PARAM {name}",
+                            message="must be a real > 0",
+                        )
+                    ]
+                )
+            found = value or default
+    return found
+
+
+def asked_formulation(deck: Deck) -> str:
+    """The mass that the deck's own program would give its bars, by PARAM COUPMASS: coupled or lumped."""
+    texts = [entry["v1"] for entry in deck.entries.of("PARAM") if entry.id == "COUPMASS"]
+    texts += [
+        parts[2]
+        for line in deck.selection.params
+        if (parts := line[0].upper().replace(",", " ").split())[1:2] == ["COUPMASS"] and len(parts) > 2
+    ]
+    coupled = any(text in ("YES", "ON") or (integer(text) or -1) > 0 for text in texts)
+    return "coupled" if coupled else "lumped"

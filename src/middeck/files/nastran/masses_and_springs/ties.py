@@ -1,0 +1,180 @@
+"""Springs and bushings of a deck: stiffness between two points in one place, or a point and the ground.
+
+A CBUSH acts at its elastic point, which both grids carry rigidly. A scalar spring (CELAS) between grids that
+are apart would resist rigid motion unless it acts along the line between them or on rotations; others are
+refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.files.nastran.deck.coordinates import BASIC, Places
+from middeck.files.nastran.deck.entries import Entries, Entry
+from middeck.files.nastran.deck.numbers import real
+from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
+from middeck.files.nastran.members.members import own_axes
+from middeck.files.toml.faults import Fault
+
+ROW = 8
+APART = 1e-9  # of a length, and the sine between directions that are one
+ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
+
+
+class Tie(NamedTuple):
+    """The grids (one: to the ground), the points joined, axes and the diagonal of stiffness."""
+
+    entry: Entry
+    grids: tuple[int, ...]
+    points: tuple[np.ndarray, ...]
+    axes: np.ndarray
+    stiffness: np.ndarray
+
+
+def read_ties(
+    entries: Entries,
+    places: Places,
+    scalars: Container[int],
+    held: Mapping[int, str],
+    faults: list[Fault],
+) -> list[Tie]:
+    """All CBUSH, CELAS1 and CELAS2 of some stiffness; appends to ``faults`` what cannot be represented.
+
+    Springs of scalar points (``scalars``) are passed over: see `read_elements`.
+
+    A scalar spring at a component that the ground holds (``held``, by grid) is one to the ground.
+    """
+    found: list[Tie] = []
+    properties = entries.numbered("PELAS", "PBUSH")
+    for entry in entries.of("CBUSH", "CELAS1", "CELAS2"):
+        if entry.name != "CBUSH" and names_scalar(entry, scalars):
+            continue
+        try:
+            if entry.name == "CBUSH":
+                tie = _bushing(entry, properties, places)
+            else:
+                tie = _spring(entry, properties, places, held)
+        except ValueError as error:
+            faults.append(entry.fault(str(error)))
+            continue
+        if tie is not None and np.any(tie.stiffness):
+            found.append(tie)
+    return found
+
+
+def _place(grid: int, places: Places) -> np.ndarray:
+    if grid not in places.grids:
+        raise ValueError(f"there is no grid {grid}")
+    return places.grids[grid]
+
+
+def _property(entry: Entry, properties: dict[int, Entry], name: str) -> Entry:
+    pid = entry.id if entry["pid"] is None else entry["pid"]
+    found = properties.get(pid)
+    if found is None or found.name != name:
+        raise ValueError(f"there is no {name} {pid}")
+    return found
+
+
+def _spring(
+    entry: Entry, properties: dict[int, Entry], places: Places, held: Mapping[int, str]
+) -> Tie | None:
+    k = (_property(entry, properties, "PELAS") if entry.name == "CELAS1" else entry)["k"]
+    ends = ends_of(entry)
+    whole = [grid for grid, component in ends if not component]
+    if whole:
+        raise ValueError(f"grid {whole[0]} has components, 1 to 6: which? only scalar points have none")
+    if k < 0.0:
+        raise ValueError("a negative stiffness is not converted")
+    points = [_place(grid, places) for grid, _ in ends]
+    moving = [i for i, (grid, component) in enumerate(ends) if f"{component}" not in held.get(grid, "")]
+    if not moving:
+        return None
+    ends, points = [ends[i] for i in moving], [points[i] for i in moving]
+    frames = [places.displacement_axes(grid) for grid, _ in ends]
+    stiffness = np.zeros(6)
+    stiffness[ends[0][1] - 1] = k
+    if len(ends) == 2:
+        (one, other), turns = (c - 1 for _, c in ends), [c > 3 for _, c in ends]
+        first, second = frames[0][:, one % 3], frames[1][:, other % 3]
+        span = points[1] - points[0]
+        if turns[0] != turns[1] or np.linalg.norm(first - second) > APART:
+            raise ValueError("a spring between components of different directions is not converted")
+        if all(set("456") <= set(held.get(grid, "")) for grid, _ in ends):
+            points[1] = points[0]  # where nothing turns, a spring acts the same anywhere
+        elif (
+            not turns[0]
+            and np.linalg.norm(np.cross(span, first)) > APART * np.linalg.norm(points, axis=1).max()
+        ):
+            raise ValueError(
+                "a spring across the line between its grids, which resists rigid motion: "
+                "put them in one place, or hold their rotations"
+            )
+    return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], stiffness)
+
+
+def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
+    stiffness = _stiffness(_property(entry, properties, "PBUSH"))
+    a = _place(entry["ga"], places)
+    if entry["gb"] is None:
+        if entry["cid"] is None or entry["ocid"] != -1:
+            raise ValueError("a bushing to the ground needs a CID, and an offset of it is not converted yet")
+        return Tie(entry, (entry["ga"],), (a,), _axes(entry, a, a, stiffness, places), stiffness)
+    b = _place(entry["gb"], places)
+    grids = (entry["ga"], entry["gb"])
+    if grids[0] == grids[1]:
+        raise ValueError("it joins a grid to itself")
+    if entry["ocid"] != -1:
+        raise ValueError("an elastic point by OCID is not converted yet: give S, its place along the line")
+    point = a + entry["s"] * (b - a)
+    return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), stiffness)
+
+
+def _rectangular(cid: int, places: Places) -> np.ndarray:
+    system = BASIC if cid == 0 else places.systems.get(cid)
+    if system is None or system.kind != "R":
+        raise ValueError(f"there is no rectangular coordinate system {cid}")
+    return system.axes
+
+
+def _axes(entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: Places) -> np.ndarray:
+    if entry["cid"] is not None:
+        return _rectangular(entry["cid"], places)
+    length = float(np.linalg.norm(b - a))
+    if length <= APART * max(np.linalg.norm(a), np.linalg.norm(b)):
+        raise ValueError("a bushing between grids in one place needs a CID")
+    x = (b - a) / length
+    given = [entry[key] for key in ("x1", "x2", "x3")]
+    if type(given[0]) is int:
+        up = _place(given[0], places) - a
+    elif any(value is not None for value in given):
+        up = places.displacement_axes(entry["ga"]) @ np.array([value or 0.0 for value in given])
+    elif np.any(stiffness[[1, 2, 4, 5]]):
+        raise ValueError("neither a CID nor an orientation: only K1 and K4 could be given then")
+    else:
+        up = np.eye(3)[np.argmin(np.abs(x))]
+    if not np.linalg.norm(np.cross(x, up)) > ALONG * np.linalg.norm(up):
+        raise ValueError("its orientation vector is zero or along it")
+    return own_axes(x, up)
+
+
+def _stiffness(entry: Entry) -> np.ndarray:
+    """The six of the line K; raises `ValueError` for mass, rigid directions and lines that are not known."""
+    texts = ["", *(text or "" for text in entry["rest"])]
+    found = np.zeros(6)
+    for i in range(0, len(texts), ROW):
+        kind, values = (texts[i + 1 : i + 2] or [""])[0], texts[i + 2 : i + ROW]
+        numbers = [real(text) if text else 0.0 for text in values]
+        if kind in ("B", "GE", "RCV", "T", "A") or not any((kind, *values)):
+            continue
+        if kind != "K" or None in numbers:
+            raise ValueError(
+                f"PBUSH {entry.id} has {kind or 'a line without a name'} {values}: not converted yet"
+            )
+        found[: len(numbers)] = numbers
+    if np.any(found < 0.0):
+        raise ValueError(f"PBUSH {entry.id} has a negative stiffness")
+    return found

@@ -1,0 +1,1 @@
+"""Bars, beams and rods: their sections and their ends."""

@@ -1,0 +1,170 @@
+"""Stiffness and mass of bars, beams and rods from their properties and materials, in units of the deck."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.files.nastran.deck.entries import Entries, Entry
+from middeck.files.nastran.members.beam_stations import Cut, FieldError, Stations, read_pbeam, read_shape
+from middeck.files.toml.faults import Fault
+
+# Of a product of inertia over the second moments: fields of eight columns.
+ROUNDING = 1e-6
+
+
+class Material(NamedTuple):
+    """Young's and shear modulus, density."""
+
+    E: float
+    G: float
+    rho: float
+
+
+class BarSection(NamedTuple):
+    """The cross-sections of a member, see `Stations`, with its material.
+
+    They are in axes turned about the member by ``angle`` [rad]: the principal ones if all share them.
+    """
+
+    material: Material
+    stations: Stations
+    angle: float
+
+    @property
+    def first(self) -> Cut:
+        """That at end A."""
+        return self.stations.cuts[0][1]
+
+    @property
+    def tapers(self) -> bool:
+        """Whether it has more than one."""
+        return len(self.stations.cuts) > 1
+
+    @property
+    def knots(self) -> np.ndarray:
+        """Fractions of the length of all stations."""
+        return np.array([at for at, _ in self.stations.cuts])
+
+    def at(self, x: np.ndarray) -> Cut:
+        """Numbers of the cross-sections at fractions ``x`` of the length, linear between stations."""
+        columns = np.array([cut for _, cut in self.stations.cuts]).T
+        return Cut(*(np.interp(x, self.knots, column) for column in columns))
+
+
+class Sections:
+    """Sections by the property that a member names; what is wrong with one is said once."""
+
+    def __init__(self, entries: Entries, faults: list[Fault]) -> None:
+        self.materials = entries.numbered("MAT1")
+        self.properties = entries.numbered("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD")
+        self.faults = faults
+        self.done: dict[tuple[str, int], BarSection | None] = {}
+        self.read_as = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",)}
+
+    def of(self, element: Entry) -> BarSection | None:
+        """The section of ``element``; None where a fault stands in its place."""
+        if element.name == "CONROD":
+            return self._once(element)
+        pid = element["pid"]
+        found = self.properties.get(pid)
+        wanted = self.read_as[element.name]
+        if found is None or found.name not in wanted:
+            there = f"; {pid} is a {found.name}" if found else ""
+            self.faults.append(element.fault(f"there is no {' or '.join(wanted)} {pid}{there}", "pid"))
+            return None
+        return self._once(found)
+
+    def _once(self, entry: Entry) -> BarSection | None:
+        key = (entry.name, entry.id)
+        if key not in self.done:
+            self.done[key] = None
+            try:
+                self.done[key] = self._section(entry)
+            except FieldError as error:
+                self.faults.append(entry.fault_at(error.place, str(error)))
+            except ValueError as error:
+                self.faults.append(entry.fault(str(error), "dims" if entry.name.endswith("L") else ""))
+        return self.done[key]
+
+    def _section(self, entry: Entry) -> BarSection:
+        stations = _stations(entry)
+        if min(stations.k1, stations.k2) < 0.0:
+            raise ValueError("a negative shear factor")
+        for at, cut in stations.cuts:
+            where = f" at X/XB = {at:g}" if len(stations.cuts) > 1 else ""
+            if not cut.area > 0.0:
+                raise ValueError(f"a member without area is not converted{where}")
+            if min(cut.nsm, cut.nsi, cut.j) < 0.0:
+                raise ValueError(f"a negative mass or torsion constant{where}")
+            if min(cut.i1, cut.i2) < 0.0 or (cut.i12 != 0.0 and not cut.i1 * cut.i2 > cut.i12**2):
+                raise ValueError(f"second moments that no section has: I1 I2 > I12^2, none < 0{where}")
+        material, angle = self._material(entry), principal_angle(stations)
+        cuts = tuple((at, turned(cut, angle)) for at, cut in stations.cuts)
+        if (
+            any(cut.i12 for _, cut in cuts)
+            and material.G > 0.0
+            and (stations.k1 > 0.0) != (stations.k2 > 0.0)
+        ):
+            raise ValueError("I12 in a section rigid in shear in one plane alone is not converted")
+        return BarSection(material, stations._replace(cuts=cuts), angle)
+
+    def _material(self, entry: Entry) -> Material:
+        card = self.materials.get(entry["mid"])
+        if card is None:
+            raise ValueError(f"there is no MAT1 {entry['mid']}")
+        return read_material(card)
+
+
+def read_material(card: Entry) -> Material:
+    """Moduli of a MAT1, one of which may follow from others; raises `ValueError` for those of no solid."""
+    young, shear, nu = card["e"], card["g"], card["nu"]
+    if nu is not None and not -1.0 < nu <= 0.5:
+        raise ValueError(f"MAT1 {card.id} has Poisson's ratio {nu}; must be > -1 and <= 0.5")
+    if young is None and shear is not None and nu is not None:
+        young = 2.0 * (1.0 + nu) * shear
+    if shear is None:
+        shear = 0.0 if nu is None else (young or 0.0) / (2.0 * (1.0 + nu))
+    if young is None or not young > 0.0 or shear < 0.0 or card["rho"] < 0.0:
+        raise ValueError(f"MAT1 {card.id} has E {young}, G {shear} and rho {card['rho']}: no solid has them")
+    return Material(young, shear, card["rho"])
+
+
+def _stations(entry: Entry) -> Stations:
+    if entry.name in ("PBARL", "PBEAML"):
+        return read_shape(entry)
+    if entry.name == "PBEAM":
+        return read_pbeam(entry)
+    if entry.name == "PBAR":
+        i12 = entry["i12"]
+        factors = (0.0, 0.0) if i12 != 0.0 else (entry["k1"] or 0.0, entry["k2"] or 0.0)
+        cut = Cut(entry["a"], entry["i1"], entry["i2"], i12, entry["j"], entry["nsm"])
+        return Stations(((0.0, cut),), *factors)
+    return Stations(((0.0, Cut(entry["a"], 0.0, 0.0, 0.0, entry["j"], entry["nsm"])),), 0.0, 0.0)
+
+
+def principal_angle(stations: Stations) -> float:
+    """The angle [rad] from own y to the first principal axis of all cross-sections; 0 if they share none."""
+    cut = max((cut for _, cut in stations.cuts), key=lambda cut: abs(cut.i12))
+    angle = 0.5 * math.atan2(2.0 * cut.i12, cut.i1 - cut.i2) if cut.i12 else 0.0
+    shared = all(not turned(cut, angle).i12 for _, cut in stations.cuts)
+    return angle if shared and stations.k1 == stations.k2 else 0.0
+
+
+def turned(cut: Cut, angle: float) -> Cut:
+    """The cross-section in axes turned by ``angle`` from own y to z; a product that is rounding is zero."""
+    if angle == 0.0:
+        return cut
+    c, s = math.cos(angle), math.sin(angle)
+    i12 = c * s * (cut.i2 - cut.i1) + (c * c - s * s) * cut.i12
+    return cut._replace(
+        i1=c * c * cut.i1 + 2.0 * c * s * cut.i12 + s * s * cut.i2,
+        i2=s * s * cut.i1 - 2.0 * c * s * cut.i12 + c * c * cut.i2,
+        i12=0.0 if abs(i12) <= ROUNDING * (cut.i1 + cut.i2) else i12,
+        m1=c * cut.m1 + s * cut.m2,
+        m2=c * cut.m2 - s * cut.m1,
+        n1=c * cut.n1 + s * cut.n2,
+        n2=c * cut.n2 - s * cut.n1,
+    )

@@ -1,0 +1,1 @@
+"""OUTPUT4: matrices as text and in binary."""

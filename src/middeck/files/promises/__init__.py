@@ -1,0 +1,1 @@
+"""Promises: what is promised, the sealed document, and what came of it."""

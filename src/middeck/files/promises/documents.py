@@ -1,0 +1,291 @@
+"""Promises as sealed documents."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from middeck import __version__
+from middeck.files.disk.digest import sha256_of
+from middeck.files.json.sealed import seal
+from middeck.files.promises.form import PROMISE
+from middeck.updating.orbit.deflections import Deflection
+from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.shapes import promised_shapes
+from middeck.updating.promise.bound import Bound
+from middeck.updating.promise.draws import LoopSpread
+from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook, draws_needed, level
+from middeck.updating.promise.plan import Plan
+from middeck.updating.promise.promise import Promise
+from middeck.updating.promise.slip_time import SlipTime
+from middeck.updating.promise.sweep import Swept
+from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.refine import Refined
+
+# A mode of which the surveys saw less than half was not seen.
+SEEN = 0.5
+_DEGREE = np.pi / 180.0
+# Digits that are promised: more would hang on the machine.
+DIGITS = 6
+SHARE_DIGITS, TRAVEL_DIGITS = 4, 3
+
+
+def promise_document(
+    refined: Refined,
+    plan: Plan,
+    promises: Mapping[str, Promise],
+    *,
+    files: Sequence[tuple[str, str]],
+    date: str,
+) -> dict[str, Any]:
+    """The sealed document: what was promised when, on what, by which versions and seed."""
+    said = {
+        "seed": plan.seed,
+        "draws": plan.draws,
+        "draws_needed": draws_needed(plan.probability),
+        "probability": plan.probability,
+        "band_hz": plan.band_hz,
+        "performance": dict(zip(plan.performance, plan.weights.tolist(), strict=True)),
+        "disturbance_per_rthz": dict(zip(plan.disturbances, plan.intensity.tolist(), strict=True)),
+        "noise_per_rthz": dict(plan.noise),
+        "shares": LEVELS,
+        "not_valid_for": limits_of(plan, promises),
+        "environments": [
+            promised_there(name, p, plan) | {"shapes": promised_shapes(refined, p.modes)}
+            for name, p in promises.items()
+        ],
+    }
+    return seal(_head(refined, files, date) | said)
+
+
+def loads_document(
+    refined: Refined,
+    environment: str,
+    deflections: Sequence[Deflection],
+    modes: Prediction | None,
+    *,
+    files: Sequence[tuple[str, str]],
+    date: str,
+) -> dict[str, Any]:
+    """The sealed document of readings under load cases, and of frequencies beside them."""
+    place: dict[str, Any] = {
+        "name": environment,
+        "modes": [] if modes is None else _modes(modes, LoopSpread().damping_std),
+        "load_cases": [_case(case) for case in deflections],
+    }
+    if modes is not None:
+        place["shapes"] = promised_shapes(refined, modes)
+    said = {
+        "not_valid_for": ["contact, yielding and creep: members are elastic at any strain"],
+        "environments": [place],
+    }
+    return seal(_head(refined, files, date) | said)
+
+
+def hash_files(files: Sequence[Path]) -> tuple[tuple[str, str], ...]:
+    """Name and SHA-256 of each, to be taken before the work: what is saved later was not promised on."""
+    return tuple((file.name, sha256_of(file)) for file in files)
+
+
+def _head(refined: Refined, files: Sequence[tuple[str, str]], date: str) -> dict[str, Any]:
+    return {
+        "schema": PROMISE,
+        "article": refined.structure.title,
+        "date": date,
+        "versions": versions(),
+        "files": [{"name": name, "sha256": digest} for name, digest in files],
+        "refined": _refined(refined),
+    }
+
+
+def _case(case: Deflection) -> dict[str, Any]:
+    """Readings in SI, angles in degrees for whoever compares them with a table."""
+    return {
+        "name": case.name,
+        "strained_as_in_the_tests": few(case.seen),
+        "readings": [
+            {
+                "gauge": gauge.name,
+                "at": gauge.at,
+                "unit": "deg" if gauge.unit == "rad" else gauge.unit,
+                "value": few(case.value[k] / size),
+                "std": few(case.std[k] / size),
+                "interval_95": [few(end / size) for end in case.interval[k]],
+                "of_the_refined_article": few(case.of_the_article[k] / size),
+            }
+            for k, gauge in enumerate(case.gauges)
+            for size in [_DEGREE if gauge.unit == "rad" else 1.0]
+        ],
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of what computed a document."""
+    return {
+        "middeck": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+    }
+
+
+def _refined(refined: Refined) -> dict[str, Any]:
+    rows = zip(refined.unknowns, refined.x, refined.estimate.x_std, strict=True)
+    return {
+        "unknowns": [{"name": u.name, "x": few(x), "std": few(std)} for u, x, std in rows],
+        "model_error": {s: few(tau) for s, tau in zip(refined.sorts, refined.estimate.tau, strict=True)},
+        "warnings": findings(refined),
+    }
+
+
+def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
+    """What the plants of the promise do not have."""
+    said = ["friction, play and saturation: every plant is linear"]
+    if plan.joints:
+        said = [
+            "play, saturation, and friction but at the joints stated",
+            "disturbances of another intensity: with friction the decibels go with it",
+        ]
+        said += [
+            f"{name}: slow motions, whose decay asks for more than the {p.slip_time.record_s:.0f} s simulated"
+            for name, p in promises.items()
+            if p.slip_time is not None and p.slip_time.short
+        ]
+    if plan.draws + 1 < 1.0 / (1.0 - LEVELS[-1]):
+        held = 100.0 * plan.draws / (plan.draws + 1)
+        said.append(f"levels beyond {held:.3g} %: the worst of {plan.draws} draws stands for them")
+    said += [
+        f"{name}: what lies above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes"
+        for name, p in promises.items()
+    ]
+    for name, p in promises.items():
+        names = [p.modes.modes.name[i] for i in p.modes.index]
+        unseen = [mode for mode, seen in zip(names, p.modes.seen, strict=True) if seen < SEEN]
+        if unseen:
+            said.append(f"{name}: modes that no survey saw, by the model alone: {', '.join(unseen)}")
+    return said
+
+
+def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
+    """What a document says of one environment: modes and compensators."""
+    return {
+        "name": name,
+        "modes": _modes(promise.modes, plan.loop.damping_std),
+        "without_control_rms": [few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
+        if np.all(np.isfinite(promise.rest_rms))
+        else None,
+        "sweep": {
+            "first_bending": promise.swept.modes.first_bending,
+            "first_bending_percent": few(100.0 * plan.sweep.first_bending),
+            "others": promise.swept.modes.others,
+            "others_percent": few(100.0 * plan.sweep.others),
+        },
+        "compensators": [
+            _loop_row(o, promise.bound[o.name], plan) | {"sweep": _swept(promise.sweeps[o.name])}
+            for o in promise.outlooks
+        ],
+        "highest": promise.highest,
+        **({} if promise.slip_time is None else {"friction": _friction(promise.slip_time, plan)}),
+    }
+
+
+def _friction(time: SlipTime, plan: Plan) -> dict[str, Any]:
+    """What was stated of the joints, and how it was simulated."""
+    return {
+        "joints": [
+            {
+                "name": j.name,
+                "slip_torque_nm": j.slip_torque,
+                "slip_angle_deg": few(j.slip_angle / _DEGREE),
+                "viscous_nms_per_rad": j.viscous,
+                "slip_torque_tolerance": j.slip_torque_tolerance,
+                "slip_angle_tolerance": j.slip_angle_tolerance,
+            }
+            for j in plan.joints
+        ],
+        "record_s": few(time.record_s),
+        "settle_s": few(time.settle_s),
+        "band_hz": few(time.band_hz),
+        "sample_hz": few(time.sample_hz),
+    }
+
+
+def _modes(modes: Prediction, unseen_damping: float) -> list[dict[str, Any]]:
+    """``unseen_damping`` is the spread of the logarithms of ratios that no survey measured."""
+    return [
+        {
+            "name": modes.modes.name[i],
+            "kind": modes.modes.kind[i],
+            "frequency_hz": few(hz),
+            "interval_95_hz": [few(end) for end in ends],
+            "damping": few(zeta),
+            "damping_deviation": few(zeta * spread),
+            "seen": round(min(float(seen), 1.0), SHARE_DIGITS),
+            "ground_hz": few(ground),
+        }
+        for i, hz, ends, zeta, spread, seen, ground in zip(
+            modes.index,
+            modes.frequency_hz,
+            modes.interval_hz,
+            modes.damping,
+            modes.damping_std(unseen_damping),
+            modes.seen,
+            modes.ground_hz,
+            strict=True,
+        )
+    ]
+
+
+def _loop_row(outlook: Outlook, bound: Bound, plan: Plan) -> dict[str, Any]:
+    risk, correlation = outlook.risk
+    effort = float(np.median(outlook.control_rms))
+    return {
+        "name": outlook.name,
+        "given": outlook.name in plan.laws,
+        "probability_stable": outlook.probability_stable,
+        "interval_95": [few(end) for end in outlook.probability_interval],
+        "at_least": few(outlook.promised_probability),
+        "db": [few(outlook.level_db(share)) for share in LEVELS],
+        "control_rms": few(effort),
+        "bound": {
+            "draws": bound.draws,
+            "worst_db": few(bound.worst_db),
+            "no_linear_law_below_db": few(bound.no_linear_law_below_db),
+        },
+        "unstable_mode": outlook.unstable_mode or None,
+        "risk": {"of": risk or None, "rank_correlation": few(correlation)},
+        **({} if outlook.friction is None else _with_friction(outlook.friction, plan)),
+    }
+
+
+def _swept(swept: Swept) -> dict[str, Any]:
+    """In how many cases of the sweep the loop is stable, and in which it is not."""
+    return {
+        "cases": len(swept.cases),
+        "stable": int(np.count_nonzero(swept.stable)),
+        "lost": swept.lost,
+    }
+
+
+def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
+    """What friction costs: the same levels without it; and whether joints stick or slip."""
+    names = [joint.name for joint in plan.joints]
+    return {
+        "without_friction_db": [few(level(friction.without_db, share)) for share in LEVELS],
+        "stable_while_sticking": float(np.mean(friction.sticks)),
+        "travel_over_slip_angle": {
+            name: float(f"{travel:.{TRAVEL_DIGITS}g}")
+            for name, travel in zip(names, friction.travel, strict=True)
+        },
+        "simulation_error_db": few(friction.error_db),
+    }
+
+
+def few(value: float) -> float | None:
+    """``value`` to the digits that are promised; None for what is not finite."""
+    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None

@@ -1,0 +1,171 @@
+"""Form of a promise's document: a seal that fits says that nobody changed it, not that it is whole."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, ValidationError
+
+from middeck.errors import DataError
+from middeck.files.json.sealed import read_sealed
+from middeck.files.toml.faults import Finding, finding, form_findings
+from middeck.files.toml.form import Finite, Form, NotNegative, Positive, within
+from middeck.structure.correlation.measured_modes import DIRECTIONS
+
+PROMISE = "middeck.promise/1"
+# Levels that statements are made of.
+STATED = (0.025, 0.5, 0.975, 0.99)
+Share = Annotated[float, within(least=0.0, most=1.0)]
+# Of the largest reading of a mode.
+Reading = Annotated[float, within(least=-1.0, most=1.0)]
+
+
+class Said(Form):
+    """A table of which what is read is checked: later documents may say more."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class SaidMode(Said):
+    """A mode."""
+
+    name: str
+    frequency_hz: Positive
+    interval_95_hz: Annotated[tuple[Positive, Positive], Field(strict=False)]
+    damping: NotNegative
+    seen: Share
+
+
+class SaidShapes(Said):
+    """Shapes of the modes of an environment, a row a channel."""
+
+    node: Annotated[tuple[str, ...], Field(strict=False)]
+    direction: Annotated[tuple[Literal[DIRECTIONS], ...], Field(strict=False)]  # pyright: ignore[reportInvalidTypeForm]
+    shape: Annotated[tuple[Annotated[tuple[Reading, ...], Field(strict=False)], ...], Field(strict=False)]
+
+
+class SaidReading(Said):
+    """What a gauge will read."""
+
+    gauge: str
+    unit: str
+    value: Finite
+    interval_95: Annotated[tuple[Finite, Finite], Field(strict=False)]
+
+
+class SaidCase(Said):
+    """A load case."""
+
+    name: str
+    readings: Annotated[tuple[SaidReading, ...], Field(strict=False)]
+
+
+class SaidLoop(Said):
+    """A compensator; levels are null where it is unstable."""
+
+    name: str
+    probability_stable: Share
+    db: Annotated[tuple[Finite | None, ...], Field(strict=False)]
+    without_friction_db: Annotated[tuple[Finite | None, ...], Field(strict=False)] | None = None
+
+
+class SaidPlace(Said):
+    """An environment."""
+
+    name: str
+    modes: Annotated[tuple[SaidMode, ...], Field(strict=False)]
+    shapes: SaidShapes | None = None
+    load_cases: Annotated[tuple[SaidCase, ...], Field(strict=False)] = ()
+    compensators: Annotated[tuple[SaidLoop, ...], Field(strict=False)] = ()
+
+
+class SaidForm(Said):
+    """A promise."""
+
+    schema_: Literal["middeck.promise/1"] = Field(alias="schema")
+    date: str
+    shares: Annotated[tuple[Share, ...], Field(strict=False)] = ()
+    environments: Annotated[tuple[SaidPlace, ...], Field(strict=False, min_length=1)]
+
+
+def read_promise(path: str | Path) -> dict[str, Any]:
+    """The promise in ``path``.
+
+    Raises `DataError` for another document, one that was changed, and one whose seal fits but that lacks what
+    a promise says, by its key.
+    """
+    found = read_sealed(path, PROMISE)
+    _require(found, str(path))
+    return found
+
+
+def _require(found: Mapping[str, Any], path: str) -> None:
+    try:
+        faults = list(_further(SaidForm.model_validate(found)))
+    except ValidationError as error:
+        faults = form_findings(error, SaidForm)
+    if not faults:
+        return
+    first, more = faults[0], len(faults) - 1
+    value = f" = {first.value}" if first.value else ""
+    also = f"; and {more} more" if more else ""
+    raise DataError(
+        f"{'.'.join(map(str, first.path))}{value}: {first.message}{also}",
+        where=path,
+        hint=first.hint
+        or "the document as `middeck promise` wrote it: this one was sealed without being whole",
+    )
+
+
+def _further(form: SaidForm) -> Iterator[Finding]:
+    """What one key says of another."""
+    yield from _each_once(("environments",), [place.name for place in form.environments])
+    for k, place in enumerate(form.environments):
+        at = ("environments", k)
+        for m, mode in enumerate(place.modes):
+            if not mode.interval_95_hz[0] <= mode.interval_95_hz[1]:
+                yield finding((*at, "modes", m, "interval_95_hz"), "must rise", mode.interval_95_hz)
+        for c, case in enumerate(place.load_cases):
+            for r, reading in enumerate(case.readings):
+                if not reading.interval_95[0] <= reading.interval_95[1]:
+                    where = (*at, "load_cases", c, "readings", r, "interval_95")
+                    yield finding(where, "must rise", reading.interval_95)
+        yield from _of_loops(form, place, at)
+        if place.shapes is not None:
+            yield from _of_shapes(place.shapes, len(place.modes), (*at, "shapes"))
+
+
+def _of_loops(form: SaidForm, place: SaidPlace, at: tuple[str | int, ...]) -> Iterator[Finding]:
+    if place.compensators and not set(STATED) <= set(form.shares):
+        yield finding(("shares",), f"must hold {', '.join(map(str, STATED))}", list(form.shares))
+    yield from _each_once((*at, "compensators"), [loop.name for loop in place.compensators])
+    for c, loop in enumerate(place.compensators):
+        for key, levels in (("db", loop.db), ("without_friction_db", loop.without_friction_db)):
+            if levels is None:
+                continue
+            worse = [float("inf") if db is None else db for db in levels]
+            if len(levels) != len(form.shares):
+                message = f"has {len(levels)} levels for {len(form.shares)} shares"
+                yield finding((*at, "compensators", c, key), message)
+            elif worse != sorted(worse):
+                yield finding((*at, "compensators", c, key), "must rise, null last", list(levels))
+
+
+def _of_shapes(shapes: SaidShapes, modes: int, at: tuple[str | int, ...]) -> Iterator[Finding]:
+    if not len(shapes.node) == len(shapes.direction) == len(shapes.shape):
+        message = f"{len(shapes.node)} nodes, {len(shapes.direction)} directions and {len(shapes.shape)} rows"
+        yield finding(at, message)
+    wide = [k for k, row in enumerate(shapes.shape) if len(row) != modes]
+    if wide:
+        yield finding((*at, "shape", wide[0]), f"has {len(shapes.shape[wide[0]])} numbers for {modes} modes")
+    channels = [f"{n} {d}" for n, d in zip(shapes.node, shapes.direction, strict=False)]
+    yield from _each_once((*at, "node"), channels)
+
+
+def _each_once(at: tuple[str | int, ...], names: list[str]) -> Iterator[Finding]:
+    for name, count in Counter(names).items():
+        if count > 1:
+            yield finding(at, f"{name!r} stands there {count} times")

@@ -1,0 +1,1 @@
+"""Documents of refinements: tests on the ground, what may change to fit them, what is to be known."""

@@ -1,0 +1,165 @@
+"""Documents of candidates: tests that may be made of an article, and what is promised of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from middeck.errors import ConfigError
+from middeck.files.disk.looks import CANDIDATES
+from middeck.files.documents import find_document, load_setup, load_structure
+from middeck.files.refinements.documents import Refinement, load_refinement
+from middeck.files.refinements.gauge_form import PlannedStaticForm, build_case, build_gauge, planned_findings
+from middeck.files.refinements.loads import PromisedLoads, load_promised_loads
+from middeck.files.toml.faults import Finding, finding, raise_faults
+from middeck.files.toml.form import Finite, Form, NotNegative, Positive, whole
+from middeck.files.toml.source import check, read_source
+from middeck.files.toml.tables import tables
+from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.updating.candidates.candidate_survey import CandidateSurvey
+from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.surveys import SHAPE_STD
+from middeck.values import record
+
+
+class CandidateForm(Form):
+    """A modal test that may be made: a survey without its modes, and how well it would measure them."""
+
+    name: str
+    environment: str = "lab"
+    set: dict[str, Finite] = Field(default_factory=dict)
+    frequency_std: Positive
+    shape_std: Positive = SHAPE_STD
+    channels: Annotated[tuple[str, ...], Field(strict=False)] | None = None
+    count: Annotated[int, whole(1, 10000)] = COUNT
+    band_hz: Annotated[tuple[NotNegative, Positive], Field(strict=False)] | None = None
+
+
+class CandidatesForm(Form):
+    """Tests that may be made, the refinement that each adds to, and what is promised."""
+
+    schema_: Literal["middeck.candidates/1"] = Field(alias="schema")
+    refinement: str
+    environments: Annotated[tuple[str, ...], Field(strict=False)] = ("orbit",)
+    modes: Annotated[int, whole(1, 10000)] = 10
+    promised_loads: str | None = None
+    survey: Annotated[tuple[CandidateForm, ...], Field(strict=False)] = ()
+    static: Annotated[tuple[PlannedStaticForm, ...], Field(strict=False)] = ()
+
+
+@record(kw_only=True)
+class Candidates:
+    """What `middeck.updating.candidates.candidates.rank_tests` needs, and an article with its refinement.
+
+    Attributes:
+        environments: Of what is promised, by name.
+        modes: How many of the lowest modes are promised in each.
+        loads: What gauges will read, that is promised too.
+    """
+
+    structure: Structure
+    refinement: Refinement
+    environments: dict[str, Environment]
+    modes: int
+    loads: PromisedLoads | None
+    tests: tuple[CandidateSurvey | StaticTest, ...]
+
+
+def load_candidates(path: str | Path, article: str | Path) -> Candidates:
+    """The candidates in file ``path`` for the article in file ``article``.
+
+    The refinement is sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
+    the document, and for environments given twice.
+    """
+    source = read_source(path, CANDIDATES)
+    checked = check(source, source.data, {}, CandidatesForm, _findings)
+    raise_faults(list(checked.faults))
+    form = checked.form
+    assert form is not None  # no faults
+    twice = [name for name in form.environments if form.environments.count(name) > 1]
+    if twice:
+        raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, environment", hint="each once")
+
+    refined_on = Path(path).parent / form.refinement
+    loads = None if form.promised_loads is None else Path(path).parent / form.promised_loads
+
+    def there(name: str) -> Environment:
+        return load_setup(article, find_document(name, "environment", beside=path))[1]
+
+    return Candidates(
+        structure=load_structure(article),
+        refinement=load_refinement(refined_on, article),
+        environments={name: there(name) for name in form.environments},
+        modes=form.modes,
+        loads=None if loads is None else _loads(loads, article, refined_on),
+        tests=(
+            *(_survey(s, there(s.environment)) for s in form.survey),
+            *(_static(s, there(s.environment)) for s in form.static),
+        ),
+    )
+
+
+def _loads(path: Path, article: str | Path, refined_on: Path) -> PromisedLoads:
+    """Load cases that are promised. Raises `ConfigError` where they stand on another refinement."""
+    found = load_promised_loads(path, article)
+    if found.refinement.files[0].resolve() != refined_on.resolve():
+        raise ConfigError(
+            f"promised on {found.refinement.files[0]}, not on {refined_on}",
+            where=str(path),
+            hint="one refinement for what is promised and for the candidates",
+        )
+    return found
+
+
+def _findings(data: Any) -> list[Finding]:
+    """What forms cannot say: channels that are none, and of static tests what lacks."""
+    found = planned_findings(data)
+    for i, test in tables(data, "survey"):
+        channels = test.get("channels", [])
+        for channel in channels if isinstance(channels, list) else []:
+            if isinstance(channel, str) and channel.rpartition(" ")[2] not in DIRECTIONS:
+                found.append(
+                    finding(
+                        ("survey", i, "channels"),
+                        f"{channel!r} is no channel",
+                        hint=f'a name and a direction, as "n1 x": {", ".join(DIRECTIONS)}',
+                    )
+                )
+    return found
+
+
+def _survey(form: CandidateForm, environment: Environment) -> CandidateSurvey:
+    return CandidateSurvey(
+        name=form.name,
+        environment=environment,
+        settings=tuple(form.set.items()),
+        frequency_std=form.frequency_std,
+        shape_std=form.shape_std,
+        channels=None if form.channels is None else tuple(_channel(c) for c in form.channels),
+        count=form.count,
+        band_hz=form.band_hz or (0.0, np.inf),
+    )
+
+
+def _channel(text: str) -> tuple[str, str]:
+    name, _, direction = text.rpartition(" ")
+    return name.strip(), direction
+
+
+def _static(form: PlannedStaticForm, environment: Environment) -> StaticTest:
+    gauges = tuple(build_gauge(r) for r in form.reading)
+    return StaticTest(
+        name=form.name,
+        environment=environment,
+        gauges=gauges,
+        value=np.zeros(len(gauges)),
+        load_case=build_case(form),
+        since_unloaded=form.since == "unloaded",
+        series=form.series,
+        settings=tuple(form.set.items()),
+    )

@@ -1,0 +1,152 @@
+"""Documents of a refinement: tests on the ground, and what may be changed to fit them; refined articles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from middeck.files.disk.atomic import replacing
+from middeck.files.disk.looks import ARTICLE, REFINEMENT
+from middeck.files.documents import find_document, load_setup
+from middeck.files.measured.survey_files import load_survey_modes
+from middeck.files.refinements.gauge_form import (
+    StaticForm,
+    build_case,
+    build_gauge,
+    static_findings,
+    value_of,
+)
+from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
+from middeck.files.refinements.unknown_form import UnknownForm
+from middeck.files.toml.faults import raise_faults
+from middeck.files.toml.form import Finite, Form, Positive
+from middeck.files.toml.source import check, read_source
+from middeck.updating.refinement.posterior import USUAL
+from middeck.updating.refinement.refine import USUAL_STATIC
+from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.surveys import Survey
+from middeck.updating.unknowns.unknowns import Unknown
+from middeck.values import record
+
+# A table of the file, from its head to that of the next one or the end.
+FACTORS = re.compile(r"(?ms)^\s*\[factors\].*?(?=^\s*\[|\Z)")
+
+
+class SurveyForm(Form):
+    """Modes measured in one set-up; ``set`` has what the test set, by the names of parameters."""
+
+    name: str
+    modes: str
+    environment: str = "lab"
+    frequency_std: Positive | None = None
+    set: dict[str, Finite] = Field(default_factory=dict)
+    response: ResponseForm | None = None
+    anti_resonance: Annotated[tuple[AntiResonanceForm, ...], Field(strict=False)] = ()
+
+
+class RefinementForm(Form):
+    """A refinement of an article."""
+
+    schema_: Literal["middeck.refinement/1"] = Field(alias="schema")
+    model_error: Positive = USUAL
+    static_error: Positive = USUAL_STATIC
+    survey: Annotated[tuple[SurveyForm, ...], Field(strict=False)] = ()
+    static: Annotated[tuple[StaticForm, ...], Field(strict=False)] = ()
+    unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
+
+
+@record(kw_only=True)
+class Refinement:
+    """What `middeck.updating.refinement.refine` needs beside an article, and every file that said it."""
+
+    surveys: tuple[Survey, ...]
+    unknowns: tuple[Unknown, ...]
+    model_error: float
+    statics: tuple[StaticTest, ...]
+    static_error: float
+    files: tuple[Path, ...]
+
+    @property
+    def of_refine(
+        self,
+    ) -> tuple[tuple[Survey, ...], tuple[Unknown, ...], float, tuple[StaticTest, ...], float]:
+        """Arguments of `refine` and `weigh_unknowns` after the article."""
+        return self.surveys, self.unknowns, self.model_error, self.statics, self.static_error
+
+
+def load_refinement(path: str | Path, article: str | Path) -> Refinement:
+    """The refinement in file ``path`` of the article in file ``article``.
+
+    Files of modes are sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
+    the document, and `DataError` for modes that cannot be read.
+    """
+    source = read_source(path, REFINEMENT)
+    checked = check(source, source.data, {}, RefinementForm, static_findings)
+    raise_faults(list(checked.faults))
+    form = checked.form
+    assert form is not None  # no faults
+    modes = [Path(path).parent / s.modes for s in form.survey]
+    environments = [find_document(s.environment, "environment", beside=path) for s in form.survey]
+    rests = [find_document(t.environment, "environment", beside=path) for t in form.static]
+    surveys = tuple(
+        Survey(
+            name=s.name,
+            measured=load_survey_modes(seen, article),
+            environment=load_setup(article, place)[1],
+            settings=tuple(s.set.items()),
+            frequency_std=s.frequency_std,
+            response=build_response(s.response, s.anti_resonance, Path(path).parent),
+        )
+        for s, seen, place in zip(form.survey, modes, environments, strict=True)
+    )
+    statics = tuple(
+        StaticTest(
+            name=t.name,
+            environment=load_setup(article, place)[1],
+            gauges=tuple(build_gauge(r) for r in t.reading),
+            value=np.array([value_of(r) for r in t.reading]),
+            load_case=build_case(t),
+            since_unloaded=t.since == "unloaded",
+            series=t.series,
+            settings=tuple(t.set.items()),
+        )
+        for t, place in zip(form.static, rests, strict=True)
+    )
+    unknowns = tuple(build_unknown(u) for u in form.unknown)
+    heard = [Path(path).parent / s.response.file for s in form.survey if s.response is not None]
+    files = dict.fromkeys((Path(path), *modes, *heard, *environments, *rests))
+    return Refinement(
+        surveys=surveys,
+        unknowns=unknowns,
+        model_error=form.model_error,
+        statics=statics,
+        static_error=form.static_error,
+        files=tuple(files),
+    )
+
+
+def build_unknown(form: UnknownForm) -> Unknown:
+    """The unknown that ``form`` states."""
+    return Unknown(
+        name=form.name, parameters=form.parameters, spread=form.spread, mean=form.mean, added=form.added
+    )
+
+
+def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:
+    """The article's file with ``factors`` beside those that it had: they multiply."""
+    text = Path(article).read_text(encoding="utf-8")
+    had: dict[str, float] = read_source(article, ARTICLE).data.get("factors", {})
+    names = dict.fromkeys([*had, *factors])
+    lines = [f'"{n}" = {float(had.get(n, 1.0) * factors.get(n, 1.0))!r}' for n in names]
+    return FACTORS.sub("", text).rstrip() + "\n\n[factors]\n" + "\n".join(lines) + "\n"
+
+
+def write_article(path: Path, text: str) -> None:
+    """Write an article whole or not at all."""
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")

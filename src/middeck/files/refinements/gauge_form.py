@@ -1,0 +1,143 @@
+"""Gauges and their readings in documents: the unit of a reading is the ending of its key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from middeck.files.articles.boundary_form import (
+    ORIGIN,
+    LoadCaseForm,
+    LoadForm,
+    MassForm,
+    PrescribedForm,
+    build_load_cases,
+)
+from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.form import Finite, Form, Positive, Vector
+from middeck.files.toml.lines import Path
+from middeck.files.toml.tables import tables
+from middeck.structure.model.article import LoadCase
+from middeck.updating.residuals.gauges import Gauge, GaugeKind
+
+# Endings of the keys of each kind, and their units over those of a `Gauge`.
+ENDING = {"shift": "m", "tilt": "deg", "force": "n", "moment": "nm"}
+UNIT = {"m": 1.0, "deg": np.pi / 180.0, "n": 1.0, "nm": 1.0}
+# What a reading states of its kind: of a test, and of one that may be made.
+VALUED, PLANNED = ("value", "std"), ("std",)
+
+
+class GaugeForm(Form):
+    """What reads a displacement of a point, the tilt of a line, or the force or moment of a support."""
+
+    name: str
+    at: str
+    kind: Literal["shift", "tilt", "force", "moment"] = "shift"
+    direction: Vector = ORIGIN
+    point_m: Vector = ORIGIN
+    line: Vector = ORIGIN
+    std_m: Positive | None = None
+    std_deg: Positive | None = None
+    std_n: Positive | None = None
+    std_nm: Positive | None = None
+
+
+class ReadingForm(GaugeForm):
+    """A gauge and what it read."""
+
+    value_m: Finite | None = None
+    value_deg: Finite | None = None
+    value_n: Finite | None = None
+    value_nm: Finite | None = None
+
+
+class _LoadedForm(Form):
+    """One of the article's load cases by name, or loads of its own, and how its readings count."""
+
+    name: str
+    environment: str = "lab"
+    load_case: str | None = None
+    load: Annotated[tuple[LoadForm, ...], Field(strict=False)] = ()
+    mass: Annotated[tuple[MassForm, ...], Field(strict=False)] = ()
+    prescribed: Annotated[tuple[PrescribedForm, ...], Field(strict=False)] = ()
+    since: Literal["unloaded", "drawn"] = "unloaded"
+    series: str = ""
+    set: dict[str, Finite] = Field(default_factory=dict)
+
+
+class StaticForm(_LoadedForm):
+    """A static test: loads, and what its gauges read."""
+
+    reading: Annotated[tuple[ReadingForm, ...], Field(strict=False, min_length=1)]
+
+
+class PlannedStaticForm(_LoadedForm):
+    """A static test that may be made: as `StaticForm`, its gauges without values."""
+
+    reading: Annotated[tuple[GaugeForm, ...], Field(strict=False, min_length=1)]
+
+
+def build_gauge(form: GaugeForm) -> Gauge:
+    """The gauge that a form describes; without a deviation it reads exactly."""
+    std = getattr(form, f"std_{ENDING[form.kind]}")
+    return Gauge(
+        name=form.name,
+        at=form.at,
+        kind=GaugeKind(form.kind),
+        direction=np.array(form.direction),
+        point=np.array(form.point_m),
+        line=np.array(form.line),
+        std=UNIT[ENDING[form.kind]] * (std or 0.0),
+    )
+
+
+def value_of(form: ReadingForm) -> float:
+    """What a gauge read, in the unit of its kind."""
+    ending = ENDING[form.kind]
+    return UNIT[ending] * getattr(form, f"value_{ending}")
+
+
+def build_case(form: _LoadedForm) -> LoadCase | str | None:
+    """The load case of a static test."""
+    if not (form.load or form.mass or form.prescribed):
+        return form.load_case
+    own = LoadCaseForm.model_construct(
+        name=form.name, load=form.load, mass=form.mass, prescribed=form.prescribed
+    )
+    return build_load_cases([own])[0]
+
+
+def static_findings(data: Any) -> list[Finding]:
+    """What forms cannot say of static tests: keys of another unit, values that lack, loads given twice."""
+    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, VALUED)]
+
+
+def planned_findings(data: Any) -> list[Finding]:
+    """The same of static tests that may be made, which have no values."""
+    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, PLANNED)]
+
+
+def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
+    own = [key for key in ("load", "mass", "prescribed") if key in test]
+    if own and "load_case" in test:
+        yield finding((*path, "load_case"), f"beside {own[0]} of its own", hint="one or the other")
+    if test.get("since", "unloaded") == "unloaded" and not own and "load_case" not in test:
+        yield finding(path, "a change since unloaded, of no load", hint='a load, or since = "drawn"')
+    for k, reading in tables(test, "reading"):
+        yield from _of_reading((*path, "reading", k), reading, stated)
+
+
+def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
+    kind = reading.get("kind", "shift")
+    if kind not in ENDING:
+        return
+    for what in stated:
+        wanted = f"{what}_{ENDING[kind]}"
+        for other in (f"{what}_{ending}" for ending in UNIT):
+            if other != wanted and other in reading:
+                yield finding((*path, other), f"of a {kind}", hint=f"{wanted}")
+        if wanted not in reading:
+            yield finding(path, f"a {kind} without {wanted}", hint=f"{wanted} = 0.001")

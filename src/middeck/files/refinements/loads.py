@@ -1,0 +1,82 @@
+"""Load cases to be promised: what gauges will read under loads that nobody has tried."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from middeck.files.articles.boundary_form import LoadCaseForm, build_load_cases
+from middeck.files.disk.looks import LOADS
+from middeck.files.documents import find_document, load_setup, load_structure
+from middeck.files.refinements.documents import Refinement, load_refinement
+from middeck.files.refinements.gauge_form import GaugeForm, build_gauge
+from middeck.files.toml.faults import raise_faults
+from middeck.files.toml.form import Form, whole
+from middeck.files.toml.source import check, read_source
+from middeck.structure.model.article import LoadCase, Structure
+from middeck.structure.model.environment import Environment
+from middeck.updating.residuals.gauges import Gauge
+from middeck.values import record
+
+
+class PromisedLoadsForm(Form):
+    """Load cases, and what reads them."""
+
+    schema_: Literal["middeck.promised-loads/1"] = Field(alias="schema")
+    refinement: str
+    environment: str = "lab"
+    since: Literal["unloaded", "drawn"] = "unloaded"
+    series: str = ""
+    modes: Annotated[int, whole(0, 10000)] = 0
+    load_case: Annotated[tuple[LoadCaseForm, ...], Field(strict=False)] = ()
+    gauge: Annotated[tuple[GaugeForm, ...], Field(strict=False)] = ()
+
+
+@record(kw_only=True)
+class PromisedLoads:
+    """An article, the refinement that it stands on, and what is promised of it at rest.
+
+    Attributes:
+        environment_name: As the document names it.
+        modes: How many of the lowest modes are promised beside the readings.
+        files: Every file that was read.
+    """
+
+    structure: Structure
+    refinement: Refinement
+    environment_name: str
+    environment: Environment
+    load_cases: tuple[LoadCase, ...]
+    gauges: tuple[Gauge, ...]
+    since_unloaded: bool
+    series: str
+    modes: int
+    files: tuple[Path, ...]
+
+
+def load_promised_loads(path: str | Path, article: str | Path) -> PromisedLoads:
+    """The load cases in file ``path`` for the article in file ``article``.
+
+    The refinement is sought beside it. Raises `ConfigError` with all faults of the document.
+    """
+    source = read_source(path, LOADS)
+    checked = check(source, source.data, {}, PromisedLoadsForm, lambda _: [])
+    raise_faults(list(checked.faults))
+    form = checked.form
+    assert form is not None  # no faults
+    place = find_document(form.environment, "environment", beside=path)
+    refinement = load_refinement(Path(path).parent / form.refinement, article)
+    return PromisedLoads(
+        structure=load_structure(article),
+        refinement=refinement,
+        environment_name=form.environment,
+        environment=load_setup(article, place)[1],
+        load_cases=build_load_cases(form.load_case),
+        gauges=tuple(build_gauge(gauge) for gauge in form.gauge),
+        since_unloaded=form.since == "unloaded",
+        series=form.series,
+        modes=form.modes,
+        files=tuple(dict.fromkeys((Path(path), Path(article), *refinement.files, place))),
+    )

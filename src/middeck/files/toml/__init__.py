@@ -1,0 +1,1 @@
+"""TOML documents: their keys and lines, forms, overrides, and every fault of all of them at once."""

@@ -1,0 +1,198 @@
+"""Configuration errors: all of them at once, each with file, line, key, value, allowed range and advice."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from typing import Any, NoReturn
+
+from pydantic import ValidationError
+
+from middeck.errors import ConfigError
+from middeck.files.toml.form import UNITS, Form, form_at, stem, unit_of
+from middeck.files.toml.lines import Path
+from middeck.values import record
+
+# Endings that people write where another unit is expected.
+FOREIGN_UNITS = frozenset(ending[1:] for ending in UNITS) | {
+    *("mm", "cm", "um", "km", "in", "inch", "ft", "g", "gram", "t", "lb", "lbf", "mpa", "gpa", "kpa", "psi"),
+    *("ms", "us", "ns", "min", "khz", "mhz", "rad", "degrees", "rpm", "kn", "nmm", "ncm", "deg_s", "percent"),
+    *("kgm2", "kg_mm2", "g_mm2", "g_cm3", "n_per_mm", "nm_per_deg"),
+}
+
+
+ABSENT = object()
+
+
+@record(kw_only=True)
+class Fault:
+    """One thing wrong: where (``file``, ``line``, ``key``), what, the ``value`` and what to try.
+
+    ``file`` is ``--set`` and ``line`` zero for a value that an override has set.
+    """
+
+    file: str
+    line: int
+    key: str
+    message: str
+    value: str = ""
+    hint: str = ""
+
+    @property
+    def place(self) -> str:
+        """File and line as editors understand them."""
+        return f"{self.file}:{self.line}" if self.line else self.file
+
+    @property
+    def what(self) -> str:
+        """Key, value and what is wrong, in one line."""
+        named = f"{self.key} = {self.value}" if self.value else self.key
+        return f"{named}: {self.message}" if named else self.message
+
+    def __str__(self) -> str:
+        hint = f"\n  try: {self.hint}" if self.hint else ""
+        return f"{self.place}: {self.what}{hint}"
+
+
+@record(kw_only=True)
+class Finding:
+    """A fault before it is known in which file and on which line it lies."""
+
+    path: Path
+    message: str
+    value: str = ""
+    hint: str = ""
+    expected: str = ""  # the key that an unknown one stands for
+
+
+def finding(path: Path, message: str, value: Any = ABSENT, *, hint: str = "", expected: str = "") -> Finding:
+    """A finding at ``path``, with its ``value``, if there is one, as TOML would write it."""
+    shown = "" if value is ABSENT else show(value)
+    return Finding(path=path, message=message, value=shown, hint=hint, expected=expected)
+
+
+def raise_faults(faults: Sequence[Fault]) -> None:
+    """Raise one `ConfigError` with all ``faults`` (its ``data["faults"]``); nothing if there are none."""
+    if not faults:
+        return
+    if len(faults) == 1:
+        raise_fault(faults[0])
+    lines = "\n".join(map(str, faults))
+    raise ConfigError(f"{len(faults)} errors in the configuration\n{lines}", faults=tuple(faults))
+
+
+def raise_fault(fault: Fault) -> NoReturn:
+    """Raise a `ConfigError` with this one fault, in place of whatever it stands for."""
+    raise ConfigError(fault.what, where=fault.place, hint=fault.hint, faults=(fault,)) from None
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """``did you mean 'x'?`` or, with nothing near, the list of what there is.
+
+    >>> nearest("mas_kg", ["mass_kg", "size_m"])
+    "did you mean 'mass_kg'?"
+    """
+    choices = list(dict.fromkeys(known))
+    small = {choice.lower(): choice for choice in reversed(choices)}
+    close = difflib.get_close_matches(word.lower(), small, 1, 0.6)
+    if close:
+        return f"did you mean {small[close[0]]!r}?"
+    return f"one of {', '.join(choices)}" if choices else ""
+
+
+def show(value: Any) -> str:
+    """``value`` as TOML would write it, cut to 60 characters."""
+    text = str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
+    """The errors of pydantic in our words."""
+    items = error.errors(include_url=False)
+    found = [_finding(item, form) for item in items if not _is_echo(item, items)]
+    # A key in another unit is one fault, not also a missing key.
+    meant = {(f.path[:-1], f.expected) for f in found if f.expected}
+    return [f for f in found if (f.path[:-1], f.path[-1]) not in meant]
+
+
+def _is_echo(item: Any, items: Sequence[Any]) -> bool:
+    """Whether an array is called too short for an item of it that has a fault of its own."""
+    at = item["loc"]
+    return item["type"] == "too_short" and any(
+        len(other["loc"]) > len(at) and other["loc"][: len(at)] == at for other in items
+    )
+
+
+def _finding(item: Any, form: type[Form]) -> Finding:
+    path: Path = tuple(item["loc"])
+    named = [p for p in path if isinstance(p, str)]
+    key = named[-1] if named else ""
+    kind: str = item["type"]
+    if kind == "extra_forbidden":
+        return _unknown_key(path, key, item["input"], form)
+    if kind == "missing":
+        return finding(path, "missing" + _in_unit(key))
+    messages: dict[str, str] = {
+        "range": f"must be {item.get('ctx', {}).get('allowed')}{_in_unit(key, ' ')}",
+        "finite": "must be a finite number" + _in_unit(key),
+        "inertia": f"{item['msg']}; must be {item.get('ctx', {}).get('allowed')}{_in_unit(key)}",
+        "float_type": "must be a number" + _in_unit(key),
+        "int_type": "must be a whole number",
+        "string_type": "must be a text in quotes",
+        "bool_type": "must be true or false",
+        "model_type": "must be a table",
+        "dict_type": "must be a table",
+        "list_type": "must be an array",
+        "tuple_type": "must be an array",
+        "string_pattern_mismatch": "must begin with a letter and hold letters, digits, '_' and '-' only",
+    }
+    if kind in ("too_long", "too_short"):
+        return _wrong_length(path, item)
+    if kind == "literal_error":
+        messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
+    hint = _as_array(key, item["input"]) if kind in ("list_type", "tuple_type") else ""
+    return finding(path, messages.get(kind, str(item["msg"])), item["input"], hint=hint)
+
+
+def _as_array(key: str, value: Any) -> str:
+    """How one value or one table is written as an array of one."""
+    if isinstance(value, dict):
+        return f"[[{key}]] for each table"
+    return f"{key} = [{show(value)}]" if isinstance(value, str | int | float) and key else ""
+
+
+def _wrong_length(path: Path, item: Any) -> Finding:
+    """An array of too many or too few; with decimal commas it has twice as many."""
+    limits, value = item["ctx"], item["input"]
+    wanted = limits.get("max_length", limits.get("min_length"))
+    commas = len(value) == 2 * wanted and all(isinstance(x, int) for x in value[1::2])
+    advice = "decimal points: 0,25 is two numbers" if commas else ""
+    return finding(path, f"has {len(value)} items; must be {wanted}", value, hint=advice)
+
+
+def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
+    table = form_at(form, path[:-1])
+    known = [f.alias or name for name, f in table.model_fields.items()] if table else []
+    same = next((k for k in known if k.lower() == key.lower()), "")
+    if same:
+        return finding(path, "unknown key", value, hint=f"did you mean {same!r}?", expected=same)
+    for expected in known:
+        if _is_other_unit(key, expected):
+            unit = unit_of(expected) or "a pure number"
+            message = f"unknown key; {expected!r} is expected, in {unit}"
+            return finding(path, message, value, hint=f"convert to {unit}", expected=expected)
+    return finding(path, "unknown key", value, hint=nearest(key, known))
+
+
+def _is_other_unit(key: str, expected: str) -> bool:
+    if key == expected:
+        return False
+    root = stem(expected)
+    return (
+        key == root or stem(key) == root or any(key.lower() == f"{root}_{u}".lower() for u in FOREIGN_UNITS)
+    )
+
+
+def _in_unit(key: str, lead: str = ", in ") -> str:
+    unit = unit_of(key)
+    return f"{lead}{unit}" if unit else ""

@@ -1,0 +1,1 @@
+"""What engine and supervisor share: settings, monitors, commands, the mapped file."""

@@ -1,0 +1,97 @@
+"""A gain of the compensator that the power of a band moves."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+
+from middeck.errors import ConfigError
+from middeck.realtime.engine.interface.monitors import Monitor
+from middeck.values import record
+
+
+@record(kw_only=True)
+class AdaptiveGain:
+    """A gain g of the compensator's command, u = p + g f c, that backs off where a band of a sensor is loud.
+
+    The idea is that of the Space Launch System's adaptive augmenting control (Orr and VanZwieten 2012, AIAA
+    2012-4549): a forward gain between fixed bounds, lowered by the power of an undesired band. Here it moves
+    at one rate: g+ = g - ``rate`` T where the running rms is above ``loud_rms``, g + ``rate`` T where it is
+    below ``quiet_rms``, and g between; kept between ``minimum`` and ``maximum``. The proof holds for every
+    other rule within these bounds too: it does not ask what moves the gain.
+
+    Attributes:
+        maximum, minimum: Bounds of g; 1 is the package as designed.
+        rate: Most change [1/s], which the computer enforces at each sample.
+        sensor: Name of the input whose band is watched.
+        band_hz: The band.
+        quiet_rms, loud_rms: Running rms within the band [unit of the sensor].
+        seconds: Time constant of the running mean square.
+
+    Raises `ConfigError` for bounds, rate, band or rms that are no numbers or not in order.
+    """
+
+    maximum: float
+    rate: float
+    sensor: str
+    band_hz: tuple[float, float]
+    quiet_rms: float
+    loud_rms: float
+    minimum: float = 0.0
+    seconds: float = 0.5
+
+    def __post_init__(self) -> None:
+        low, high = self.band_hz
+        for fits, what, hint in (
+            (0.0 <= self.minimum < self.maximum < math.inf, f"gains from {self.minimum} to {self.maximum}",
+             "0 <= minimum < maximum"),
+            (0.0 < self.rate < math.inf, f"a rate of {self.rate} 1/s", "> 0 1/s"),
+            (0.0 < low < high < math.inf, f"a band from {low} to {high} Hz", "0 < low < high"),
+            (0.0 < self.quiet_rms < self.loud_rms < math.inf,
+             f"an rms that is quiet below {self.quiet_rms} and loud above {self.loud_rms}",
+             "0 < quiet_rms < loud_rms"),
+            (0.0 < self.seconds < math.inf, f"a time constant of {self.seconds} s", "> 0 s"),
+        ):  # fmt: skip
+            if not fits:
+                raise ConfigError(what, where="adaptive gain", hint=hint)
+
+    @property
+    def monitor(self) -> Monitor:
+        """What the engine looks at for it; it trips nothing."""
+        return Monitor(channel=self.sensor, band_hz=self.band_hz, seconds=self.seconds)
+
+
+@record(kw_only=True)
+class ProvedGain:
+    """What is proved of an adaptive gain, for the engine that moves it: `GateVerdict.proved_gain`.
+
+    Attributes:
+        package, hold: SHA-256 of the package (`hash_package`) and of the hold beside it (`hash_hold`).
+        minimum, maximum, rate: Every gain between them, and every path of it within ``rate`` [1/s], is
+            proved.
+    """
+
+    package: str
+    hold: str
+    minimum: float
+    maximum: float
+    rate: float
+
+
+def encode_proof(proof: ProvedGain) -> bytes:
+    """Its sealed bytes, which an engine takes beside the package."""
+    hashes = bytes.fromhex(proof.package) + bytes.fromhex(proof.hold)
+    body = b"MIDDECKG" + hashes + struct.pack("<3d", proof.minimum, proof.maximum, proof.rate)
+    return body + hashlib.sha256(body).digest()
+
+
+def move_gain(gain: float, rms: float, law: AdaptiveGain, period_s: float) -> float:
+    """The gain of the next sample.
+
+    >>> law = AdaptiveGain(maximum=2.0, rate=0.5, sensor="y", band_hz=(1.0, 9.0), quiet_rms=0.1, loud_rms=0.2)
+    >>> [move_gain(1.0, rms, law, 0.1) for rms in (0.05, 0.15, 0.25)], move_gain(0.01, 0.25, law, 0.1)
+    ([1.05, 1.0, 0.95], 0.0)
+    """
+    way = 1.0 if rms < law.quiet_rms else -1.0 if rms > law.loud_rms else 0.0
+    return min(max(gain + way * law.rate * period_s, law.minimum), law.maximum)

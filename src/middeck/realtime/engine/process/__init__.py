@@ -1,0 +1,1 @@
+"""The engine as a process: built, started, commanded, taken over."""

@@ -1,0 +1,88 @@
+"""What an engine is started with: its rig, its excitation, and the words of its shared file."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.realtime.engine.interface.header import constants, layout
+from middeck.realtime.engine.interface.settings import EngineSettings, encode_settings
+from middeck.realtime.engine.rigs.article import LinearArticle
+from middeck.values import record
+
+
+@record
+class UdpRig:
+    """A rig that answers on this port of the loopback interface."""
+
+    port: int
+
+
+@record
+class DriverRig:
+    """Converters behind the driver that the engine was built with."""
+
+
+RigChoice = LinearArticle | UdpRig | DriverRig
+CHOSEN_AT_START = ("clock", "rig", "port")
+
+
+def no_article() -> tuple[np.ndarray, np.ndarray]:
+    """The shared record of an article that is elsewhere, and its numbers."""
+    return np.zeros((), layout("article")), np.zeros(0)
+
+
+def started_settings(settings: EngineSettings, rig: RigChoice, real_time: bool) -> np.ndarray:
+    """The shared record with clock and rig; raises `ConfigError` for an article with other ports."""
+    words, kinds = encode_settings(settings), constants()
+    words["clock"] = kinds["REAL_TIME" if real_time else "LOCKSTEP"]
+    if isinstance(rig, LinearArticle):
+        shape = rig.C.shape[0], rig.B.shape[1]
+        if shape != (len(settings.sensors), len(settings.drives)):
+            raise ConfigError(
+                f"an article of {shape[0]} sensors and {shape[1]} outputs for an engine of "
+                f"{len(settings.sensors)} and {len(settings.drives)}",
+                hint="the same ports in the same order",
+            )
+        words["rig"] = kinds["LINEAR_RIG"]
+    elif isinstance(rig, UdpRig):
+        words["rig"], words["port"] = kinds["UDP_RIG"], rig.port
+    else:
+        words["rig"] = kinds["DRIVER_RIG"]
+    return words
+
+
+def is_run_by(settings: EngineSettings, words: np.ndarray) -> bool:
+    """Whether an engine with these words was started with ``settings``."""
+    own = encode_settings(settings)
+    for name in CHOSEN_AT_START:
+        own[name] = words[name]
+    return own.tobytes() == words.tobytes()
+
+
+def banned_hashes(blacklist: Collection[str]) -> bytes:
+    """The hashes as they are shared; raises `ConfigError` for what is none, and for too many."""
+    most = constants()["HASHES"] - constants()["SLOTS"]
+    if len(blacklist) > most:
+        raise ConfigError(f"a blacklist of {len(blacklist)} laws", hint=f"{most} at most")
+    wrong = [text for text in blacklist if not re.fullmatch("[0-9a-f]{64}", text)]
+    if wrong:
+        raise ConfigError(f"no SHA-256 on the blacklist: {wrong[0]!r}", hint="64 hexadecimal digits")
+    return b"".join(map(bytes.fromhex, blacklist))
+
+
+def checked_waveform(waveform: np.ndarray, settings: EngineSettings) -> np.ndarray:
+    """``waveform`` as it is shared; raises `ConfigError` for one that does not fit."""
+    w = np.ascontiguousarray(waveform, dtype=float)
+    if w.ndim != 2 or w.shape[1] != len(settings.drives) or not np.isfinite(w).all():
+        raise ConfigError(
+            f"an excitation of shape {w.shape}",
+            hint=f"finite, one column for each of {len(settings.drives)} outputs",
+        )
+    if not math.prod(w.shape):
+        raise ConfigError("an excitation without a sample", hint="at least one")
+    return w

@@ -1,0 +1,484 @@
+"""The supervisor's side of an engine: start it, command it, let it run, read what it has recorded."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import tempfile
+import time
+import warnings
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, DataError
+from middeck.realtime.engine.interface.adaptive_gain import ProvedGain, encode_proof
+from middeck.realtime.engine.interface.commands import (
+    ANSWERS,
+    COMMANDS,
+    KINDS,
+    QUEUE,
+    STATES,
+    STRIP_WORDS,
+    TRIPS,
+    Answer,
+    Event,
+    check_of,
+    read_event,
+)
+from middeck.realtime.engine.interface.header import layout
+from middeck.realtime.engine.interface.settings import EngineSettings, time_to_rest
+from middeck.realtime.engine.interface.shared_file import SharedFile, make_shared_file, open_shared_file
+from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
+from middeck.realtime.engine.process.build import build_engine
+from middeck.realtime.engine.process.launch import (
+    DriverRig,
+    RigChoice,
+    UdpRig,
+    banned_hashes,
+    checked_waveform,
+    is_run_by,
+    no_article,
+    started_settings,
+)
+from middeck.realtime.engine.recording.recorder import Recorder
+from middeck.realtime.engine.recording.run_head import run_head
+from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
+from middeck.realtime.package.package import ControllerPackage
+
+__all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
+
+POLL_S = 5e-5
+BEAT_S = 0.05
+PATIENCE_S = 60.0
+PATIENCE_AT_END_S = 5.0
+KEPT, KEPT_FREE = 16, {"disengage": 1, "silence": 1, "end": 0}
+"""Places of the queue that a command leaves free: those that make safe find one where the rest wait."""
+
+
+class Supervisor:
+    """One engine and its shared file; a context manager, which ends both.
+
+    Args:
+        settings: Ports, hold, trips.
+        rig: What it drives.
+        waveform: Excitation of the outputs, one row a sample, which "excite" plays.
+        real_time: By the clock, else in lockstep: as fast as it can, and only as far as `run` lets it.
+        folder: Where the shared file lies; a temporary one if it is left out.
+        ring: Records kept for reading.
+        pretrip_s: Time before a trip that is kept until its reset.
+        program: The compiled engine; that of `build_engine` if it is left out.
+        blacklist: Laws that it refuses from the start, by their `hash_law`: what `load_blacklist` reads.
+    """
+
+    def __init__(
+        self,
+        settings: EngineSettings,
+        rig: RigChoice,
+        *,
+        waveform: Float[np.ndarray, "sample output"] | None = None,
+        real_time: bool = False,
+        folder: Path | None = None,
+        ring: int = 8192,
+        pretrip_s: float = 30.0,
+        program: Path | None = None,
+        blacklist: Collection[str] = (),
+    ) -> None:
+        self._begin(settings, real_time)
+        banned = banned_hashes(blacklist)
+        try:
+            self._start(rig, waveform, folder, ring, pretrip_s, program, banned)
+        except BaseException:
+            self._left.close()
+            raise
+
+    def _start(
+        self,
+        rig: RigChoice,
+        waveform: np.ndarray | None,
+        folder: Path | None,
+        ring: int,
+        pretrip_s: float,
+        program: Path | None,
+        banned: bytes,
+    ) -> None:
+        settings = self.settings
+        where = folder or Path(
+            self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
+        )
+        _require_no_engine(where / "engine.shared")
+        article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else no_article()
+        played = (
+            np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
+        )
+        self.file = make_shared_file(
+            where / "engine.shared",
+            started_settings(settings, rig, self.real_time),
+            article,
+            numbers,
+            played,
+            banned,
+            ring=ring,
+            pretrip=max(1, settings.samples(pretrip_s)),
+        )
+        self._sign()
+        self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
+            [str(program or build_engine()), str(self.file.path.resolve())],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            self._wait(lambda: bool(self.file.status["running"]))
+        except BaseException:
+            self.close()
+            raise
+
+    def _sign(self) -> None:
+        """Say who supervises: a process, and when it began."""
+        self.file.asks["supervisor_born"] = when_born(os.getpid())
+        self.file.asks["supervisor"] = os.getpid()
+
+    @classmethod
+    def attach(cls, path: Path, settings: EngineSettings) -> Supervisor:
+        """Take over an engine whose supervisor is gone, by its shared file ("engine.shared" in its folder).
+
+        Its heart beats again at once; records go on where they were last read. Of an engine that has ended as
+        well, what the file holds can still be read. Raises `DataError` for what is no shared file,
+        `ConfigError` for one of other settings and while another supervisor lives.
+        """
+        file = open_shared_file(path)
+        if not is_run_by(settings, file.settings):
+            raise ConfigError("is run with other settings", where=str(path), hint="those it was started with")
+        other = int(file.asks["supervisor"])
+        if other != os.getpid() and when_born(other) == int(file.asks["supervisor_born"]) > 0:
+            raise ConfigError(
+                f"has a supervisor that lives, process {other}", where=str(path), hint="end that one first"
+            )
+        made = cls.__new__(cls)
+        made._begin(settings, bool(file.settings["clock"]))
+        made.file = file
+        made.process = AdoptedEngine(file)
+        made._sign()
+        made.beat()
+        return made
+
+    def _begin(self, settings: EngineSettings, real_time: bool) -> None:
+        self.settings, self.real_time = settings, real_time
+        self.file: SharedFile
+        self.recorder: Recorder | None = None
+        self.seen_events = self._said = 0
+        self._left = contextlib.ExitStack()
+
+    def __enter__(self) -> Supervisor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
+        if self.process.poll() is None:
+            try:
+                self.process.wait(self._patience_at_end() if kind_of_end(self) else 0.0)
+            except (subprocess.TimeoutExpired, TimeoutError):
+                self._end_in_safe()
+        self.process.wait()
+        if self.process.stderr is not None:
+            self.process.stderr.close()
+        self.end_recording()
+        self._left.close()
+
+    def _end_in_safe(self) -> None:
+        """An engine that takes no command is told by a signal, else killed."""
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.wait(self._patience_at_end())
+        except (subprocess.TimeoutExpired, TimeoutError):
+            self.process.kill()
+
+    def _patience_at_end(self) -> float:
+        rest = time_to_rest(self.settings) if self.real_time else self.settings.answer_s
+        return PATIENCE_AT_END_S + rest
+
+    def record(self, path: Path, *, start: str | None = None, resume: bool = False) -> Recorder:
+        """Write all that is read from now on into a file, with events and what precedes a trip.
+
+        `read` and `run` hand it on, a thread writes it. ``start`` is a text for the time; now if it is left
+        out. ``resume`` goes on with the file of a recorder that was killed. What goes wrong with the disk
+        later is a warning and stands in `Recorder.faults`; the loop goes on.
+
+        Raises `ConfigError` where the file is there already or of another run, `DataError` where it cannot be
+        written.
+        """
+        self.end_recording()
+        now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()) if start is None else start
+        self.recorder = Recorder(
+            path, run_head(self.settings, self.file, now), clock=time.monotonic, resume=resume
+        )
+        if resume:
+            self.file.asks["taken"] = self.recorder.last
+        self._take()
+        if self.file.status["frozen"]:
+            self.recorder.add_pretrip(self.pretrip())
+        return self.recorder
+
+    def end_recording(self) -> None:
+        """Record what has not been read yet, and end the file; without a recorder nothing happens."""
+        if self.recorder is not None:
+            self._take()
+            self.recorder.close()
+            self._say_faults()
+            self.recorder = None
+
+    @property
+    def state(self) -> str:
+        """ "safe", "ready", "identify", "engaging", "control" or "disengaging"."""
+        return STATES[int(self.file.status["state"])]
+
+    @property
+    def sample(self) -> int:
+        """Samples that have been run."""
+        return int(self.file.status["sample"])
+
+    @property
+    def trip(self) -> int:
+        """Number of the trip that holds the loop in SAFE; 0 for none, and at power-up."""
+        return int(self.file.status["trip"])
+
+    def send(self, kind: str, *, slot: int = 0, values: Sequence[float] = (), at: int = 0) -> int:
+        """Queue a command, not before sample ``at``; its number. Commands are taken in order, but for
+        "disengage", "silence" and "end": what makes safe waits for none, and an "engage" or "excite" before
+        it that has not been carried out is withdrawn.
+
+        Raises `ConfigError` for a word that is no command and for more than four values; waits while the
+        queue is full.
+        """
+        if kind not in COMMANDS or len(values) > 4:
+            raise ConfigError(
+                f"no command {kind!r} of {len(values)} values", hint=f"one of {', '.join(COMMANDS)}"
+            )
+        self._beat_by_the_clock()
+        number = int(self.file.asks["written"]) + 1
+        room = QUEUE - KEPT_FREE.get(kind, KEPT)
+        self._wait(lambda: number - int(self.file.status["acknowledged"]) < room)
+        row = np.zeros((), layout("command"))
+        row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
+        row["value"][: len(values)] = values
+        row["check"] = check_of(row)
+        self.file.commands[number % QUEUE] = row
+        self.file.asks["written"] = number
+        return number
+
+    def answer(self, number: int) -> Answer:
+        """Wait until a command is answered. In lockstep one that is not due yet needs `run` first.
+
+        Raises `DataError` for one whose place a later answer has taken.
+        """
+        place = self.file.acknowledgements[number % QUEUE]
+        self._wait(lambda: int(self.file.status["acknowledged"]) >= number or int(place["number"]) == number)
+        row = place.copy()
+        if int(row["number"]) != number:
+            raise DataError(
+                f"the answer to command {number} is gone", where="engine", hint=f"the last {QUEUE} are kept"
+            )
+        return Answer(number, int(row["sample"]), ANSWERS[int(row["answer"])])
+
+    def command(self, kind: str, *, slot: int = 0, values: Sequence[float] = ()) -> Answer:
+        """Send a command and wait for its answer."""
+        return self.answer(self.send(kind, slot=slot, values=values))
+
+    def load(
+        self, package: ControllerPackage | bytes, slot: int = 0, *, proof: ProvedGain | None = None
+    ) -> Answer:
+        """Put a package into a slot that does not run: it is checked there, its test vectors replayed.
+
+        ``proof`` is what the gate has proved of the adaptive gain: without it "adapt" is refused.
+        """
+        sealed = b"" if proof is None else encode_proof(proof)
+        return self.command("load", slot=slot, values=[self.file.stage(package, sealed), bool(sealed)])
+
+    def set_strip(self, output: str, word: str, value: float) -> Answer:
+        """Gain, offset, limit (a share) or hold (1 or 0) of an output's strip."""
+        if word not in STRIP_WORDS:
+            raise ConfigError(f"no word {word!r} of a strip", hint=f"one of {', '.join(STRIP_WORDS)}")
+        return self.command("strip", slot=self.settings.drive(output), values=[STRIP_WORDS[word], value])
+
+    def reset(self) -> Answer:
+        """Leave SAFE, naming the trip that led there."""
+        return self.command("reset", values=[self.trip])
+
+    def stop(self) -> None:
+        """STOP: safe at the next sample, whatever the queue holds."""
+        self.file.asks["stop"] += 1
+
+    def beat(self) -> None:
+        """Show the engine that its supervisor lives."""
+        self.file.asks["heartbeat"] += 1
+
+    def run(self, samples: int, *, beats: bool = True, keep: bool = True) -> np.ndarray:
+        """Let it run so many samples and return their records; none are kept where ``keep`` is false.
+
+        In real time this takes that long. The supervisor's heart beats meanwhile, unless ``beats`` is false.
+        Raises `DataError` where records were overwritten before they were read.
+        """
+        begin = self.sample
+        if self.real_time:
+            return self._follow(begin + samples, beats, keep)
+        taken, slice_ = [], len(self.file.ring)
+        for first in range(begin, begin + samples, slice_):
+            if beats:
+                self.beat()
+            until = min(first + slice_, begin + samples)
+            self.file.asks["until"] = until
+            self._wait(lambda until=until: self.sample >= until)
+            taken.append(self.read() if keep else self._skip())
+        return np.concatenate(taken) if taken else self.file.ring[:0].copy()
+
+    def read(self) -> np.ndarray:
+        """Records that have not been read yet, in order."""
+        found, lost = self._take()
+        if lost:
+            raise DataError(
+                f"{lost} records were lost: overwritten before they were read", where="engine",
+                hint="read more often, or a larger ring",
+            )  # fmt: skip
+        return found
+
+    def _take(self) -> tuple[np.ndarray, int]:
+        """What has not been read yet and is still whole, and how many records no longer are."""
+        ring, first, last = self.file.ring, int(self.file.asks["taken"]), self.sample
+        begin = max(first, last - len(ring))
+        found = ring[np.arange(begin, last) % len(ring)]
+        # The engine may be in the midst of the record after the last that it has told of.
+        safe = self.sample - len(ring) + (2 if self.real_time else 0)
+        kept = found[max(0, safe - begin) :]
+        whole = kept["sequence"] == np.arange(last - len(kept), last) + 1
+        kept = kept[len(whole) - int(np.argmin(whole[::-1])) :] if not whole.all() else kept
+        self._record(kept)
+        self.file.asks["taken"] = last
+        return kept, last - first - len(kept)
+
+    def _record(self, records: np.ndarray) -> None:
+        if self.recorder is None:
+            return
+        events = self._event_rows(self.recorder.last_event)
+        self.recorder.add_events(events)
+        self.recorder.add_records(records)
+        if any(KINDS.get(int(kind)) in TRIPS for kind in events["kind"]):
+            self.recorder.add_pretrip(self.pretrip())
+        self._say_faults()
+
+    def _say_faults(self) -> None:
+        assert self.recorder is not None
+        new = self.recorder.faults[self._said :]
+        self._said += len(new)
+        for what in new:
+            warnings.warn(f"{self.recorder.path}: {what}", UserWarning, stacklevel=5)
+
+    def events(self) -> list[Event]:
+        """Events that have not been read yet, in order."""
+        rows = self._event_rows(self.seen_events)
+        lost = int(rows["sequence"][0]) - self.seen_events - 1 if len(rows) else 0
+        self.seen_events += lost + len(rows)
+        if lost:
+            warnings.warn(
+                f"{lost} events were lost: overwritten before they were read; read them more often",
+                UserWarning, stacklevel=2,
+            )  # fmt: skip
+        return [read_event(row, self.settings.inputs, self.settings.outputs, KINDS) for row in rows]
+
+    def _event_rows(self, seen: int) -> np.ndarray:
+        """Those after ``seen`` that are still there, without a gap."""
+        count, most = int(self.file.status["events"]), len(self.file.events)
+        numbers = np.arange(max(seen, count - most), count) + 1
+        places = (numbers - 1) % most
+        rows = self.file.events[places]  # an engine may write there meanwhile
+        return rows[(rows["sequence"] == numbers) & (self.file.events["sequence"][places] == numbers)]
+
+    def pretrip(self) -> np.ndarray:
+        """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
+        kept, end = self.file.pretrip, int(self.file.status["frozen_at"])
+        samples = np.arange(max(0, end - len(kept)), end)
+        found = kept[samples % len(kept)]
+        return found[found["sequence"] == samples + 1]  # none was kept while an earlier trip held the loop
+
+    def blacklist(self) -> tuple[str, ...]:
+        """Laws that are refused, by their `hash_law`: those of the start, then those that tripped."""
+        count = int(self.file.status["blacklisted"])
+        return tuple(bytes(row).hex() for row in self.file.status["blacklist"][:count])
+
+    def _skip(self) -> np.ndarray:
+        if self.recorder is None:
+            self.file.asks["taken"] = self.sample
+        else:
+            self._take()
+        return self.file.ring[:0].copy()
+
+    def _follow(self, until: int, beats: bool, keep: bool) -> np.ndarray:
+        taken = []
+        while self.sample < until:
+            if beats:
+                self.beat()
+            time.sleep(min(BEAT_S, (until - self.sample) * self.settings.period_s))
+            self._require_alive()
+            taken.append(self.read() if keep else self._skip())
+        return np.concatenate(taken) if taken else self.file.ring[:0].copy()
+
+    def _wait(self, reached: object) -> None:
+        began = time.monotonic()
+        while not reached():  # type: ignore[operator]
+            self._require_alive()
+            self._beat_by_the_clock()
+            if time.monotonic() - began > PATIENCE_S:
+                raise DataError(
+                    f"the engine does not answer for {PATIENCE_S:g} s",
+                    where="engine",
+                    hint="is its rig alive?",
+                )
+            time.sleep(POLL_S)
+
+    def _beat_by_the_clock(self) -> None:
+        """Who commands or waits for an answer lives; time goes on meanwhile."""
+        if self.real_time:
+            self.beat()
+
+    def _require_alive(self) -> None:
+        if self.process.poll() is not None:
+            said = self.process.stderr.read() if self.process.stderr else ""
+            raise DataError(
+                f"the engine has ended with code {self.process.returncode}: {said.strip()}",
+                where="engine",
+                hint="what it said; its records are still in the shared file",
+            )
+
+
+def _require_no_engine(path: Path) -> None:
+    """A new shared file takes the place of an old one, not of one that a loop has mapped."""
+    try:
+        found = AdoptedEngine(open_shared_file(path))
+    except DataError:
+        return
+    if found.poll() is None:
+        raise ConfigError(
+            f"an engine runs there, process {found.pid}",
+            where=str(path),
+            hint="another folder, or Supervisor.attach",
+        )
+
+
+def kind_of_end(supervisor: Supervisor) -> bool:
+    """Ask an engine to end; False where it has no ear for it any more."""
+    try:
+        supervisor.send("end")
+    except DataError:
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""Run files: written while the loop runs, read afterwards."""

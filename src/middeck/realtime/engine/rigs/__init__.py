@@ -1,0 +1,1 @@
+"""What an engine drives: articles stepped in C or in Python, rigs behind datagrams."""

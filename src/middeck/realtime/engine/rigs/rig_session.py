@@ -1,0 +1,87 @@
+"""What a rig answers to an engine's datagrams: ``source/rig_udp.c`` from the other side."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from middeck.realtime.engine.interface.header import constants
+from middeck.realtime.engine.rigs.rig import EngineRig
+
+REQUEST, REPLY = struct.Struct("<qqq"), struct.Struct("<qq")
+"""Magic, sample, alive, then outputs; magic, sample, then sensors."""
+END = -1
+"""The sample of an engine's last request."""
+HOLD = 2
+"""Periods for which outputs hold while the alive number stands still; then they are zero."""
+LONGEST = 1 << 16
+"""Most samples that one request may move on; what asks for more is no request of an engine."""
+
+
+class RigSession:
+    """A rig, where it stands, and its last reply; `answer` takes one datagram.
+
+    Time of the rig is the engine's sample number. A request that was answered before gets the same reply; one
+    whose number has grown by n moves the rig by n samples. An engine with another address begins anew at
+    sample 0, as does any after a last request, and the rig goes on from where it is.
+    """
+
+    def __init__(self, rig: EngineRig) -> None:
+        self.rig = rig
+        self.sensors: np.ndarray | None = None
+        self.engine: object = None
+        self.sample = self.alive = -1
+        self.stale = self.ahead = self.outputs = 0
+        self.reply = b""
+
+    def answer(self, data: bytes, sender: object = None) -> bytes | None:
+        """The reply to a datagram; None where there is none: an end, an old request, or something else."""
+        outputs, rest = divmod(len(data) - REQUEST.size, 8)
+        if outputs < 1 or rest:
+            return None
+        magic, sample, alive = REQUEST.unpack_from(data)
+        if magic != constants()["MAGIC"] or sample < END:
+            return None
+        if sample == END:
+            self.engine = None if sender == self.engine else self.engine
+            return None
+        if sender != self.engine:
+            self.engine, self.sample, self.alive, self.stale = sender, 0, -1, 0
+            self.outputs, self.ahead, self.reply = outputs, 0, self._reply(0)
+        if not self.sample <= sample <= self.sample + LONGEST or outputs != self.outputs:
+            return None
+        if sample > self.sample:
+            u = np.frombuffer(data, "<f8", outputs, REQUEST.size)
+            self._follow(sample - self.sample, u if np.isfinite(u).all() else np.zeros(outputs), alive)
+            self.sample, self.reply = sample, self._reply(sample)
+        return self.reply
+
+    def alone(self) -> None:
+        """One sample without an engine, at outputs of zero, for a rig whose time goes on by itself."""
+        if self.outputs:
+            self._move(np.zeros(self.outputs))
+            self.ahead += 1
+
+    def end(self) -> None:
+        """Outputs to zero, then let go."""
+        if self.outputs:
+            self._move(np.zeros(self.outputs))
+        self.rig.close()
+
+    def _follow(self, samples: int, u: np.ndarray, alive: int) -> None:
+        if alive != self.alive:
+            self.alive, self.stale = alive, 0
+        for _ in range(max(0, samples - self.ahead)):
+            self._move(u if self.stale < HOLD else np.zeros(self.outputs))
+            self.stale += 1
+        self.ahead = 0
+
+    def _move(self, u: np.ndarray) -> None:
+        self.rig.write(u)
+        self.sensors = self.rig.read()
+
+    def _reply(self, sample: int) -> bytes:
+        if self.sensors is None:
+            self.sensors = self.rig.read()
+        return REPLY.pack(constants()["MAGIC"], sample) + np.ascontiguousarray(self.sensors, "<f8").tobytes()

@@ -1,0 +1,1 @@
+"""Packages on rigs: served rigs, trials in stages, trips from a record, timing."""

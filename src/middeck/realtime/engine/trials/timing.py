@@ -1,0 +1,160 @@
+"""How late this machine is, and what a step costs on it: a report, and never a test."""
+
+from __future__ import annotations
+
+import os
+import platform
+from pathlib import Path
+
+import numpy as np
+
+from middeck.control.law.compensator import Compensator
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import LinearArticle
+from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package import ControllerPackage
+from middeck.signals.ports import Port
+from middeck.systems.state_space.statespace import SampledStateSpace
+from middeck.values import record
+
+PERCENT = (50.0, 99.0, 99.9, 100.0)
+
+
+@record(kw_only=True)
+class TimingReport:
+    """Lateness and cost of a step, with the machine named.
+
+    Attributes:
+        machine: Processor, cores, kernel, and whether its kernel preempts for real time.
+        granted: Whether the system gave FIFO priority, locked memory and a processor of its own; None for one
+            that was not asked for.
+        period_s, samples: Of the run.
+        late_s, step_s: At 50, 99, 99.9 and 100 percent of the samples.
+        overruns: Samples later than a whole period.
+        operations, bytes: Multiplications and additions of a step of the law, and the size of its numbers.
+        trips: Kinds of trips during the run; none where all went well.
+    """
+
+    machine: dict[str, str]
+    granted: dict[str, bool | None]
+    period_s: float
+    samples: int
+    late_s: tuple[float, ...]
+    step_s: tuple[float, ...]
+    overruns: int
+    operations: int
+    bytes: int
+    trips: tuple[str, ...]
+
+
+def measure_timing(
+    *,
+    rate_hz: float = 500.0,
+    seconds: float = 10.0,
+    shape: tuple[int, int, int] = (60, 14, 5),
+    priority: int | None = 80,
+    processor: int | None = None,
+    seed: int = 1,
+) -> TimingReport:
+    """Run a random stable law of ``shape`` (states, inputs, outputs) by the clock.
+
+    Raises `ConfigError` for a shape that no package has, `NoCompilerError` without a compiler.
+    """
+    package = _random_package(np.random.default_rng(seed), shape, 1.0 / rate_hz)
+    settings = _settings(package, priority, processor)
+    with Supervisor(settings, _still_article(package), real_time=True) as engine:
+        engine.load(package)
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        records = engine.run(max(1, round(seconds * rate_hz)))
+        granted = int(engine.file.status["real_time"])
+        trips = tuple(event.kind for event in engine.events() if event.trips)
+    late, step = records["late_ns"], records["step_ns"]
+    count = _numbers(package)
+    return TimingReport(
+        machine=name_machine(),
+        granted={
+            "FIFO priority": None if priority is None else bool(granted & 1),
+            "locked memory": bool(granted & 2),
+            "own processor": None if processor is None else bool(granted & 4),
+        },
+        period_s=1.0 / rate_hz,
+        samples=len(records),
+        late_s=tuple(float(x) for x in 1e-9 * np.percentile(late, PERCENT)),
+        step_s=tuple(float(x) for x in 1e-9 * np.percentile(step, PERCENT)),
+        overruns=int(np.count_nonzero(late > 1e9 / rate_hz)),
+        operations=2 * count,
+        bytes=8 * count,
+        trips=trips,
+    )
+
+
+def name_machine() -> dict[str, str]:
+    """Processor, cores, kernel and its preemption."""
+    found = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        found = next(
+            (line.partition(":")[2].strip() for line in lines if line.startswith("model name")), found
+        )
+    except OSError:
+        pass
+    version = platform.version()
+    return {
+        "processor": found,
+        "cores": str(os.cpu_count() or 1),
+        "kernel": f"{platform.system()} {platform.release()}",
+        "preemption": "PREEMPT_RT" if "PREEMPT_RT" in version else "not PREEMPT_RT",
+    }
+
+
+def _random_package(
+    rng: np.random.Generator, shape: tuple[int, int, int], period_s: float
+) -> ControllerPackage:
+    states, inputs, outputs = shape
+    A = np.zeros((states, states))
+    for i in range(0, states - 1, 2):
+        angle, radius = rng.uniform(0.02, 2.8), rng.uniform(0.9, 0.99)
+        c, s = radius * np.cos(angle), radius * np.sin(angle)
+        A[i : i + 2, i : i + 2] = [[c, s], [-s, c]]
+    system = SampledStateSpace(
+        A,
+        rng.standard_normal((states, inputs)),
+        1e-3 * rng.standard_normal((outputs, states)),
+        np.zeros((outputs, inputs)),
+        period_s=period_s,
+    )
+    y = tuple(Port(f"y{i}", "rad") for i in range(inputs))
+    u = tuple(Port(f"u{i}", "N m") for i in range(outputs))
+    return package_law(Compensator(system, y, u), "timing", input_range=1.0, limit=1.0)
+
+
+def _settings(package: ControllerPackage, priority: int | None, processor: int | None) -> EngineSettings:
+    """Without tests that a stalled machine would trip: its lateness is what is asked."""
+    return EngineSettings(
+        period_s=package.period_s,
+        sensors=tuple(SensorTest(port=port, range=1e6) for port in package.inputs),
+        drives=tuple(Drive(port=port, lower=-1.0, upper=1.0) for port in package.outputs),
+        effort_s=0.0,
+        heartbeat_s=0.0,
+        late_s=3600.0,
+        priority=priority,
+        processor=processor,
+    )
+
+
+def _still_article(package: ControllerPackage) -> LinearArticle:
+    inputs, outputs = len(package.inputs), len(package.outputs)
+    return LinearArticle(
+        A=np.zeros((1, 1)), B=np.zeros((1, outputs)), C=np.zeros((inputs, 1)), G=np.zeros((1, 0)),
+        x=np.zeros(1), sensor_noise=np.full(inputs, 1e-3),
+    )  # fmt: skip
+
+
+def _numbers(package: ControllerPackage) -> int:
+    """Coefficients that a step multiplies with."""
+    core = package.core
+    n = len(core.A)
+    dynamics = n * n if core.pairs is None else n + 2 * core.pairs
+    return dynamics + core.B.size + core.C.size + core.D.size

@@ -1,0 +1,64 @@
+"""A rig behind UDP as Python drives it, where no compiler is at hand: ``source/rig_udp.c`` once more."""
+
+from __future__ import annotations
+
+import socket
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import DataError
+from middeck.realtime.engine.interface.header import constants
+from middeck.realtime.engine.process.supervisor import UdpRig
+from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.rigs.rig_server import LARGEST, LOOPBACK
+from middeck.realtime.engine.rigs.rig_session import END, REPLY, REQUEST
+
+TRIES, OTHERS = 20, 64
+"""How often it asks, and datagrams that are no answer after which a try is over."""
+
+
+class RigClient(EngineRig):
+    """``rig`` in lockstep, sample by sample; `read` raises `DataError` where it does not answer."""
+
+    def __init__(self, rig: UdpRig, outputs: int, *, answer_s: float = 10.0) -> None:
+        self.sample, self.outputs = 0, outputs
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect((LOOPBACK, rig.port))
+        self.socket.settimeout(answer_s / TRIES)
+        self.request = self._request(np.zeros(outputs))
+        self.now: np.ndarray | None = None
+
+    def read(self) -> Float[np.ndarray, " sensor"]:
+        """The sensors at this sample."""
+        for _ in range(TRIES if self.now is None else 0):
+            try:
+                self.socket.send(self.request)
+                data = next(filter(self._answers, (self.socket.recv(LARGEST) for _ in range(OTHERS))), None)
+            except (TimeoutError, ConnectionError):
+                continue
+            if data is not None:
+                self.now = np.frombuffer(data, "<f8", offset=REPLY.size)
+                break
+        if self.now is None:
+            raise DataError("the rig does not answer", where="UDP", hint="is its process alive?")
+        return self.now
+
+    def write(self, u: Float[np.ndarray, " output"]) -> None:
+        """Outputs to the next sample."""
+        self.sample += 1
+        self.now, self.request = None, self._request(u)
+
+    def close(self) -> None:
+        """Tell the rig that this is the end."""
+        self.sample = END
+        self.socket.send(self._request(np.zeros(self.outputs)))
+        self.socket.close()
+
+    def _request(self, u: np.ndarray) -> bytes:
+        head = REQUEST.pack(constants()["MAGIC"], self.sample, self.sample)
+        return head + np.ascontiguousarray(u, "<f8").tobytes()
+
+    def _answers(self, data: bytes) -> bool:
+        fits = len(data) > REPLY.size and (len(data) - REPLY.size) % 8 == 0
+        return fits and REPLY.unpack_from(data) == (constants()["MAGIC"], self.sample)

@@ -1,0 +1,1 @@
+"""Delays of continuous systems, and their Pade approximations."""

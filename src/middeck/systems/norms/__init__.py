@@ -1,0 +1,1 @@
+"""Norms: root mean squares in a band, and largest gains."""

@@ -1,0 +1,1 @@
+"""Plants: linear models with named ports, their responses and their modes."""

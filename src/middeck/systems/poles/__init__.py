@@ -1,0 +1,1 @@
+"""Poles and zeros: stability, integrators, resolvents."""

@@ -1,0 +1,154 @@
+"""Stability by eigenvalues.
+
+A frequency integral stays finite for an unstable system, so no norm decides stability. Rounding splits a
+defective multiple eigenvalue (the double one of a free body) to both sides of the axis, by the root of
+rounding; the mean of the group is accurate to rounding and replaces it (Kato 1976, section II.2; Bavely and
+Stewart 1979, SIAM J. Numer. Anal. 16).
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Complex, Float
+from scipy.sparse.csgraph import connected_components
+
+from middeck.systems.poles.chains import integrating_chains
+from middeck.systems.poles.components import component_poles
+from middeck.systems.state_space.balancing import balance
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
+
+GROWTH_LIMIT = 1e-8
+"""Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
+growth that an experiment could show (a factor e in three years)."""
+ROUNDINGS = 100.0
+"""Change of A, in roundings, within which eigenvalues near zero that may coincide count as one."""
+CROWDED = 2e-6
+"""Distance from zero, relative to A, to which rounding may move a double eigenvalue: ten times its root."""
+
+
+def growth_limit(period_s: float | None = None) -> float:
+    """`GROWTH_LIMIT`, or of a sampled system what rounding of its eigenvalues takes for growth, if larger.
+
+    >>> growth_limit(1e-3) == GROWTH_LIMIT, growth_limit(1e-8) > GROWTH_LIMIT
+    (True, True)
+    """
+    return max(GROWTH_LIMIT, ROUNDINGS * float(np.finfo(float).eps) / period_s) if period_s else GROWTH_LIMIT
+
+
+def growth_limits(
+    rates: Complex[np.ndarray, " state"], period_s: float | None = None
+) -> Float[np.ndarray, " state"]:
+    """`growth_limit` of each pole [rad/s], or the rounding of its own frequency, if larger.
+
+    >>> growth_limits(np.array([-1.0 + 2.0j, 1e9j])) > 2e-8
+    array([False,  True])
+    """
+    return np.maximum(growth_limit(period_s), ROUNDINGS * np.finfo(float).eps * np.abs(np.imag(rates)))
+
+
+def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
+    """Poles in rad/s; those of a sampled system are mapped by log(p)/T (a pole at zero to -inf).
+
+    Poles at zero (z = 1) that rounding has split are replaced by their mean.
+
+    >>> growth_rates(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]])).real
+    array([-2.])
+    """
+    period_s = system.period_s if isinstance(system, SampledStateSpace) else None
+    rates = _rates(system, _joined(system.A, poles(system), sampled=period_s is not None))
+    if none_grows(rates, period_s):
+        return rates
+    # Rounding splits equal light modes of a cascade to both sides of the axis; each component alone is not
+    # split.
+    alone = _rates(system, component_poles(system.A))
+    return alone if none_grows(alone, period_s) else rates
+
+
+def plainly_decays(A: Float[np.ndarray, "state state"], values: Complex[np.ndarray, " state"]) -> bool:
+    """Whether the eigenvalues of a continuous A decay, none of them so near to zero that rounding decides.
+
+    False for those that `growth_rates` has to look at.
+    """
+    return all_decay(values) and not _crowded(values, float(np.linalg.norm(balance(A)[0])))
+
+
+def _crowded(values: np.ndarray, size: float) -> bool:
+    """Whether several are so near to zero that rounding of a matrix of this ``size`` may have split them."""
+    return bool(np.sum(np.abs(values) < CROWDED * size) >= 2)
+
+
+def _rates(system: StateSpace | SampledStateSpace, p: np.ndarray) -> Complex[np.ndarray, " state"]:
+    if not isinstance(system, SampledStateSpace):
+        return p
+    size = np.abs(p)
+    rate = np.full(len(p), -np.inf)
+    np.log(size, out=rate, where=size > 0.0)
+    rates = np.empty(len(p), dtype=complex)
+    rates.real, rates.imag = rate / system.period_s, np.angle(p) / system.period_s
+    return rates
+
+
+def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.ndarray, " state"]:
+    """The eigenvalues, with those split by rounding replaced by their mean."""
+    if not len(A):
+        return values
+    balanced, _ = balance(A)
+    size = float(np.linalg.norm(balanced))
+    rest = 1.0 if sampled else 0.0
+    if not _crowded(values - rest, size):
+        return values
+    turn, sizes = integrating_chains(balanced - rest * np.eye(len(A)))
+    if len(sizes) > 1:  # a chain of integrators, which rounding spreads; one alone is known to rounding
+        n = sum(sizes)
+        others = (turn.T @ balanced @ turn)[n:, n:]
+        return np.append(
+            np.full(n, rest, dtype=complex), _joined(others, np.linalg.eigvals(others), sampled=sampled)
+        )
+    found, left, right = cast("tuple[np.ndarray, ...]", sla.eig(balanced, left=True, right=True))
+    found = found.astype(complex)
+    aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
+    known = ROUNDINGS * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)
+    # Only where zero lies within the uncertainty: never a slow mode.
+    at_rest = np.abs(found - rest) < np.minimum(CROWDED * size, 2.0 * known)
+    known = np.where(at_rest, known, 0.0)
+    together = np.abs(found[:, None] - found) <= 2.0 * np.minimum(known[:, None], known)
+    count, label = cast("tuple[int, np.ndarray]", connected_components(together, directed=False))
+    for k in np.flatnonzero(np.bincount(label, minlength=count) > 1):
+        found[label == k] = np.mean(found[label == k])
+    return found
+
+
+def is_stable(system: StateSpace | SampledStateSpace) -> bool:
+    """True where no pole grows faster than `growth_limit`; a system without states is stable.
+
+    >>> is_stable(StateSpace([[0.1]], [[1.0]], [[1.0]], [[0.0]]))
+    False
+    """
+    period_s = system.period_s if isinstance(system, SampledStateSpace) else None
+    return none_grows(growth_rates(system), period_s)
+
+
+def decays(system: StateSpace) -> bool:
+    """Whether all poles decay."""
+    return bool(np.all(np.real(growth_rates(system)) < 0.0))
+
+
+def none_grows(rates: Complex[np.ndarray, " state"], period_s: float | None = None) -> bool:
+    """As `is_stable`, for known poles [rad/s], of a sampled system if it has a period.
+
+    >>> none_grows(np.array([-1.0 + 2.0j, -1.0 - 2.0j]))
+    True
+    """
+    return bool(np.all(np.real(rates) <= growth_limits(rates, period_s)))
+
+
+def all_decay(rates: Complex[np.ndarray, " state"], period_s: float | None = None) -> bool:
+    """True where every pole [rad/s] decays by more than rounding: none grows, and none stays on the axis.
+
+    >>> all_decay(np.array([-1.0 + 2.0j])), all_decay(np.array([2.0j]))
+    (True, False)
+    """
+    return bool(np.all(np.real(rates) < -growth_limits(rates, period_s)))

@@ -1,0 +1,1 @@
+"""Sampled systems: holds, true delays, simulation."""

@@ -1,0 +1,28 @@
+"""Sampled plants: held inputs, sampled outputs, exact delays, ports by name."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.sampling.delayed_sampling import is_sum, sample_delayed, tidy_samples
+
+
+def sample_plant(plant: Plant, period_s: float) -> Plant:
+    """The plant from inputs held over ``period_s`` to outputs sampled at its ends: exact, delays included.
+
+    States as in `sample_delayed`; those beyond the plant's own are named "delay". Raises `ConfigError` for a
+    period that is not positive, and for a plant that is sampled already.
+
+    >>> from middeck.signals.ports import Port
+    >>> from middeck.systems.plants.plant import delay_plant
+    >>> from middeck.systems.state_space.statespace import StateSpace
+    >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> plant = Plant(dynamics=lag, inputs=(Port("force", "N"),), outputs=(Port("way", "m"),))
+    >>> sample_plant(delay_plant(plant, 0.015), 0.01).state_names
+    ('state 0', 'delay', 'delay')
+    """
+    system = sample_delayed(remove_delays(plant).system, period_s, plant.delay_s)
+    modes = name_states(plant) * (1 if is_sum(tidy_samples(plant.delay_s / period_s)) else len(plant.inputs))
+    names = (*modes, *("delay",) * (len(system.A) - len(modes)))
+    return dataclasses.replace(remove_delays(plant), dynamics=system, state_names=names)

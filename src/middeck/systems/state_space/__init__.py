@@ -1,0 +1,1 @@
+"""State spaces: their matrices, their modal form, their balance, and the closing of loops."""

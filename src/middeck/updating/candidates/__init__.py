@@ -1,0 +1,1 @@
+"""Tests that may be made, and what each would leave open."""

@@ -1,0 +1,120 @@
+"""A modal test that may be made, and what it would measure of an article as it is thought to be."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.structure.correlation.measured_modes import (
+    COUNT,
+    STRAIGHT,
+    MeasuredModes,
+    every_channel,
+    measure_modes,
+    sort_rms,
+)
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.updating.residuals.surveys import SHAPE_STD
+from middeck.values import record
+
+# Of the largest motion in a mode: channels that have less of it do not see the mode.
+SEEN = 0.01
+
+
+@record(kw_only=True)
+class CandidateSurvey:
+    """A modal test that may be made: a set-up, and what it would measure there.
+
+    Attributes:
+        settings: As of `Survey`.
+        frequency_std: Standard deviation of a frequency over the frequency.
+        shape_std: Of a channel over the rms of the mode's channels of its sort.
+        channels: (node, direction) as of `MeasuredModes`; none for frequencies alone, None for every node's
+            six directions and every joint.
+        count: How many of the lowest modes of the band that move, suspension modes among them.
+        band_hz: Between which frequencies it sees modes [Hz].
+
+    Raises `ConfigError` for deviations, a count or a band that cannot be.
+
+    >>> CandidateSurvey(name="again", environment=Environment.orbit(), frequency_std=1e-3).shape_std
+    0.05
+    """
+
+    name: str
+    environment: Environment
+    frequency_std: float
+    shape_std: float = SHAPE_STD
+    settings: tuple[tuple[str, float], ...] = ()
+    channels: tuple[tuple[str, str], ...] | None = None
+    count: int = COUNT
+    band_hz: tuple[float, float] = (0.0, np.inf)
+
+    def __post_init__(self) -> None:
+        where, (low, high) = f"candidate {self.name!r}", self.band_hz
+        if not (0.0 < self.frequency_std < 1.0 and 0.0 < self.shape_std < 1.0):
+            raise ConfigError(
+                f"deviations of {self.frequency_std} in frequency and {self.shape_std} in shape",
+                where=where,
+                hint="relative, above 0 and below 1, e.g. 0.001 and 0.05",
+            )
+        if self.count < 1 or not 0.0 <= low < high:
+            raise ConfigError(
+                f"{self.count} modes from {low:g} to {high:g} Hz",
+                where=where,
+                hint="one mode at least, in a band that rises from 0 Hz or more",
+            )
+
+
+class Seen(NamedTuple):
+    """What a test would measure, and the modes of its band that its channels do not see: name and hertz."""
+
+    measured: MeasuredModes
+    unseen: tuple[tuple[str, float], ...]
+
+
+def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
+    """Without noise, its deviations stated. Raises `ConfigError` where there is nothing to be seen."""
+    low, high = candidate.band_hz
+    moving = [i for i, kind in enumerate(modes.kind) if kind != "rigid"]
+    chosen = [i for i in moving if low <= modes.frequency_hz[i] <= high][: candidate.count]
+    if not chosen:
+        first = f"the lowest is at {modes.frequency_hz[moving[0]]:.4g} Hz" if moving else "all are rigid"
+        raise ConfigError(f"no mode from {low:g} to {high:g} Hz", hint=f"another band; {first}")
+    sees = _sees(modes, candidate.channels, chosen)
+    seen = [i for i, has in zip(chosen, sees, strict=True) if has]
+    if not seen:
+        raise ConfigError(
+            f"its channels see none of {len(chosen)} modes", hint="other nodes, or other directions"
+        )
+    found = measure_modes(modes, candidate.channels, chosen=seen)
+    # Channels of a sort that stands still in a mode have the noise of those that would just see it.
+    still = SEEN * np.max(np.abs(found.shape), axis=0, initial=0.0)
+    return Seen(
+        dataclasses.replace(
+            found,
+            frequency_std_hz=candidate.frequency_std * found.frequency_hz,
+            shape_std=candidate.shape_std * np.maximum(sort_rms(found.direction, found.shape), still),
+        ),
+        tuple((modes.name[i], float(modes.frequency_hz[i])) for i in chosen if i not in seen),
+    )
+
+
+def _sees(modes: Modes, channels: Sequence[tuple[str, str]] | None, chosen: Sequence[int]) -> np.ndarray:
+    """Which modes move a channel by no small part of the most that they move any of its sort."""
+    if not channels:
+        return np.ones(len(chosen), dtype=bool)
+    every = measure_modes(modes, every_channel(modes.equilibrium.model), chosen=chosen)
+    own = measure_modes(modes, channels, chosen=chosen)
+    most = {straight: _most(every, straight) for straight in (True, False)}
+    return np.any([_most(own, straight) > SEEN * most[straight] for straight in (True, False)], axis=0)
+
+
+def _most(measured: MeasuredModes, straight: bool) -> np.ndarray:
+    """The largest motion in each mode, along a direction or about one."""
+    sort = [k for k, d in enumerate(measured.direction) if (d in STRAIGHT) == straight]
+    return np.max(np.abs(measured.shape[sort]), axis=0, initial=0.0)

@@ -1,0 +1,161 @@
+"""Which test would help: what each of some tests would leave of the uncertainty of what is promised.
+
+What a test tells is in the slopes of what it reads, not in the values: so the deviations after it are known
+before it is made (Lindley 1956, Ann. Math. Stat. 27; Chaloner and Verdinelli 1995, Statist. Sci. 10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.structure.model.environment import Environment
+from middeck.updating.candidates.candidate_survey import CandidateSurvey
+from middeck.updating.candidates.foreseen import Foreseen, foresee
+from middeck.updating.orbit.deflections import Deflection
+from middeck.updating.orbit.frequencies import There, predict_at, solve_there
+from middeck.updating.refinement.refine import Refined
+from middeck.updating.residuals.statics import StaticTest
+from middeck.values import record
+
+# Digits of a ratio beyond which two tests are as good as each other.
+DIGITS = 6
+
+
+@record(kw_only=True)
+class Promised:
+    """A frequency, or what a gauge will read, that is promised.
+
+    Attributes:
+        where: The environment of a mode, the load case of a gauge.
+        name: Of the mode, or of the gauge.
+        value: In ``unit``.
+        std: Standard deviation of the logarithm of a frequency; of a reading over the largest that is
+            promised of its gauge.
+    """
+
+    where: str
+    name: str
+    value: float
+    unit: str
+    std: float
+
+
+@record(kw_only=True)
+class Ranked:
+    """What one test would leave.
+
+    Attributes:
+        std: Of all that is promised, the standard deviations after the test, each as of `Promised`.
+        ratio: Of these, each over that before.
+        widest: The ratio of what is the widest before.
+        median: Of all ratios.
+        foreseen: The refinement with the test: what promises would stand on.
+    """
+
+    name: str
+    std: Float[np.ndarray, " promised"]
+    ratio: Float[np.ndarray, " promised"]
+    widest: float
+    median: float
+    foreseen: Foreseen
+
+
+@record(kw_only=True)
+class Ranking:
+    """What is promised, which of it is the widest, and tests from the best to the worst."""
+
+    promised: tuple[Promised, ...]
+    widest: int
+    tests: tuple[Ranked, ...]
+
+
+def rank_tests(
+    refined: Refined,
+    candidates: Sequence[CandidateSurvey | StaticTest],
+    environments: Mapping[str, Environment],
+    *,
+    count: int = 10,
+    readings: Callable[[Refined], Sequence[Deflection]] | None = None,
+) -> Ranking:
+    """The candidates by what each, alone, leaves of the widest of what is promised, then of the median.
+
+    Promised are the lowest ``count`` modes that are not rigid, in each of the ``environments``, and what
+    ``readings`` gives of a refinement, such as `predict_deflections` with load cases and gauges. A static
+    test is a `StaticTest` whose values are not looked at. Each candidate is refined on in thought, see
+    `middeck.updating.candidates.foreseen.foresee`, which holds for the article as it is now thought to be.
+
+    Raises `ConfigError` for no candidate, nothing promised, a gauge that reads no more than its deviation,
+    names given twice, and as `foresee`, which raises `NumericalError` too.
+    """
+    names = [c.name for c in candidates]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ConfigError(f"two are called {twice[0]!r}", where="candidate", hint="a name for each")
+    if not candidates:
+        raise ConfigError("no candidate", where="ranking of tests", hint="a test that may be made")
+    places = {n: solve_there(refined, place, count=count) for n, place in environments.items()}
+    promise = partial(_promised, places=places, readings=readings)
+    promised = promise(refined)
+    if not promised:
+        raise ConfigError("nothing is promised", where="ranking of tests", hint="an environment, as orbit")
+    before = np.array([p.std for p in promised])
+    widest = int(np.argmax(before))
+    tests = [_ranked(c.name, foresee(refined, c), promise, before, widest) for c in candidates]
+    ordered = sorted(tests, key=lambda t: (round(t.widest, DIGITS), round(t.median, DIGITS), t.name))
+    return Ranking(promised=promised, widest=widest, tests=tuple(ordered))
+
+
+def _promised(
+    refined: Refined,
+    places: Mapping[str, There],
+    readings: Callable[[Refined], Sequence[Deflection]] | None,
+) -> tuple[Promised, ...]:
+    found: list[Promised] = []
+    for name, place in places.items():
+        told = predict_at(refined, place)
+        found += [
+            Promised(where=name, name=told.modes.name[i], value=float(hz), unit="Hz", std=float(std))
+            for i, hz, std in zip(told.index, told.frequency_hz, told.log_std, strict=True)
+        ]
+    cases = readings(refined) if readings else ()
+    most: dict[str, float] = {}
+    for case in cases:
+        for gauge, value in zip(case.gauges, case.value.tolist(), strict=True):
+            most[gauge.name] = max(abs(value), most.get(gauge.name, 0.0))
+    for case in cases:
+        for gauge, value, std in zip(case.gauges, case.value.tolist(), case.std.tolist(), strict=True):
+            scale = most[gauge.name]
+            if not scale > gauge.std:
+                raise ConfigError(
+                    f"it reads {scale:.2g} {gauge.unit} at most, within its deviation of {gauge.std:.2g}",
+                    where=f"promised gauge {gauge.name!r}",
+                    hint="leave it out, or promise what it reads under another load",
+                )
+            found.append(
+                Promised(where=case.name, name=gauge.name, value=value, unit=gauge.unit, std=std / scale)
+            )
+    return tuple(found)
+
+
+def _ranked(
+    name: str,
+    foreseen: Foreseen,
+    promise: Callable[[Refined], tuple[Promised, ...]],
+    before: Float[np.ndarray, " promised"],
+    widest: int,
+) -> Ranked:
+    after = np.array([p.std for p in promise(foreseen.refined)])
+    ratio = after / before
+    return Ranked(
+        name=name,
+        std=after,
+        ratio=ratio,
+        widest=float(ratio[widest]),
+        median=float(np.median(ratio)),
+        foreseen=foreseen,
+    )

@@ -1,0 +1,1 @@
+"""From what was refined on the ground to another environment, above all orbit."""

@@ -1,0 +1,187 @@
+"""Frequencies in another environment, above all in orbit, from what was refined on the ground."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.damping import estimate_damping
+from middeck.updating.refinement.left_out import left_out
+from middeck.updating.refinement.own_errors import HALF, OwnErrors, sorts_of
+from middeck.updating.refinement.posterior import NORMAL_95
+from middeck.updating.refinement.refine import Refined
+from middeck.updating.residuals.surveys import Compared, set_up
+from middeck.updating.unknowns.unknowns import product_slopes
+from middeck.values import record
+
+# Of ln f: what a model's own error in a mode changes when gravity goes, over and above what shapes say.
+CARRIED = 1e-4
+# Of a measured damping ratio whose deviation the test does not state, relative.
+DAMPING_STD = 0.1
+# Part of a mode that need not have been seen.
+LITTLE = 0.01
+
+
+@record(kw_only=True)
+class Prediction:
+    """Modes as predicted, rigid ones left out.
+
+    Attributes:
+        modes, index: Of the refined model, and which of its modes these are.
+        log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
+        log_root: Of their covariance, as far as it is shared: by unknowns and errors of the refinement.
+        log_rest: Standard deviation of what each mode has beside, alone.
+        damping: What the surveys measured, by what each mode has of the shapes that it saw; of the rest,
+            and where the survey states none, the article's.
+        damping_seen: Part of each damping that was measured.
+        damping_spread: Standard deviation of the logarithm of what was measured.
+        seen: Part of each shape that the surveys saw.
+        ground_hz: The refined model's frequency of the mode on the ground that has most of each; not a number
+            where none has half of it.
+    """
+
+    modes: Modes
+    index: Int[np.ndarray, " mode"]
+    log_shift: Float[np.ndarray, " mode"]
+    log_root: Float[np.ndarray, "mode both"]
+    log_rest: Float[np.ndarray, " mode"]
+    damping: Float[np.ndarray, " mode"]
+    damping_seen: Float[np.ndarray, " mode"]
+    damping_spread: Float[np.ndarray, " mode"]
+    seen: Float[np.ndarray, " mode"]
+    ground_hz: Float[np.ndarray, " mode"]
+
+    def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
+        """Of the logarithms of the damping ratios, where ``unseen`` is that of what was not measured."""
+        return np.hypot(self.damping_seen * self.damping_spread, (1.0 - self.damping_seen) * unseen)
+
+    @property
+    def log_std(self) -> Float[np.ndarray, " mode"]:
+        """Standard deviation of the logarithms of the frequencies, all told."""
+        return np.hypot(np.linalg.norm(self.log_root, axis=1), self.log_rest)
+
+    @property
+    def frequency_hz(self) -> Float[np.ndarray, " mode"]:
+        """The most probable frequencies [Hz]."""
+        return self.modes.frequency_hz[self.index] * np.exp(self.log_shift)
+
+    @property
+    def interval_hz(self) -> Float[np.ndarray, "mode 2"]:
+        """95 % intervals [Hz]."""
+        half = NORMAL_95 * self.log_std[:, None] * np.array([-1.0, 1.0])
+        return self.frequency_hz[:, None] * np.exp(half)
+
+    def below(self, number: int) -> Prediction:
+        """Those that are among the lowest ``number`` modes, rigid ones counted."""
+        kept = self.index < number
+        rows = [f.name for f in dataclasses.fields(self) if f.name != "modes"]
+        return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
+
+
+class There(NamedTuple):
+    """The refined article in an environment: its modes, which of them are told, and their slopes.
+
+    Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
+    is asked for.
+    """
+
+    modes: Modes
+    told: Int[np.ndarray, " mode"]
+    slope: Float[np.ndarray, "mode unknown"]
+    left_out: Callable[[], Float[np.ndarray, " mode"]]
+
+
+def solve_there(
+    refined: Refined, environment: Environment, settings: Sequence[tuple[str, float]] = (), count: int = 10
+) -> There:
+    """The lowest ``count`` modes that are not rigid, in ``environment``."""
+    there = set_up(refined.structure, environment, settings, refined.unknowns)
+    modes = there.solve(refined.x)
+    index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
+    lam = modes.omega[index] ** 2
+    slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
+    finer = functools.cache(functools.partial(left_out, there, refined.x, modes, index))
+    return There(modes, index, slope, finer)
+
+
+def predict_modes(
+    refined: Refined,
+    environment: Environment,
+    settings: Sequence[tuple[str, float]] = (),
+    count: int = 10,
+) -> Prediction:
+    """The lowest ``count`` modes that are not rigid, in ``environment``."""
+    return predict_at(refined, solve_there(refined, environment, settings, count))
+
+
+def predict_at(refined: Refined, there: There) -> Prediction:
+    """What the tests of ``refined`` say of modes that are solved already."""
+    modes, index, slope, finer = there
+    found, compared = refined.estimate, refined.compared
+    errors = OwnErrors.of(compared) if compared else None
+    share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
+    alone = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0)
+    rest = alone * refined.unseen[sorts_of(modes, index)] ** 2
+    unseen = np.maximum(1.0 - share.sum(axis=1), 0.0)
+    if np.any(unseen > LITTLE):
+        rest = rest + (unseen * finer()) ** 2
+    return Prediction(
+        modes=modes,
+        index=index,
+        log_shift=share @ found.d[: share.shape[1]],
+        log_root=np.hstack([slope, share]) @ found.root[: slope.shape[1] + share.shape[1]],
+        log_rest=np.sqrt(rest + CARRIED**2),
+        **_damping(modes, index, share, errors, compared),
+        seen=share.sum(axis=1),
+        ground_hz=_on_the_ground(share, errors, compared),
+    )
+
+
+def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequence[Compared]) -> np.ndarray:
+    if errors is None or not share.shape[1]:
+        return np.full(len(share), np.nan)
+    hz = errors.ground_hz(compared)[share.argmax(axis=1)]
+    return np.where(share.max(axis=1) > HALF, hz, np.nan)
+
+
+def _damping(
+    modes: Modes,
+    index: np.ndarray,
+    share: np.ndarray,
+    errors: OwnErrors | None,
+    compared: Sequence[Compared],
+) -> dict[str, np.ndarray]:
+    """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
+    own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
+    if errors is None:
+        nothing = np.zeros(len(index))
+        return {"damping": own, "damping_seen": nothing, "damping_spread": nothing}
+    zeta, std = _measured_damping(errors, compared)
+    # A ratio of zero is none: files of modes have no other way to say so.
+    there = zeta > 0.0
+    relative = np.divide(std, zeta, out=np.full(len(zeta), DAMPING_STD), where=there & np.isfinite(std))
+    known = share * there
+    seen = np.minimum(known.sum(axis=1), 1.0)
+    return {
+        "damping": known @ np.where(there, zeta, 0.0) + (1.0 - seen) * own,
+        "damping_seen": seen,
+        "damping_spread": known @ relative / np.where(seen > 0.0, known.sum(axis=1), 1.0),
+    }
+
+
+def _measured_damping(errors: OwnErrors, compared: Sequence[Compared]) -> tuple[np.ndarray, np.ndarray]:
+    """Ratios of the modes that have errors of their own, and deviations, NaN where a survey states none."""
+    found = []
+    for s, p in zip(errors.survey, errors.pair, strict=True):
+        measured, at = compared[s].survey.measured, compared[s].pairs[p, 1]
+        stated = measured.damping_std
+        found.append((measured.damping[at], np.nan if stated is None else stated[at]))
+    zeta, std = np.array(found).reshape(-1, 2).T
+    return zeta, std

@@ -1,0 +1,1 @@
+"""What compensators will do where they cannot be tested."""

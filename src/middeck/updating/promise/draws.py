@@ -1,0 +1,194 @@
+"""Plants in another environment, drawn from what a refinement leaves open.
+
+Shapes, inertias and gains are those of the article at each draw. Its frequencies are not: unknowns that the
+surveys do not see alone keep most of their spread, and what the surveys do see (a sum of them) then holds to
+first order only. Each draw's frequencies are therefore those of the linear estimate, which keeps it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linear_sum_assignment
+
+from middeck.errors import ConfigError, NumericalError
+from middeck.structure.model.environment import Environment
+from middeck.structure.model.umbilical import tie_umbilical
+from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.port_rows import RATE
+from middeck.systems.plants.plant import Plant, delay_plant, require_modal
+from middeck.systems.state_space.modal import ModalSystem
+from middeck.updating.orbit.frequencies import Prediction, predict_modes
+from middeck.updating.refinement.refine import Refined
+from middeck.updating.residuals.surveys import set_up
+from middeck.values import record
+
+
+@record(kw_only=True)
+class LoopSpread:
+    """What is not known of the loop beside the article.
+
+    Attributes:
+        delay_s: Delay from command to reading of every path [s].
+        delay_tolerance_s: Its tolerance to both sides, all values within as likely.
+        gain_tolerance: Of each sensor's gain, relative, likewise; an angle and its rate share one.
+        damping_std: Of the logarithm of a damping ratio that no survey measured.
+        umbilical_hz: Frequency that a weak cable may give the article where there is no gravity, all from
+            zero to this as likely (`tie_umbilical`).
+    """
+
+    delay_s: float = 0.0
+    delay_tolerance_s: float = 0.0
+    gain_tolerance: float = 0.0
+    damping_std: float = 0.3
+    umbilical_hz: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (
+            self.delay_s,
+            self.delay_tolerance_s,
+            self.gain_tolerance,
+            self.damping_std,
+            self.umbilical_hz,
+        )
+        sound = all(np.isfinite(v) and v >= 0.0 for v in values)
+        if not sound or self.delay_tolerance_s > self.delay_s or self.gain_tolerance >= 1.0:
+            raise ConfigError(
+                f"delay {self.delay_s} s +- {self.delay_tolerance_s} s, gain +- {self.gain_tolerance}, "
+                f"damping +- {self.damping_std}, umbilical to {self.umbilical_hz} Hz",
+                where="spread of the loop",
+                hint="zero or positive; a tolerance of the delay within it, of the gain below 1",
+            )
+
+
+@record
+class DrawnPlants:
+    """Plants, and what was drawn for each.
+
+    Attributes:
+        names: Of what was drawn: unknowns, errors of frequency and damping mode by mode, delay, gains.
+        drawn: In deviations from its mean, those within tolerances in parts of these; a row a plant.
+    """
+
+    plants: tuple[Plant, ...]
+    names: tuple[str, ...]
+    drawn: Float[np.ndarray, "plant name"]
+
+
+def draw_plants(
+    refined: Refined,
+    environment: Environment,
+    build: Callable[[Modes], Plant],
+    *,
+    settings: Sequence[tuple[str, float]] = (),
+    draws: int,
+    rng: np.random.Generator,
+    loop: LoopSpread | None = None,
+    finish: Callable[[Plant], Plant] = lambda plant: plant,
+) -> DrawnPlants:
+    """So many plants of the article in ``environment``.
+
+    ``build`` makes a plant in modal form of the lowest modes; ``finish`` is what is done to it when gains,
+    frequencies and damping are in, as to close an inner loop; the delay comes last. Raises `ConfigError` for
+    a plant that is not modal, and `NumericalError` where a drawn article has no rest state.
+    """
+    loop = loop or LoopSpread()
+    there = set_up(refined.structure, environment, settings, refined.unknowns)
+    count = len(require_modal(build(there.solve(refined.x))).omega)
+    mean = predict_modes(refined, environment, settings, count)
+    # A stream of its own: with a cable or without, all else is drawn alike.
+    pulls = rng.spawn(1)[0].uniform(0.0, 1.0, draws)
+    plants, drawn = [], []
+    for number in range(draws):
+        n = rng.standard_normal(refined.estimate.root.shape[1])
+        alone, lossy = rng.standard_normal((2, len(mean.index)))
+        try:
+            tied = tie_umbilical(*there[:2], loop.umbilical_hz * pulls[number])
+            modes = there._replace(environment=tied).solve(
+                refined.x + (refined.estimate.root @ n)[: len(refined.unknowns)]
+            )
+        except NumericalError as error:
+            error.where = f"draw {number} of {draws}, {error.where}"
+            error.hint = "narrower spreads of the unknowns that the surveys do not see"
+            raise
+        shift = mean.log_shift + mean.log_root @ n + mean.log_rest * alone
+        zeta = mean.damping * np.exp(mean.damping_std(loop.damping_std) * lossy)
+        plant = build(modes)
+        sensors = _sensors(plant)
+        late, gains = rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0, len(set(sensors)))
+        gain = dict(zip(dict.fromkeys(sensors), 1.0 + loop.gain_tolerance * gains, strict=True))
+        modal = _moved(require_modal(plant), mean, modes, shift, zeta)
+        modal = _scaled_outputs(modal, np.array([gain[s] for s in sensors]))
+        plant = finish(dataclasses.replace(plant, dynamics=modal))
+        delay = loop.delay_s + loop.delay_tolerance_s * late
+        plants.append(delay_plant(plant, delay) if delay else plant)
+        own = (shift - mean.log_shift) / mean.log_std
+        # What has no tolerance was not drawn, and no risk hangs on it.
+        of_loop = [
+            late * (loop.delay_tolerance_s > 0.0),
+            (2.0 * pulls[number] - 1.0) * (loop.umbilical_hz > 0.0),
+            *(gains * (loop.gain_tolerance > 0.0)),
+        ]
+        drawn.append(np.concatenate([_in_deviations(refined, n), own, lossy, of_loop]))
+    names = [mean.modes.name[i] for i in mean.index]
+    sensors = _sensors(plants[0]) if plants else ()
+    return DrawnPlants(
+        plants=tuple(plants),
+        names=(
+            *(u.name for u in refined.unknowns),
+            *(f"frequency of {n}" for n in names),
+            *(f"damping of {n}" for n in names),
+            "delay",
+            "umbilical",
+            *(f"gain of {n}" for n in dict.fromkeys(sensors)),
+        ),
+        drawn=np.array(drawn),
+    )
+
+
+def mean_plant(mean: Prediction, build: Callable[[Modes], Plant]) -> Plant:
+    """The plant of the most probable frequencies and damping; ``build`` as in `draw_plants`."""
+    plant = build(mean.modes)
+    modal = _moved(require_modal(plant), mean, mean.modes, mean.log_shift, mean.damping)
+    return dataclasses.replace(plant, dynamics=modal)
+
+
+def _sensors(plant: Plant) -> tuple[str, ...]:
+    """Of each output; an angle and its rate are one sensor's."""
+    return tuple(port.name.removesuffix(RATE) for port in plant.outputs)
+
+
+def _in_deviations(refined: Refined, n: np.ndarray) -> np.ndarray:
+    found = refined.estimate
+    return (found.root @ n)[: len(refined.unknowns)] / found.x_std
+
+
+def _moved(
+    modal: ModalSystem, mean: Prediction, modes: Modes, shift: np.ndarray, zeta: np.ndarray
+) -> ModalSystem:
+    """The drawn frequencies and damping, each at the mode of this draw that has most of the shape."""
+    kept = len(modal.omega)
+    at = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
+    cross = mean.modes.shapes[:, mean.index].T @ (mean.modes.mass @ modes.shapes[:, at])
+    mine, theirs = linear_sum_assignment(np.abs(cross), maximize=True)
+    omega, damping = modal.omega.copy(), modal.zeta.copy()
+    for k, i in zip(mine.tolist(), at[theirs].tolist(), strict=True):
+        if i < kept:
+            omega[i] = mean.modes.omega[mean.index[k]] * np.exp(shift[k])
+            damping[i] = zeta[k]
+    return dataclasses.replace(modal, omega=omega, zeta=damping)
+
+
+def _scaled_outputs(modal: ModalSystem, gain: np.ndarray) -> ModalSystem:
+    rows = gain[:, None]
+    acceleration, direct = modal.phi_acceleration, modal.direct
+    return dataclasses.replace(
+        modal,
+        phi=rows * modal.phi,
+        phi_rate=rows * modal.phi_rate,
+        phi_acceleration=None if acceleration is None else rows * acceleration,
+        direct=None if direct is None else rows * direct,
+    )

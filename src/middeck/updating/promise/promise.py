@@ -1,0 +1,179 @@
+"""What compensators will do where they cannot be tested: distributions over drawn plants."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.delay_order import approximation_order
+from middeck.control.lqg import LQGCompensator, LQGWeights, design_filter, design_lqg
+from middeck.control.robust.monte_carlo import uncontrolled_rms
+from middeck.errors import ConfigError
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.updating.orbit.frequencies import Prediction, predict_modes
+from middeck.updating.promise.bound import Bound, bound_worst
+from middeck.updating.promise.draws import DrawnPlants, draw_plants
+from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
+from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise.slip import draw_slips
+from middeck.updating.promise.slip_run import run_slips
+from middeck.updating.promise.slip_time import SlipTime
+from middeck.updating.promise.sweep import Swept, SweptPlants, sweep_plants, try_sweep
+from middeck.updating.refinement.refine import Refined
+from middeck.updating.residuals.surveys import set_up
+from middeck.values import record
+
+
+@record(kw_only=True)
+class Promise:
+    """What is promised of every compensator in one environment.
+
+    Attributes:
+        modes: Frequencies, with their intervals.
+        outlooks: In the order of the plan: compensators given, then those of the ladder.
+        rest_rms: Of the performance without any compensator, by draw.
+        bound: By name, over the first ``plan.bounded`` draws, without friction and over all frequencies.
+        highest: The last of the ladder that is promised stable, and every one before it; None for none.
+        swept: Plants of the sweep of the plan, around the most probable one.
+        sweeps: By name, what each compensator makes of them.
+        slip_time: How the friction of joints was simulated; None where the plan states none.
+    """
+
+    modes: Prediction
+    outlooks: tuple[Outlook, ...]
+    rest_rms: Float[np.ndarray, " draw"]
+    bound: Mapping[str, Bound]
+    highest: str | None
+    swept: SweptPlants
+    sweeps: Mapping[str, Swept]
+    slip_time: SlipTime | None = None
+
+
+def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
+    """The ladder's compensators by name: LQG on an article of these modes, its delays approximated."""
+    if plan.ladder is None:
+        return {}
+    whole = close_inner(plan, plant_of(plan, modes))
+    late = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
+    return design_on(group_loop(plan, late, plan.ladder.drives, plan.ladder.reads), plan.ladder, plan)
+
+
+def design_on(late: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompensator]:
+    """The compensators of ``ladder`` by name, designed on a plant grouped for them, with its delays."""
+    model = approximate_delays(late, approximation_order(late))
+    weights = weights_of(plan, driven_ports(model), measured_ports(model))
+    kalman = design_filter(model, weights)
+    return {
+        f"LQG {np.log10(level):g}": design_lqg(model, weights, float(level), kalman=kalman)
+        for level in ladder.authority
+    }
+
+
+def promise(refined: Refined, plan: Plan) -> dict[str, Promise]:
+    """Every compensator of the plan and of its ladder, in every environment.
+
+    Raises `ConfigError` for ports that the article does not have, units whose noise the plan does not
+    state, and so few modes that all of them are rigid, and as `draw_plants`.
+    """
+    first = next(iter(plan.environments.values()))
+    modes = set_up(refined.structure, first, (), refined.unknowns).solve(refined.x)
+    _require_flexible(modes, plan, first)
+    ladder = design_ladder(modes, plan)
+    return {name: _there(refined, plan, place, ladder) for name, place in plan.environments.items()}
+
+
+def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
+    rigid = modes.kind.count("rigid")
+    if plan.modes <= rigid:
+        raise ConfigError(
+            f"{plan.modes} modes kept in each plant, of which {rigid} are rigid in {place.title}",
+            where="promise, modes",
+            hint=f"{rigid + 1} to {len(modes.omega)}: how many of the lowest modes to keep, not which",
+        )
+
+
+def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str, LQGCompensator]) -> Promise:
+    predicted = predict_modes(refined, place, count=plan.modes)
+    _require_flexible(predicted.modes, plan, place)
+    drawn = draw_plants(
+        refined,
+        place,
+        partial(plant_of, plan),
+        draws=plan.draws,
+        rng=np.random.default_rng(plan.seed),
+        loop=plan.loop,
+        finish=partial(close_inner, plan),
+    )
+    laws = _together(plan.laws, ladder)
+    seen = {name: _seen_by(law, drawn, plan) for name, law in laws.items()}
+    anyone, weights = next(iter(seen.values()))  # whose ports do not matter without a compensator
+    alone = uncontrolled_rms(anyone.plants, weights, plan.band_hz)
+    if not np.all(np.isfinite(alone)):
+        raise ConfigError(
+            "without a compensator the performance has no rms: a mode that it sees does not decay",
+            where=f"promise in {place.title}",
+            hint="inner loops that hold the article, against whose rms the decibels count",
+        )
+    outlooks = tuple(look_ahead(name, law, *seen[name], alone, plan.band_hz) for name, law in laws.items())
+    slip_time = None
+    if plan.joints:
+        outlooks, alone, slip_time = _slipping(outlooks, alone, drawn, laws, plan)
+    some = dataclasses.replace(drawn, plants=drawn.plants[: plan.bounded], drawn=drawn.drawn[: plan.bounded])
+    swept = sweep_plants(predicted, plan)
+    best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
+    return Promise(
+        modes=predicted.below(plan.modes),
+        outlooks=outlooks,
+        rest_rms=alone,
+        bound={name: _bound(law, some, plan) for name, law in laws.items()},
+        highest=None if best is None else best.name,
+        swept=swept,
+        sweeps={name: try_sweep(swept, law, plan) for name, law in laws.items()},
+        slip_time=slip_time,
+    )
+
+
+def _slipping(
+    outlooks: tuple[Outlook, ...],
+    alone: np.ndarray,
+    drawn: DrawnPlants,
+    laws: Mapping[str, Compensator],
+    plan: Plan,
+) -> tuple[tuple[Outlook, ...], np.ndarray, SlipTime]:
+    """Outlooks and rms without a compensator, with the friction of the joints."""
+    slips = draw_slips(plan.joints, plan.draws, np.random.default_rng([plan.seed, len(plan.joints)]))
+    time, slipped = run_slips(drawn.plants, laws, slips, plan)
+    rest = slipped[None]
+    found = tuple(with_friction(o, slipped[o.name], rest, slips, drawn) for o in outlooks)
+    return found, alone * 10.0 ** (rest.db / 20.0), time
+
+
+def _together(
+    given: Mapping[str, Compensator], ladder: Mapping[str, LQGCompensator]
+) -> dict[str, Compensator]:
+    twice = sorted(set(given) & set(ladder))
+    if twice:
+        raise ConfigError(
+            f"a compensator is called {twice[0]!r} as one of the ladder", where="promise", hint="another name"
+        )
+    return {**given, **ladder}
+
+
+def _seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPlants, LQGWeights]:
+    """The plants between the ports of this loop alone, grouped for it, and its weights."""
+    u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
+    plants = tuple(group_loop(plan, plant, u, y) for plant in drawn.plants)
+    return dataclasses.replace(drawn, plants=plants), weights_of(plan, law.outputs, law.inputs)
+
+
+def _bound(law: Compensator, some: DrawnPlants, plan: Plan) -> Bound:
+    seen, weights = _seen_by(law, some, plan)
+    return bound_worst(seen.plants, law, weights)

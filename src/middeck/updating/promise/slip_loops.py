@@ -1,0 +1,124 @@
+"""Closed loops around the sliders of joints: what noise makes of them, and how they answer the sliders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Complex, Float
+
+from middeck.control.law.compensator import Compensator, locate_ports
+from middeck.systems.delay.delay import pade
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.plants.response import evaluate_plant, statespace_response
+from middeck.systems.poles.stability import growth_rates, none_grows
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import StateSpace, select_paths, series
+from middeck.values import record
+
+NEGLIGIBLE = 1e-6
+"""Part of a pole in a response, relative to the largest, below which it is left out."""
+
+
+@record(kw_only=True)
+class Wiring:
+    """Names of the joints (torque and angle), of the performance, and of what disturbs."""
+
+    joints: tuple[str, ...]
+    performance: tuple[str, ...]
+    disturbances: tuple[str, ...]
+
+
+@record
+class PoleForm:
+    """Answer of angles and performance to the sliders: the real part of reads exp(poles t) drives, summed."""
+
+    poles: Complex[np.ndarray, " pole"]
+    drives: Complex[np.ndarray, "joint pole"]
+    reads: Complex[np.ndarray, "output pole"]
+
+
+def around_sliders(plant: Plant, law: Compensator | None, wiring: Wiring, order: int) -> StateSpace:
+    """The loop from the sliders' torques to the joints' angles and the performance, which have no delay.
+
+    The plant's delay, the same on all paths, is within the loop alone, by a Pade approximation of ``order``.
+    """
+    columns, rows = _rows(plant, wiring)
+    system = remove_delays(plant).system
+    if law is None:
+        return select_paths(system, columns, rows)
+    late_s = float(plant.delay_s.max(initial=0.0))
+    late = law.system
+    if late_s > 0.0:
+        one = pade(late_s, order)
+        each = (np.asarray(sla.block_diag(*[getattr(one, k)] * len(law.outputs))) for k in "ABCD")
+        late = series(late, StateSpace(*each))
+    u, y = locate_ports(law, plant.inputs, plant.outputs)
+    return select_paths(feedback(system, late, u, y), columns, rows)
+
+
+def grows_while_sticking(loop: StateSpace, stiffness: Float[np.ndarray, " joint"]) -> bool:
+    """Whether the loop grows with every slider a spring, as it is at small amplitude."""
+    held = loop.A - loop.B @ (stiffness[:, None] * loop.C[: len(stiffness)])
+    return not none_grows(growth_rates(StateSpace(held, loop.B, loop.C, loop.D)))
+
+
+def pole_form(loop: StateSpace) -> PoleForm | None:
+    """The loop by its poles, negligible ones left out; None where one does not decay."""
+    values, vectors = solve_poles(loop.A)
+    if not np.all(np.real(values) < 0.0):
+        return None
+    drives = np.linalg.solve(vectors, loop.B.astype(complex)).T
+    reads = loop.C @ vectors
+    one = np.imag(values) >= 0.0  # of each pair
+    reads = reads * np.where(np.imag(values) > 0.0, 2.0, 1.0)
+    size = np.abs(reads[:, None] * drives) / -np.real(values)
+    counts = np.any(size > NEGLIGIBLE * size.max(axis=2, keepdims=True), axis=(0, 1)) & one
+    return PoleForm(values[counts], drives[:, counts], reads[:, counts])
+
+
+def solve_poles(
+    A: Float[np.ndarray, "state state"],
+) -> tuple[Complex[np.ndarray, " state"], Complex[np.ndarray, "state state"]]:
+    """Eigenvalues, and right eigenvectors as columns."""
+    values, vectors = np.linalg.eig(A)
+    return np.asarray(values, dtype=complex), np.asarray(vectors, dtype=complex)
+
+
+def evaluate_open(
+    plant: Plant, frequency_hz: Float[np.ndarray, " line"]
+) -> Complex[np.ndarray, "line output input"]:
+    """The plant's response without its delay, all ports."""
+    return evaluate_plant(remove_delays(plant), frequency_hz).H
+
+
+def noise_response(
+    plant: Plant,
+    open_response: Complex[np.ndarray, "line output input"],
+    law: Compensator | None,
+    wiring: Wiring,
+    frequency_hz: Float[np.ndarray, " line"],
+) -> Complex[np.ndarray, "line output noise"]:
+    """Of angles and performance to the disturbances, then to the noise of what ``law`` reads; delay exact."""
+    w, rows = plant.input_indices(wiring.disturbances), _rows(plant, wiring)[1]
+    G = open_response
+    if law is None:
+        return G[:, rows][:, :, w]
+    omega = 2.0 * np.pi * frequency_hz
+    u, y = locate_ports(law, plant.inputs, plant.outputs)
+    late_s = float(plant.delay_s.max(initial=0.0))
+    K = statespace_response(law.system, omega) * np.exp(-1j * omega * late_s)[:, None, None]
+    # Commands, by what is read without the law and by its noise.
+    commands = np.linalg.solve(np.eye(len(u)) - K @ G[:, y][:, :, u], K)
+    commands = np.concatenate([commands @ G[:, y][:, :, w], commands], axis=2)
+    found = G[:, rows][:, :, u] @ commands
+    found[:, :, : len(w)] += G[:, rows][:, :, w]
+    return found
+
+
+def _rows(plant: Plant, wiring: Wiring) -> tuple[Sequence[int], Sequence[int]]:
+    return (
+        plant.input_indices(wiring.joints),
+        [*plant.output_indices(wiring.joints), *plant.output_indices(wiring.performance)],
+    )

@@ -1,0 +1,231 @@
+"""Decibels that dry friction of joints adds to a compensator's, found in time.
+
+The linear loop's mean square is known exactly. What friction makes of it is simulated under noise that
+repeats, and counts only against the same noise without friction: the error of a short record, common to both,
+drops out. The noise is Gaussian line by line: of one size and random phase, lines would be too few for what
+friction makes of a narrow mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import approximation_order
+from middeck.control.law.partition import partition_modes
+from middeck.errors import ConfigError
+from middeck.joints.sliding import SlidingLoops, slide
+from middeck.systems.plants.plant import Plant, select_ports
+from middeck.updating.promise.plan import Plan
+from middeck.updating.promise.slip import DrawnSlips
+from middeck.updating.promise.slip_loops import (
+    PoleForm,
+    Wiring,
+    around_sliders,
+    evaluate_open,
+    grows_while_sticking,
+    noise_response,
+    pole_form,
+)
+from middeck.updating.promise.slip_time import SlipTime, choose_time, noise_intensity
+from middeck.values import record
+
+RECORDS, ALONE = 2, 16
+"""Records of each draw, under other noise each: with a compensator, and without, where friction does most."""
+MOST = 15_000_000
+"""Numbers of responses, or samples, that are held at once."""
+
+
+@record(kw_only=True)
+class Slipped:
+    """One compensator, or none, on draws with the friction of the joints.
+
+    Attributes:
+        db: What friction adds to the rms of the performance, by draw; ``inf`` where the slipping loop is
+            unstable.
+        variance: Of it by the noise, told from several records.
+        travel: Rms of each joint's angle [rad].
+        sticks: Whether the loop with its sliders as springs does not grow.
+    """
+
+    db: Float[np.ndarray, " draw"]
+    variance: Float[np.ndarray, " draw"]
+    travel: Float[np.ndarray, "draw joint"]
+    sticks: Bool[np.ndarray, " draw"]
+
+
+def run_slips(
+    plants: Sequence[Plant], laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan
+) -> tuple[SlipTime, dict[str | None, Slipped]]:
+    """Every compensator on every draw, and under the key None no compensator.
+
+    Several records of each draw tell the error; how long and how fine they are is chosen by the first draw.
+
+    Raises `ConfigError` for a joint whose torque does not turn its own angle, or that nothing brings to rest.
+    """
+    wiring = Wiring(
+        joints=tuple(j.name for j in plan.joints),
+        performance=plan.performance,
+        disturbances=plan.disturbances,
+    )
+    every: dict[str | None, Compensator | None] = {None: None, **laws}
+    own = [_own_ports(p, every.values(), wiring) for p in plants]
+    time = choose_time(own[0], every.values(), slips, plan, wiring)
+    orders = {
+        name: 1 if law is None else approximation_order(own[0], law.system) for name, law in every.items()
+    }
+    together = max(1, MOST // max(1, len(time.lines_hz) * len(own[0].inputs) * len(own[0].outputs)))
+    parts: dict[str | None, list[Slipped]] = {name: [] for name in every}
+    for first in range(0, len(plants), together):
+        mine = slice(first, first + together)
+        some = _Draws(
+            plants=tuple(own[mine]),
+            responses=np.array([evaluate_open(p, time.lines_hz) for p in own[mine]]),
+            stiffness=slips.stiffness[mine],
+            slip_torque=slips.slip_torque[mine],
+            first=first,
+        )
+        for name, law in every.items():
+            parts[name].append(_run(_Asked(plan, wiring, time), some, law, orders[name]))
+    found = {name: _joined(each) for name, each in parts.items()}
+    if not np.all(np.isfinite(found[None].db)):
+        raise ConfigError(
+            "without a compensator a joint or the performance does not come to rest",
+            where="joint",
+            hint="inner loops that hold the article",
+        )
+    return time, found
+
+
+def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: Wiring) -> Plant:
+    drives = [p.name for law in laws if law is not None for p in law.outputs]
+    reads = [p.name for law in laws if law is not None for p in law.inputs]
+    inputs, outputs = (
+        (*wiring.disturbances, *wiring.joints, *drives),
+        (*wiring.joints, *wiring.performance, *reads),
+    )
+    own = select_ports(plant, tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))
+    return partition_modes(own).active
+
+
+@record
+class _Asked:
+    plan: Plan
+    wiring: Wiring
+    time: SlipTime
+
+
+@record(kw_only=True)
+class _Draws:
+    """Draws that fit into memory, and their responses on the lines of the noise."""
+
+    plants: tuple[Plant, ...]
+    responses: Complex[np.ndarray, "draw line output input"]
+    stiffness: Float[np.ndarray, "draw joint"]
+    slip_torque: Float[np.ndarray, "draw joint"]
+    first: int
+
+
+def _run(asked: _Asked, some: _Draws, law: Compensator | None, order: int) -> Slipped:
+    around = [around_sliders(p, law, asked.wiring, order) for p in some.plants]
+    forms = [pole_form(loop) for loop in around]
+    held = {i: form for i, form in enumerate(forms) if form is not None}
+    count, joints = some.stiffness.shape
+    db, variance, travel = np.full(count, np.inf), np.zeros(count), np.full((count, joints), np.inf)
+    if held:
+        at = list(held)
+        db[at], variance[at], travel[at] = _with_friction(asked, some, law, held)
+    sticks = [not grows_while_sticking(loop, k) for loop, k in zip(around, some.stiffness, strict=True)]
+    return Slipped(db=db, variance=variance, travel=travel, sticks=np.array(sticks, dtype=bool))
+
+
+def _with_friction(
+    asked: _Asked, some: _Draws, law: Compensator | None, forms: Mapping[int, PoleForm]
+) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"], Float[np.ndarray, "draw joint"]]:
+    """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
+    time, joints = asked.time, len(asked.wiring.joints)
+    size = noise_intensity(asked.plan, law) * np.sqrt(2.0 / time.record_s)
+    low, high = asked.plan.band_hz or (0.0, np.inf)
+    acts = ((time.lines_hz >= low) & (time.lines_hz <= high))[:, None, None]
+    coloured = {
+        i: size * noise_response(some.plants[i], some.responses[i], law, asked.wiring, time.lines_hz) * acts
+        for i in forms
+    }
+    every = [(i, record) for i in forms for record in range(RECORDS if law is not None else ALONE)]
+    together = max(1, MOST // ((time.settling + time.samples) * (joints + len(asked.plan.weights))))
+    square, travel = np.empty((2, len(every))), np.empty((len(every), joints))
+    for first in range(0, len(every), together):
+        mine = slice(first, first + together)
+        which = [i for i, _ in every[mine]]
+        loops = _side_by_side([forms[i] for i in which], some.stiffness[which], some.slip_torque[which])
+        seeds = [[asked.plan.seed, some.first + i, record] for i, record in every[mine]]
+        free = _free(time, [coloured[i] for i in which], seeds)
+        made = slide(loops, free, 1.0 / time.sample_hz)[time.settling :]
+        for k, z in enumerate((made, free[time.settling :])):
+            square[k, mine] = _mean_square(asked.plan.weights * z[:, :, joints:], asked.plan.band_hz, time)
+        travel[mine] = np.mean(made[:, :, :joints] ** 2, axis=0)
+    each = square.reshape(2, len(forms), -1)
+    records = 10.0 * np.log10(each[0] / each[1])
+    with_friction, without = each.sum(axis=2)
+    return (
+        10.0 * np.log10(with_friction / without),
+        np.var(records, axis=1, ddof=1) / records.shape[1],
+        np.sqrt(np.mean(travel.reshape(len(forms), -1, joints), axis=1)),
+    )
+
+
+def _mean_square(
+    z: Float[np.ndarray, "sample loop output"], band_hz: tuple[float, float] | None, time: SlipTime
+) -> Float[np.ndarray, " loop"]:
+    """Of all outputs together; in a band by the lines that the noise has, half a step off zero."""
+    if band_hz is None:
+        return np.mean(np.sum(z**2, axis=2), axis=0)
+    half = np.exp(-1j * np.pi * np.arange(len(z)) / len(z))[:, None, None]
+    hz = np.abs(np.fft.fftfreq(len(z), 1.0 / time.sample_hz) + 0.5 * time.sample_hz / len(z))
+    lines = np.fft.fft(half * z, axis=0, norm="forward")[(hz >= band_hz[0]) & (hz <= band_hz[1])]
+    return np.sum(np.abs(lines) ** 2, axis=(0, 2))
+
+
+def _free(
+    time: SlipTime, coloured: Sequence[Complex[np.ndarray, "line output noise"]], seeds: Sequence[list[int]]
+) -> Float[np.ndarray, "sample loop output"]:
+    """Angles and performance without friction, by Gaussian noise that comes again with the other sign."""
+    samples, settle = time.samples, time.settling
+    lines, outputs, noises = coloured[0].shape
+    half = np.exp(1j * np.pi * np.arange(samples) / samples)[:, None]
+    free = np.empty((settle + samples, len(seeds), outputs))
+    for k, (filtered, seed) in enumerate(zip(coloured, seeds, strict=True)):
+        real, imaginary = np.random.default_rng(seed).standard_normal((2, noises, lines))
+        spectrum = np.zeros((samples, outputs), dtype=complex)
+        spectrum[:lines] = np.einsum("fon,nf->fo", filtered, real + 1j * imaginary)
+        free[settle:, k] = np.real(half * np.fft.ifft(spectrum, axis=0, norm="forward"))
+    free[:settle] = -free[samples:]
+    return free
+
+
+def _side_by_side(forms: Sequence[PoleForm], stiffness: np.ndarray, slip_torque: np.ndarray) -> SlidingLoops:
+    most = max(len(f.poles) for f in forms)
+
+    def filled(values: np.ndarray, rest: complex) -> np.ndarray:
+        gap = [(0, 0)] * (values.ndim - 1) + [(0, most - values.shape[-1])]
+        return np.pad(values, gap, constant_values=rest)
+
+    return SlidingLoops(
+        poles=np.array([filled(f.poles, -1.0) for f in forms]),
+        drives=np.array([filled(f.drives, 0.0) for f in forms]),
+        reads=np.array([filled(f.reads, 0.0) for f in forms]),
+        stiffness=stiffness,
+        slip_torque=slip_torque,
+    )
+
+
+def _joined(parts: Sequence[Slipped]) -> Slipped:
+    return Slipped(
+        **{
+            key: np.concatenate([getattr(p, key) for p in parts])
+            for key in ("db", "variance", "travel", "sticks")
+        }
+    )

@@ -1,0 +1,153 @@
+"""What a refinement leaves open, in words: what the surveys do not see, and where model and test disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from middeck.structure.correlation.units import doubt_survey_units
+from middeck.updating.refinement.own_errors import sorts_of
+from middeck.updating.refinement.refine import MODAL, SORTS, Refined
+from middeck.updating.residuals.surveys import Compared, left_open
+
+# Of the prior deviation: an unknown that keeps this much of it was not seen.
+KEPT = 0.9
+# Prior deviations: an unknown that ends farther away is where the prior said that it is not.
+FAR = 2.5
+# Of a direction: parameters with a smaller part of it are not named.
+PART = 0.35
+# A model error this many times the noise of the test counts.
+ABOVE = 2.0
+# Deviations: a response that is off by more has a model error that was not stated.
+MISSED = 1.5
+# Pairs of close modes that are named.
+NAMED = 3
+
+
+def unseen(refined: Refined) -> tuple[str, ...]:
+    """Unknowns of which the surveys say next to nothing."""
+    return tuple(
+        u.name
+        for u, std in zip(refined.unknowns, refined.estimate.x_std, strict=True)
+        if std > KEPT * u.spread
+    )
+
+
+def together(refined: Refined) -> tuple[tuple[str, ...], ...]:
+    """Groups of which the surveys see the sum, but not each: what they share in directions not seen."""
+    alone = set(unseen(refined))
+    groups: dict[tuple[str, ...], None] = {}
+    for gain, direction in zip(refined.estimate.gain, refined.estimate.direction, strict=True):
+        named = [u.name for u, part in zip(refined.unknowns, direction, strict=True) if abs(part) > PART]
+        if gain < 1.0 and len(named) > 1 and not alone.intersection(named):
+            groups[tuple(named)] = None
+    return tuple(groups)
+
+
+def findings(refined: Refined) -> tuple[str, ...]:
+    """A sentence for each thing that a reader must know before the refined article is used."""
+    return (
+        *(
+            f"{c.survey.name}: {said}"
+            for c in refined.compared
+            for said in doubt_survey_units(c.modes, c.survey.measured)
+        ),
+        *_of_the_search(refined),
+        *_of_unknowns(refined),
+        *_of_the_model(refined),
+        *(
+            f"{c.survey.name}: the measured mode of {c.survey.measured.frequency_hz[j]:.4g} Hz resembles "
+            "none of the model's and was left out"
+            for c in refined.compared
+            for j in c.unpaired
+        ),
+        *(f"{c.survey.name}: {said}" for c in refined.compared for said in c.survey.measured.warnings),
+        *_of_responses(refined),
+        *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
+    )
+
+
+def _mixing(compared: Compared, some: Sequence[tuple[float, float]]) -> str:
+    named = ", ".join(f"{a:.4g} and {b:.4g} Hz" for a, b in some[:NAMED])
+    more = f" and {len(some) - NAMED} more pairs" if len(some) > NAMED else ""
+    return (
+        f"{compared.survey.name}: no shape says how the model's modes mix at {named}{more}, which are close: "
+        "another answer may fit as well"
+    )
+
+
+def _of_the_search(refined: Refined) -> Iterator[str]:
+    if not refined.converged:
+        yield (
+            f"the search did not settle: its last step moved an unknown by {refined.history[-1]:.2g} of its "
+            "deviation; narrower spreads or fewer unknowns may help"
+        )
+    pairs = sum(len(c.pairs) for c in refined.compared)
+    readings = sum(len(c.value) for c in refined.statics)
+    if pairs + readings < len(refined.unknowns):
+        beside = f" and {readings} static readings" if readings else ""
+        yield (
+            f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: most of what is stated of "
+            "these was thought before; more modes, or set-ups with other angles and masses, would tell more"
+        )
+
+
+def _of_unknowns(refined: Refined) -> Iterator[str]:
+    for unknown, x in zip(refined.unknowns, refined.estimate.x, strict=True):
+        if abs(x) > FAR * unknown.spread:
+            yield (
+                f"{unknown.name} ends {abs(x) / unknown.spread:.1f} deviations from what was thought: is the "
+                "prior right, or does it stand for something that is not in the model?"
+            )
+    if names := unseen(refined):
+        yield f"the surveys do not see {', '.join(names)}"
+    for group in together(refined):
+        yield f"the surveys see {' and '.join(group)} together, but not each"
+
+
+def _of_the_model(refined: Refined) -> Iterator[str]:
+    tau = refined.estimate.tau
+    if refined.compared:
+        noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
+        seen = {int(k) for c in refined.compared for k in sorts_of(c.modes, c.pairs[:, 0])}
+        for k in sorted(seen):
+            sort, size = SORTS[k], tau[k]
+            if size > ABOVE * noise:
+                yield (
+                    f"the {sort} modes are off by {100.0 * size:.2g} % beside the {100.0 * noise:.2g} % that "
+                    "the test states, whatever the unknowns: an error of the model, carried into what is "
+                    "predicted"
+                )
+    if refined.statics:
+        yield from _of_statics(refined, *tau[MODAL:].tolist())
+
+
+def _of_responses(refined: Refined) -> Iterator[str]:
+    for heard in refined.responses:
+        if heard.miss > MISSED:
+            yield (
+                f"{heard.survey}: the response is off by {heard.magnitude_db:.2g} dB and "
+                f"{heard.phase_deg:.2g} deg, {heard.miss:.1f} times what noise and the stated errors of the "
+                "model explain: its rows count so much less"
+            )
+        for zero in heard.lost:
+            yield (
+                f"{heard.survey}: the model has no anti-resonance from {zero.input} to {zero.output} near "
+                f"{zero.frequency_hz:.4g} Hz: that one was left out"
+            )
+
+
+def _of_statics(refined: Refined, shared: float, own: float) -> Iterator[str]:
+    noise = float(np.median(np.concatenate([c.std for c in refined.statics])))
+    if shared > ABOVE * noise:
+        yield (
+            f"under load the members yield otherwise than the refined numbers say by {100.0 * shared:.2g} %, "
+            f"beside the {100.0 * noise:.2g} % that the gauges state: an error of the model, shared by load "
+            "cases that strain them alike and carried into what is predicted"
+        )
+    if own > ABOVE * noise:
+        yield (
+            f"static readings scatter by {100.0 * own:.2g} %, beside the {100.0 * noise:.2g} % that the "
+            "gauges state: of the rig or of the model, carried into every prediction"
+        )

@@ -1,0 +1,1 @@
+"""What was measured beside what the article gives: modes, responses, sag."""

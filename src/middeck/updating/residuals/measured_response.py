@@ -1,0 +1,204 @@
+"""What a test measured beside its modes: responses with what is known of them, and anti-resonances."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.errors import ConfigError
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.values import record
+
+# Lines are no nearer than this part of their frequency: nearer ones tell the same of a model's error.
+SPACING = 0.005
+# Of the response: a line that is noisier has no logarithm to speak of.
+NOISY = 0.3
+WHERE = "response of a survey"
+
+
+@record(kw_only=True)
+class AntiResonance:
+    """A zero of one path between its modes, at |s| = 2 pi ``frequency_hz``, and its standard deviation."""
+
+    output: str
+    input: str
+    frequency_hz: float
+    std_hz: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.frequency_hz < np.inf and 0.0 < self.std_hz < np.inf):
+            raise ConfigError(
+                f"an anti-resonance at {self.frequency_hz} Hz +- {self.std_hz} Hz",
+                where=f"{self.input} to {self.output}",
+                hint="both positive",
+            )
+
+
+@record(kw_only=True)
+class MeasuredResponse:
+    """What a test measured beside its modes, between actuators and sensors of the article.
+
+    Attributes:
+        response: Measured, with its ``variance``, or the covariance of a fitted model, whose lines err
+            together; ports are named as the article's.
+        delay_s: Of every path, as far as it is known.
+        band_hz: Lines that count; None for all of a measured response.
+        modal_error: What the model's modal constants are thought to be wrong by, one deviation, relative.
+        line_error: Of each mode's part at each line, beside that.
+
+    Raises `ConfigError` for nothing measured, a response without variance, a fitted one without a band, an
+    error or a band that cannot be, and for a path of which the response and anti-resonances are given: the
+    one holds the other.
+    """
+
+    response: FrequencyResponse | ModelCovariance | None = None
+    anti_resonances: tuple[AntiResonance, ...] = ()
+    delay_s: float = 0.0
+    band_hz: tuple[float, float] | None = None
+    modal_error: float = 0.02
+    line_error: float = 0.002
+
+    def __post_init__(self) -> None:
+        errors = (self.delay_s, self.modal_error, self.line_error)
+        if not all(0.0 <= e < np.inf for e in errors) or not self.line_error > 0.0:
+            raise ConfigError(
+                f"a delay of {self.delay_s} s, errors of {self.modal_error} and {self.line_error}",
+                where=WHERE,
+                hint="zero or positive, the error of a line above zero",
+            )
+        if self.band_hz is not None and not 0.0 <= self.band_hz[0] < self.band_hz[1] < np.inf:
+            raise ConfigError(f"a band of {self.band_hz} Hz", where=WHERE, hint="low < high")
+        if self.response is None and not self.anti_resonances:
+            raise ConfigError("nothing measured", where=WHERE, hint="a response, or anti-resonances")
+        if isinstance(self.response, FrequencyResponse) and self.response.variance is None:
+            raise ConfigError(
+                "the response does not state how well it is known",
+                where=WHERE,
+                hint="its variance, as `estimate_response` gives it",
+            )
+        if isinstance(self.response, FrequencyResponse) and self.response.hold_s:
+            raise ConfigError("the response holds its inputs' hold", where=WHERE, hint="`release_hold` first")
+        if isinstance(self.response, ModelCovariance) and not (self.band_hz and self.band_hz[0] > 0.0):
+            raise ConfigError("a fitted response without its band", where=WHERE, hint="band_hz, from above 0")
+        both = [z for z in self.anti_resonances if (z.output, z.input) in self._heard]
+        if both:
+            raise ConfigError(
+                f"response and anti-resonances from {both[0].input} to {both[0].output}: the one holds the "
+                "other",
+                where=WHERE,
+                hint="either",
+            )
+
+    @property
+    def _heard(self) -> list[tuple[str, str]]:
+        """Output and input of each path of the response."""
+        if self.response is None:
+            return []
+        of = self.response.model if isinstance(self.response, ModelCovariance) else self.response
+        return [(o.name, i.name) for o in of.outputs for i in of.inputs]
+
+    @property
+    def ports(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of inputs and outputs, each once."""
+        paths = [*self._heard, *((z.output, z.input) for z in self.anti_resonances)]
+        return tuple(dict.fromkeys(i for _, i in paths)), tuple(dict.fromkeys(o for o, _ in paths))
+
+    @property
+    def top_hz(self) -> float:
+        """The highest frequency that counts."""
+        ends = [z.frequency_hz for z in self.anti_resonances]
+        if self.band_hz is not None:
+            ends.append(self.band_hz[1])
+        elif isinstance(self.response, FrequencyResponse):
+            ends.append(float(self.response.frequency_hz[-1]))
+        return max(ends)
+
+
+@record(kw_only=True)
+class MeasuredPath:
+    """One path of a response on the lines that count.
+
+    Attributes:
+        noise: Standard deviation of H, real and imaginary part together, each line by itself.
+        common: What errors that lines and paths share do to H, one deviation each.
+    """
+
+    output: str
+    input: str
+    hz: Float[np.ndarray, " line"]
+    H: Complex[np.ndarray, " line"]
+    noise: Float[np.ndarray, " line"]
+    common: Complex[np.ndarray, "line common"]
+
+
+def measured_paths(test: MeasuredResponse) -> tuple[MeasuredPath, ...]:
+    """Every path of the response, lines that are mostly noise left out."""
+    if test.response is None:
+        return ()
+    if isinstance(test.response, ModelCovariance):
+        return tuple(_heard_only(path) for path in _fitted(test, test.response))
+    return tuple(_heard_only(path) for path in _measured(test, test.response))
+
+
+def _measured(test: MeasuredResponse, response: FrequencyResponse) -> list[MeasuredPath]:
+    lines, variance = _lines(response.frequency_hz, test.band_hz), response.variance
+    assert variance is not None
+    return [
+        MeasuredPath(
+            output=output.name,
+            input=input.name,
+            hz=response.frequency_hz[lines],
+            H=response.H[lines, o, i],
+            noise=np.sqrt(variance[lines, o, i]),
+            common=np.zeros((len(lines), 0), complex),
+        )
+        for o, output in enumerate(response.outputs)
+        for i, input in enumerate(response.inputs)
+    ]
+
+
+def _fitted(test: MeasuredResponse, known: ModelCovariance) -> list[MeasuredPath]:
+    """Lines of even spacing in logarithms, whose errors are those of the fit's unknowns."""
+    assert test.band_hz is not None
+    low, high = test.band_hz
+    hz = np.geomspace(low, high, 2 + int(np.log(high / low) / SPACING))
+    found: list[MeasuredPath] = []
+    for o, output in enumerate(known.model.outputs):
+        for i, input in enumerate(known.model.inputs):
+            entry = entry_slopes(known.model, known.structure, 2j * np.pi * hz, o, i)
+            found.append(
+                MeasuredPath(
+                    output=output.name,
+                    input=input.name,
+                    hz=hz,
+                    H=entry.H,
+                    noise=np.zeros(len(hz)),
+                    common=entry.by.T @ known.root[entry.place],
+                )
+            )
+    return found
+
+
+def _heard_only(path: MeasuredPath) -> MeasuredPath:
+    off = np.hypot(path.noise, np.linalg.norm(path.common, axis=1))
+    heard = np.isfinite(path.H) & np.isfinite(off) & (off < NOISY * np.abs(path.H))
+    return MeasuredPath(
+        output=path.output,
+        input=path.input,
+        hz=path.hz[heard],
+        H=path.H[heard],
+        noise=path.noise[heard],
+        common=path.common[heard],
+    )
+
+
+def _lines(hz: Float[np.ndarray, " line"], band_hz: tuple[float, float] | None) -> np.ndarray:
+    """Lines in the band, no nearer than `SPACING`."""
+    low, high = band_hz or (0.0, np.inf)
+    kept: list[int] = []
+    for k in np.flatnonzero((hz >= low) & (hz <= high) & (hz > 0.0)).tolist():
+        if not kept or hz[k] >= hz[kept[-1]] * (1.0 + SPACING):
+            kept.append(k)
+    return np.array(kept, dtype=int)

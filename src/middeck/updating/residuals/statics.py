@@ -1,0 +1,304 @@
+"""Static tests beside the article as it is thought to be: sag, tilt and reactions under load cases.
+
+A model's members are wrong by more than their numbers: ribs that slip, a clamp that gives. Statically that is
+a relative error of what they yield, delta e = E e of their strains e. E is d_j on each of the directions that
+the strains of the tests have (orthonormal in strain energy), d_j ~ N(0, tau^2), and as much again, but
+independent, on what is none of these. So load levels of one kind share their error, and a case that strains
+the article otherwise shares what its strain has of theirs. Nothing says that such an error is proportional:
+d_j may change with the size of the strains, which the levels of the tests tell, and grows less sure beyond.
+
+Beside that each reading has an error of its own, of the rig or of the model, in parts of the full scale of
+its gauge; and so has the reading of the unloaded article, which all readings of one series share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError, NumericalError
+from middeck.structure.assembly.strain import member_strains
+from middeck.structure.model.article import LoadCase, Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.model.load_case import apply_load_case
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.sensitivity.parameters import read_parameter
+from middeck.structure.sensitivity.rest import differentiate_rest
+from middeck.structure.sensitivity.yielding import yield_further
+from middeck.updating.residuals.gauges import Gauge, lengths, read, slopes
+from middeck.updating.residuals.surveys import set_up
+from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change
+from middeck.values import record
+
+# Of the largest singular value: strains that the tests have less of are none of theirs. They see nothing of
+# the error there, and to count it as several independent ones would make it small.
+PRESENT = 0.01
+# Of an error, what it changes by as strains grow by a factor of e: by as much grows a relative error of a
+# wing's sag, seen as one of what its members yield, where the wing bends far.
+GROWTH = 0.3
+# Of the most of a direction, less is none.
+ROUNDING = 1e-9
+# Of the largest stiffness of an element: less is rounding.
+STIFF = 1e-12
+
+
+@record(kw_only=True)
+class StaticTest:
+    """What gauges read under one load case.
+
+    Attributes:
+        value: One a gauge, in its unit; their ``std`` say how well.
+        load_case: One of the article's by name, or one of the test's own; None is the article by itself.
+        since_unloaded: Whether the values are less those in the same set-up without the load case, as gauges
+            that are set to zero there read them. Else they are since drawn: without any load or weight.
+        series: Tests of one series count from one unloaded reading, and share its error; its own if empty.
+        settings: As of `Survey`.
+
+    Raises `ConfigError` for no gauge, another number of values, a value that is not finite, a deviation that
+    is not positive, and for changes since unloaded of no load case.
+    """
+
+    name: str
+    environment: Environment
+    gauges: tuple[Gauge, ...]
+    value: Float[np.ndarray, " gauge"]
+    load_case: LoadCase | str | None = None
+    since_unloaded: bool = True
+    series: str = ""
+    settings: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        where = f"static test {self.name!r}"
+        if not self.gauges or len(self.gauges) != len(self.value) or not np.all(np.isfinite(self.value)):
+            raise ConfigError(
+                f"{len(self.value)} values for {len(self.gauges)} gauges",
+                where=where,
+                hint="one finite value for each gauge, and one gauge at least",
+            )
+        for gauge in self.gauges:
+            if not gauge.std > 0.0:
+                raise ConfigError(
+                    f"gauge {gauge.name!r} does not state how well it reads",
+                    where=where,
+                    hint=f"its standard deviation, in {gauge.unit}",
+                )
+        check_zero(self.load_case, self.since_unloaded, where)
+
+
+def check_zero(load_case: LoadCase | str | None, since_unloaded: bool, where: str) -> None:
+    """Raise `ConfigError` for changes since the article was unloaded that is not loaded."""
+    if load_case is None and since_unloaded:
+        raise ConfigError(
+            "a change since unloaded, of no load case", where=where, hint="since drawn, or with a load case"
+        )
+
+
+class Loaded(NamedTuple):
+    """Rest states under a load case and, where readings count from there, without it."""
+
+    rest: Equilibrium
+    unloaded: Equilibrium | None
+
+    def states(self) -> Iterator[tuple[float, Equilibrium]]:
+        """Those of which a reading is the sum, each with its sign."""
+        yield 1.0, self.rest
+        if self.unloaded is not None:
+            yield -1.0, self.unloaded
+
+    def value(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
+        """What gauges read."""
+        return np.sum([sign * read(rest, gauges) for sign, rest in self.states()], axis=0)
+
+    def lengths(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
+        """As of `lengths`."""
+        return lengths(self.rest, self.unloaded, gauges)
+
+    def strains(self) -> Float[np.ndarray, "state whitened"]:
+        """Strains of the members, so that their dot product is twice the energy."""
+        return np.array([_whitened(rest) for _, rest in self.states()])
+
+
+class StaticSetUp(NamedTuple):
+    """An article under a load case and, where readings count from there, without it; and what moves it."""
+
+    loaded: tuple[Structure, Environment]
+    unloaded: tuple[Structure, Environment] | None
+    bound: tuple[Bound, ...]
+    bound_unloaded: tuple[Bound, ...]
+
+    def solve(self, x: Float[np.ndarray, " unknown"]) -> Loaded:
+        """The rest states with the unknowns at ``x``. Raises `NumericalError` where there is none."""
+        rest = _at_rest(*change(*self.loaded, self.bound, x))
+        if self.unloaded is None:
+            return Loaded(rest, None)
+        return Loaded(rest, _at_rest(*change(*self.unloaded, self.bound_unloaded, x)))
+
+    def slope(self, at: Loaded, gauges: Sequence[Gauge]) -> Float[np.ndarray, "gauge unknown"]:
+        """Derivatives of what gauges read by the unknowns, in the rest states ``at``."""
+        return np.sum(
+            [
+                sign * _slopes(rest, bound, gauges)
+                for (sign, rest), bound in zip(at.states(), (self.bound, self.bound_unloaded), strict=False)
+            ],
+            axis=0,
+        )
+
+
+def _at_rest(structure: Structure, environment: Environment) -> Equilibrium:
+    rest = solve_equilibrium(structure, environment)
+    if not rest.converged:
+        raise NumericalError("the article has no rest state under its load case", where="static test")
+    return rest
+
+
+def set_up_static(
+    structure: Structure,
+    environment: Environment,
+    settings: Sequence[tuple[str, float]],
+    load_case: LoadCase | str | None,
+    since_unloaded: bool,
+    unknowns: Sequence[Unknown],
+) -> StaticSetUp:
+    """The article with ``settings`` and its loads. Raises `ConfigError` as `set_up` and `apply_load_case`."""
+    bare = set_up(structure, environment, settings, unknowns)
+    loaded = apply_load_case(bare.structure, bare.environment, load_case)
+    unloaded = (bare.structure, bare.environment) if since_unloaded else None
+    return StaticSetUp(loaded, unloaded, bind(unknowns, *loaded), bare.bound)
+
+
+def _slopes(
+    rest: Equilibrium, bound: Sequence[Bound], gauges: Sequence[Gauge]
+) -> Float[np.ndarray, "gauge unknown"]:
+    now = [[read_parameter(rest.model.structure, rest.environment, p) for p in b.parameters] for b in bound]
+    by = slopes(rest, differentiate_rest(rest, [p for own in now for p in own]), gauges)
+    out, k = np.zeros((len(gauges), len(bound))), 0
+    for column, (one, own) in enumerate(zip(bound, now, strict=True)):
+        for parameter in own:
+            out[:, column] += by[:, k] * (1.0 if one.unknown.added else parameter.value)
+            k += 1
+    return out
+
+
+@record(kw_only=True)
+class ComparedStatic:
+    """A static test beside the model, each row in parts of the full scale of its gauge.
+
+    Attributes:
+        value: What the model reads, in the units of the gauges.
+        scale: What rows are divided by, in these units, see `full_scales`; no less than a gauge's deviation.
+        std: Standard deviation of each residual by its gauge.
+    """
+
+    test: StaticTest
+    at: Loaded
+    value: Float[np.ndarray, " gauge"]
+    scale: Float[np.ndarray, " gauge"]
+    residual: Float[np.ndarray, " gauge"]
+    std: Float[np.ndarray, " gauge"]
+    slope: Float[np.ndarray, "gauge unknown"]
+
+
+def compare_statics(
+    at: Sequence[Loaded], tests: Sequence[StaticTest], places: Sequence[StaticSetUp]
+) -> tuple[ComparedStatic, ...]:
+    """Residuals and slopes. Raises `ConfigError` for a gauge on what is not there, and as `slopes`."""
+    full = full_scales(at, tests)
+    return tuple(_compare(*one, full) for one in zip(at, tests, places, strict=True))
+
+
+def full_scales(at: Sequence[Loaded], tests: Sequence[StaticTest]) -> dict[tuple[str, str, str], float]:
+    """The longest change in all tests of which each gauge reads a part, in its unit, by `gauge_key`."""
+    full: dict[tuple[str, str, str], float] = {}
+    for loaded, test in zip(at, tests, strict=True):
+        for gauge, own in zip(test.gauges, loaded.lengths(test.gauges).tolist(), strict=True):
+            full[gauge_key(gauge)] = max(own, full.get(gauge_key(gauge), 0.0))
+    return full
+
+
+def gauge_key(gauge: Gauge) -> tuple[str, str, str]:
+    """The same of one gauge in all tests."""
+    return gauge.at, gauge.kind.value, gauge.name
+
+
+def _compare(
+    at: Loaded, test: StaticTest, place: StaticSetUp, full: Mapping[tuple[str, str, str], float]
+) -> ComparedStatic:
+    std = np.array([gauge.std for gauge in test.gauges])
+    scale = np.maximum([full[gauge_key(gauge)] for gauge in test.gauges], std)
+    value = at.value(test.gauges)
+    return ComparedStatic(
+        test=test,
+        at=at,
+        value=value,
+        scale=scale,
+        residual=(test.value - value) / scale,
+        std=std / scale,
+        slope=place.slope(at, test.gauges) / scale[:, None],
+    )
+
+
+class ErrorFields(NamedTuple):
+    """Directions of the strains of some static tests, orthonormal in strain energy, one column each.
+
+    Each has two errors: that at ``most``, the largest part that a test had of it, and how it changes as that
+    part grows, `GROWTH` of an error for every factor of e.
+    """
+
+    whitened: Float[np.ndarray, "whitened direction"]
+    most: Float[np.ndarray, " direction"]
+
+    @staticmethod
+    def of(tests: Sequence[Loaded]) -> ErrorFields:
+        """Of all their rest states, each counting as much as any other, whatever its load."""
+        strains = np.concatenate([test.strains() for test in tests]).T
+        size = np.linalg.norm(strains, axis=0)
+        left, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)
+        present = left[:, s > PRESENT * s.max(initial=0.0)]
+        return ErrorFields(present, np.abs(present.T @ strains).max(axis=1, initial=0.0))
+
+    @staticmethod
+    def none(at: Loaded) -> ErrorFields:
+        """Of no test, for an article at rest as it is in ``at``."""
+        return ErrorFields(np.zeros((at.strains().shape[1], 0)), np.zeros(0))
+
+    def part(self, at: Loaded) -> float:
+        """Part of the strain energy of the load that has the strains of the tests."""
+        change = np.array([sign for sign, _ in at.states()]) @ at.strains()
+        own = self.whitened.T @ change
+        return float(own @ own / (change @ change or 1.0))
+
+    def slope(
+        self, at: Loaded, gauges: Sequence[Gauge]
+    ) -> tuple[Float[np.ndarray, "gauge error"], Float[np.ndarray, " gauge"]]:
+        """What gauges read by each error, all at ``most`` first, and by that of all that has no direction."""
+        out = np.zeros((len(gauges), 2 * len(self.most) + 1))
+        for sign, rest in at.states():
+            own = _whitened(rest)
+            size = self.whitened.T @ own
+            part = self.whitened * size
+            growth = GROWTH * np.log(np.maximum(np.abs(size), ROUNDING * self.most) / self.most)
+            parts = np.column_stack([part, part * growth, own - part.sum(axis=1)])
+            out += sign * slopes(rest, yield_further(rest, _strains_of(rest, parts)), gauges)
+        return out[:, :-1], out[:, -1]
+
+
+def _roots(stiffness: np.ndarray, power: float) -> np.ndarray:
+    """The symmetric square roots of D, or of its inverse; a strain without stiffness counts in neither."""
+    value, turn = np.linalg.eigh(stiffness)
+    stiff = value > STIFF * value[:, -1:]
+    root = np.where(stiff, np.where(stiff, value, 1.0) ** power, 0.0)
+    return (turn * root[:, None, :]) @ np.swapaxes(turn, 1, 2)
+
+
+def _whitened(rest: Equilibrium) -> np.ndarray:
+    strain, stiffness = member_strains(rest.model, rest.config)
+    return np.einsum("eij,ej->ei", _roots(stiffness, 0.5), strain).ravel()
+
+
+def _strains_of(rest: Equilibrium, whitened: np.ndarray) -> np.ndarray:
+    """The strains (element, 6, field) that are ``whitened`` (whitened, field)."""
+    _, stiffness = member_strains(rest.model, rest.config)
+    return _roots(stiffness, -0.5) @ whitened.reshape(len(stiffness), 6, -1)

@@ -1,0 +1,291 @@
+"""Modes measured on the ground beside those of the article as it is thought to be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from middeck.errors import ConfigError, NumericalError
+from middeck.structure.correlation.assurance import modal_assurance
+from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows, sort_rms
+from middeck.structure.correlation.units import doubt_survey_units
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.updating.residuals.responses import (
+    ComparedResponse,
+    MeasuredResponse,
+    compare_response,
+    kept_modes,
+    poles_of,
+)
+from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change, product_slopes
+from middeck.values import record
+
+# Of a shape: a measured mode that has less in common with any of the model's is not paired.
+COMMON = 0.4
+# No measured mode is a mode of twice its frequency.
+WINDOW = 2.0
+# Of a shape whose noise the test does not state, relative.
+SHAPE_STD = 0.05
+# Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
+NEIGHBOURS = 0.15
+
+
+@record(kw_only=True)
+class Survey:
+    """One test on the ground.
+
+    Attributes:
+        settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
+            mass.
+        frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
+        response: What the same test measured beside its modes.
+    """
+
+    name: str
+    measured: MeasuredModes
+    environment: Environment
+    settings: tuple[tuple[str, float], ...] = ()
+    frequency_std: float | None = None
+    response: MeasuredResponse | None = None
+
+    @property
+    def std(self) -> Float[np.ndarray, " measured"]:
+        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states it."""
+        hz, stated = self.measured.frequency_hz, self.measured.frequency_std_hz
+        if stated is not None and np.all(stated > 0.0):
+            return stated / hz
+        if self.frequency_std is None or not self.frequency_std > 0.0:
+            raise ConfigError(
+                "the survey does not state how well it knows its frequencies",
+                where=self.name,
+                hint="frequency_std_hz with the modes, or frequency_std = 0.001 with the survey",
+            )
+        return np.full(len(hz), self.frequency_std)
+
+
+@record(kw_only=True)
+class Compared:
+    """A survey beside the model: equations of motion of the measured modes in the model's own.
+
+    A measured mode of frequency lambda that is the sum of c_j of the model's modes phi_j asks for changes
+    with sum_j phi_i'(dK - lambda dM) phi_j c_j = (lambda - lambda_i) c_i. Over 2 lambda, the row of its own
+    mode is the error of ln f; those of neighbours say how the model must mix modes that are close, which
+    their frequencies alone leave open.
+
+    Attributes:
+        pairs: (mode, measured mode), one to one.
+        rows: (pair, mode) of each equation: first those of the pairs' own modes, then those of neighbours.
+        std: Standard deviation of each residual by the noise of the test.
+    """
+
+    survey: Survey
+    modes: Modes
+    pairs: Int[np.ndarray, "pair 2"]
+    rows: Int[np.ndarray, "row 2"]
+    residual: Float[np.ndarray, " row"]
+    std: Float[np.ndarray, " row"]
+    slope: Float[np.ndarray, "row unknown"]
+
+    @property
+    def unpaired(self) -> tuple[int, ...]:
+        """Measured modes that no mode of the model resembles."""
+        return tuple(
+            sorted(set(range(len(self.survey.measured.frequency_hz))) - set(self.pairs[:, 1].tolist()))
+        )
+
+
+def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
+    """Frequencies [Hz] of measured neighbours of which the survey's shapes do not say how they mix."""
+    near = _neighbours(compared.modes, compared.pairs)
+    said = compared.rows[len(compared.pairs) :]
+    hz = compared.survey.measured.frequency_hz[compared.pairs[:, 1]]
+    known = {(int(a), int(i)) for a, i in said}
+    return tuple(
+        (float(hz[a]), float(hz[b]))
+        for a, b in zip(*np.nonzero(np.triu(near)), strict=True)
+        if (int(a), int(compared.pairs[b, 0])) not in known
+    )
+
+
+class SetUp(NamedTuple):
+    """An article in an environment, and what the unknowns move there."""
+
+    structure: Structure
+    environment: Environment
+    bound: tuple[Bound, ...]
+
+    def solve(self, x: Float[np.ndarray, " unknown"]) -> Modes:
+        """The modes with the unknowns at ``x``. Raises `NumericalError` where there is no rest state."""
+        equilibrium = solve_equilibrium(*change(*self, x))
+        if not equilibrium.converged:
+            raise NumericalError("the article has no rest state", where="refinement")
+        return solve_modes(equilibrium)
+
+
+def set_up(
+    structure: Structure,
+    environment: Environment,
+    settings: Sequence[tuple[str, float]],
+    unknowns: Sequence[Unknown],
+) -> SetUp:
+    """The article with ``settings``. Raises `ConfigError` for a setting of no parameter, and as `bind`."""
+    both = structure, environment
+    for name, value in settings:
+        (parameter,) = find_parameters(*both, [name])
+        both = set_parameter(*both, parameter, value)
+    return SetUp(*both, bind(unknowns, *both))
+
+
+def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
+    """Pairs, residuals and slopes. Raises `ConfigError` where nothing measured resembles any of the modes."""
+    pairs = pair(modes, survey.measured)
+    if not len(pairs):
+        raise ConfigError(
+            "no measured mode resembles any of the model's",
+            where=survey.name,
+            hint="; ".join(
+                (
+                    *doubt_survey_units(modes, survey.measured),
+                    "check nodes, directions, frequencies and the environment of the survey",
+                )
+            ),
+        )
+    c, c_std = _mixtures(modes, survey, pairs)
+    k, j = np.nonzero(_neighbours(modes, pairs) & (c_std > 0.0))
+    rows = np.concatenate(
+        [np.stack([np.arange(len(pairs)), pairs[:, 0]], axis=1), np.stack([k, pairs[j, 0]], axis=1)]
+    )
+    ratio = (modes.frequency_hz[pairs[:, 0]] / survey.measured.frequency_hz[pairs[:, 1], None]) ** 2
+    own = survey.std[pairs[:, 1]]
+    apart = 0.5 * (1.0 - ratio[k, j])
+    return Compared(
+        survey=survey,
+        modes=modes,
+        pairs=pairs,
+        rows=rows,
+        residual=np.concatenate([-0.5 * np.log(np.diag(ratio)), apart * c[k, j]]),
+        std=np.concatenate([own, np.hypot(apart * c_std[k, j], own[k] * c[k, j])]),
+        slope=_equation_slopes(modes, survey, bound, pairs, rows, c),
+    )
+
+
+def compare_measured_response(
+    compared: Compared, bound: Sequence[Bound], x: Float[np.ndarray, " unknown"]
+) -> ComparedResponse:
+    """The survey's response beside the model at ``x``, at the poles of its modes."""
+    survey, modes, pairs = compared.survey, compared.modes, compared.pairs
+    test, measured = survey.response, survey.measured
+    assert test is not None
+    count = kept_modes(modes, pairs, test.top_hz)
+    poles = poles_of(
+        modes,
+        pairs,
+        2.0 * np.pi * measured.frequency_hz,
+        survey.std,
+        measured.damping,
+        measured.damping_std,
+        estimate_damping(modes, count=count).zeta,
+    )
+    return compare_response(survey.name, test, modes, poles, bound, x)
+
+
+def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:
+    """Which paired modes are close to which others."""
+    f = np.log(modes.frequency_hz[pairs[:, 0]])
+    return (np.abs(f[:, None] - f) < NEIGHBOURS) & ~np.eye(len(f), dtype=bool)
+
+
+def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What each measured shape has of each paired mode, one of its own, and the deviations of that.
+
+    Of all modes where the test has more channels than modes, else of neighbours alone; nothing of others, and
+    no deviation, where it has too few channels for these too.
+    """
+    count, measured = len(pairs), survey.measured
+    c, c_std = np.eye(count), np.zeros((count, count))
+    channels = len(measured.node)
+    basis = at_channels(modes, measured)[:, pairs[:, 0]] if channels else np.zeros((0, count))
+    shape, std = _real_shapes(measured), _shape_std(measured)
+    near = _neighbours(modes, pairs) | np.eye(count, dtype=bool)
+    for k, a in enumerate(pairs[:, 1]):
+        own = np.arange(count) if channels > count else np.flatnonzero(near[k])
+        if channels <= len(own):
+            continue
+        weight = 1.0 / std[:, a]
+        Q, R = np.linalg.qr(weight[:, None] * basis[:, own])
+        inverse = np.linalg.inv(R)
+        found = inverse @ (Q.T @ (weight * shape[:, a]))
+        scale = found[own == k][0]
+        c[k, own] = found / scale
+        c_std[k, own] = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
+    return c, c_std
+
+
+def _real_shapes(measured: MeasuredModes) -> np.ndarray:
+    """Shapes turned to the phase in which they are largest."""
+    phase = 0.5 * np.angle(np.sum(measured.shape**2, axis=0))
+    return np.real(measured.shape * np.exp(-1j * phase))
+
+
+def _shape_std(measured: MeasuredModes) -> np.ndarray:
+    """As the test states it, else `SHAPE_STD` of each mode's channels of its sort."""
+    stated = measured.shape_std
+    if stated is not None and np.all(stated > 0.0):
+        return stated
+    rms = sort_rms(measured.direction, measured.shape)
+    return SHAPE_STD * np.where(rms > 0.0, rms, 1.0)
+
+
+def _equation_slopes(
+    modes: Modes, survey: Survey, bound: Sequence[Bound], pairs: np.ndarray, rows: np.ndarray, c: np.ndarray
+) -> np.ndarray:
+    """Of each row by the unknowns: of its mode with the pair's own and its neighbours, as they mix."""
+    near = _neighbours(modes, pairs) | np.eye(len(pairs), dtype=bool)
+    place = np.full(len(modes.omega), -1)
+    place[pairs[:, 0]] = np.arange(len(pairs))
+    terms = [(r, i, j, a) for r, (a, i) in enumerate(rows) for j in np.flatnonzero(near[a])]
+    row, left, right, of = np.array(terms, dtype=int).T
+    lam = (2.0 * np.pi * survey.measured.frequency_hz[pairs[of, 1]]) ** 2
+    by_unknown = product_slopes(modes, bound, left, pairs[right, 0], lam) / (2.0 * lam[:, None])
+    out = np.zeros((len(rows), len(bound)))
+    np.add.at(out, row, c[of, right][:, None] * by_unknown)
+    return out
+
+
+def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
+    """What the channels of the test would read of each mode."""
+    return np.asarray(sensor_rows(modes, measured.node, measured.direction) @ modes.shapes)
+
+
+def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
+    """One to one: by shape and nearness in frequency; where there are no shapes by frequency."""
+    moving = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
+    apart = np.abs(np.log(modes.frequency_hz[moving, None] / measured.frequency_hz))
+    if measured.node:
+        found = pair_shapes(modal_assurance(at_channels(modes, measured)[:, moving], measured.shape), apart)
+    else:
+        i, j = linear_sum_assignment(apart)
+        kept = apart[i, j] <= np.log(WINDOW)
+        found = np.stack([i[kept], j[kept]], axis=1)
+    pairs = np.stack([moving[found[:, 0]], found[:, 1]], axis=1)
+    return pairs[np.argsort(pairs[:, 1], kind="stable")]
+
+
+def pair_shapes(
+    alike: Float[np.ndarray, "mode measured"], apart: Float[np.ndarray, "mode measured"]
+) -> Int[np.ndarray, "pair 2"]:
+    """One to one, from the MAC of all with all and the distances of their frequencies, in logarithms."""
+    # At few channels modes far apart look alike: of two that do the nearer one counts.
+    near = np.maximum(1.0 - apart / np.log(WINDOW), 0.0)
+    i, j = linear_sum_assignment(alike * near, maximize=True)
+    kept = (alike[i, j] >= COMMON) & (near[i, j] > 0.0)
+    return np.stack([i[kept], j[kept]], axis=1)

@@ -1,0 +1,1 @@
+"""What a refinement may change, of the article and of the loop."""

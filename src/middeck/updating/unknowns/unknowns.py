@@ -1,0 +1,133 @@
+"""What a refinement may change: named parameters, alone or together, each with what is known of it before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.errors import ConfigError
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
+from middeck.structure.sensitivity.frequencies import differentiate_products
+from middeck.structure.sensitivity.parameters import (
+    Parameter,
+    choose_parameters,
+    list_parameters,
+    read_parameter,
+    set_parameter,
+)
+from middeck.updating.unknowns.loop_unknowns import LOOP, check_loop_unknown
+from middeck.values import record
+
+ENVIRONMENT = "environment."
+
+
+@record(kw_only=True)
+class Unknown:
+    """One unknown x: parameters that move together, and a normal prior of it.
+
+    Attributes:
+        parameters: Names as `find_parameters` takes them, with ``*`` and ``?``; or of the loop that a
+            survey's response has beside the article, ``loop.delay_s``, which is added to, and
+            ``loop.sensor_gain.NAME`` and ``loop.motor_gain.NAME``.
+        spread: Standard deviation of x: of the logarithm of a factor on all of the parameters or, of one that
+            is ``added``, of what is added to each of them, in its unit.
+        mean: Of x; zero is the article as it is.
+
+    Raises `ConfigError` for a spread that is not positive, for no parameter, or for some of the article and
+    some of the environment.
+
+    >>> Unknown(name="stiffness", parameters=("members.E",), spread=0.1).spread
+    0.1
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    spread: float
+    mean: float = 0.0
+    added: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.spread < np.inf and np.isfinite(self.mean)):
+            raise ConfigError(
+                f"a spread of {self.spread} about {self.mean}",
+                where=f"unknown {self.name!r}",
+                hint="a positive standard deviation, e.g. 0.1 for 10 % of a factor",
+            )
+        if any(name.startswith(LOOP) for name in self.parameters):
+            check_loop_unknown(self.name, self.parameters, self.added)
+        of_environment = {name.startswith(ENVIRONMENT) for name in self.parameters}
+        if not self.parameters or len(of_environment) > 1:
+            raise ConfigError(
+                "parameters of the article and of the environment together"
+                if self.parameters
+                else "no parameter",
+                where=f"unknown {self.name!r}",
+                hint="one or more of the article, as members.E, or of the environment",
+            )
+
+
+@record
+class Bound:
+    """An unknown, and the parameters that it moves in one article and environment."""
+
+    unknown: Unknown
+    parameters: tuple[Parameter, ...]
+
+
+def bind(unknowns: Sequence[Unknown], structure: Structure, environment: Environment) -> tuple[Bound, ...]:
+    """The parameters that each unknown moves here; those of a suspension are not in every environment.
+
+    Raises `ConfigError` for a name that fits none, and for a factor on numbers that are zero.
+    """
+    every = list_parameters(structure, environment)
+    return tuple(Bound(u, _fitting(u, every)) for u in unknowns)
+
+
+def _fitting(unknown: Unknown, every: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    found: list[Parameter] = []
+    for name in unknown.parameters:
+        if name.startswith(LOOP):
+            continue
+        some = choose_parameters(every, [name], missing=name.startswith(ENVIRONMENT))
+        if some and not unknown.added and not any(p.value for p in some):
+            raise ConfigError(
+                f"a factor on {some[0].name} = 0 changes nothing",
+                where=f"unknown {unknown.name!r}",
+                hint="added = true adds to it",
+            )
+        found += [p for p in some if unknown.added or p.value]
+    return tuple(found)
+
+
+def change(
+    structure: Structure, environment: Environment, bound: Sequence[Bound], x: Float[np.ndarray, " unknown"]
+) -> tuple[Structure, Environment]:
+    """Both with the unknowns at ``x``; factors on one number multiply."""
+    both = structure, environment
+    for one, value in zip(bound, x.tolist(), strict=True):
+        for parameter in one.parameters:
+            now = read_parameter(*both, parameter).value
+            both = set_parameter(*both, parameter, now + value if one.unknown.added else now * np.exp(value))
+    return both
+
+
+def product_slopes(
+    modes: Modes,
+    bound: Sequence[Bound],
+    left: Int[np.ndarray, " pair"],
+    right: Int[np.ndarray, " pair"],
+    lam: Float[np.ndarray, " pair"],
+) -> Float[np.ndarray, "pair unknown"]:
+    """phi_l'(dK - lambda dM) phi_r by each unknown, where ``modes`` are."""
+    rest = modes.equilibrium
+    now = [[read_parameter(rest.model.structure, rest.environment, p) for p in b.parameters] for b in bound]
+    found = iter(differentiate_products(modes, [p for own in now for p in own], left, right, lam))
+    out = np.zeros((len(left), len(bound)))
+    for k, own in enumerate(now):
+        for parameter in own:
+            out[:, k] += next(found) * (1.0 if bound[k].unknown.added else parameter.value)
+    return out
