@@ -25,8 +25,6 @@ LEFT = 0.1
 FEW_DEGREES = 12.0
 # A deviation that is half of its value: the linearised interval then reaches the value zero.
 HALF = 0.5
-# Line spacings in a half-power width: of fewer, what a local method leaves beside the noise is more than it.
-FEW_LINES = 1.25
 # A deviation that is a hundred times what it would be with all else known: so is a small error of the model.
 CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
@@ -212,7 +210,7 @@ def _doubts_of_damping(
     mode, found = f"mode at {f:.4g} Hz", list[str]()
     near = np.clip(np.searchsorted(lines, f), 1, max(len(lines) - 1, 1))
     spacing, width = lines[near] - lines[near - 1], 2.0 * zeta * f
-    if width < FEW_LINES * spacing and not of_samples:
+    if width < spacing and not of_samples:
         found.append(
             f"{mode}: its half-power width is {width:.3g} Hz, at {spacing:.3g} Hz between lines, so that its "
             "frequency and damping hang on one or two of them; use a longer period"
