@@ -9,12 +9,12 @@ import numpy as np
 
 import middeck as md
 from middeck.control.robust.monte_carlo import outcomes_on
-from middeck.files.measured_modes import write_measured_modes
-from middeck.files.promise_plans import load_plan
+from middeck.files.measured.modes import write_measured_modes
+from middeck.files.promises.plans import load_plan
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
-from middeck.updating.plan import close_inner, group_loop, plant_of, weights_of
-from middeck.updating.promise import design_ladder
-from middeck.updating.surveys import set_up
+from middeck.updating.promise.plan import close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise.promise import design_ladder
+from middeck.updating.residuals.surveys import set_up
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
