@@ -72,7 +72,7 @@ def _turns(ratio: Ratio, omega: np.ndarray, L: np.ndarray, channel: int) -> Cros
     with np.errstate(divide="ignore", invalid="ignore"):
         step = np.diff(np.log(np.abs(value)))
     plain = np.flatnonzero(np.abs(step) > REAL)
-    at = []
+    at: list[float] = []
     for i, j in pairwise(plain.tolist()):
         if step[i] * step[j] < 0.0 and np.all(value[i : j + 2] < 0.0):
             at.append(_extremum(ratio, channel, (omega[i], omega[j + 1]), up=bool(step[i] > 0.0)))
@@ -82,13 +82,12 @@ def _turns(ratio: Ratio, omega: np.ndarray, L: np.ndarray, channel: int) -> Cros
 
 
 def _extremum(ratio: Ratio, channel: int, bounds: tuple[float, float], *, up: bool) -> float:
-    sign = -1.0 if up else 1.0
-    found: Any = minimize_scalar(
-        lambda x: sign * abs(ratio(1j * np.array([x]))[0, channel]),
-        bounds=bounds,
-        method="bounded",
-        options={"xatol": NARROW * (bounds[1] - bounds[0])},
-    )
+    def size(x: float) -> float:
+        gain = float(np.abs(ratio(1j * np.array([x]))[0, channel]))
+        return -gain if up else gain
+
+    narrow = {"xatol": NARROW * (bounds[1] - bounds[0])}
+    found: Any = minimize_scalar(size, bounds=bounds, method="bounded", options=narrow)
     return float(found.x)
 
 
