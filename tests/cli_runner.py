@@ -63,7 +63,7 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs fit, refine and promise once what several examples ask for alike."""
     monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
     monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)
-    monkeypatch.setattr("middeck.updating.promise.promise", promise_once)
+    monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
 
 
 def script(*arguments: object) -> list[str]:

@@ -1,4 +1,4 @@
-"""Ticks in C are the ticks in Python: joints that move each other, limits, steps, delays, drift."""
+"""Ticks in C are the ticks in Python, bit for bit: joints beside joints, limits, steps, delays, drift."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,11 @@ import pytest
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig import simulation
+from middeck.laboratory.rig import compiled, simulation
 from middeck.laboratory.rig.compiled import TickRows, run_compiled
 from middeck.laboratory.rig.drift import Drift
 from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.products import column_sums
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import switch_on
@@ -40,6 +41,11 @@ def two_joints() -> Plant:
     return Plant(
         dynamics=modes, inputs=torques, outputs=(*(Port(n, "rad") for n in "AB"), Port("acc", "m/s^2"))
     )
+
+
+def write(target, data):
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(data)
 
 
 def rig_with(**changes):
@@ -83,7 +89,7 @@ def test_every_number_of_a_run_is_that_of_the_ticks_in_python(name, law, monkeyp
         return used[-1]
 
     monkeypatch.setattr(simulation, "run_compiled", seen)
-    compiled = ran(rig, law)
+    in_c = ran(rig, law)
     assert used
     assert all(done is not None for done in used)
     monkeypatch.setattr(simulation, "run_compiled", lambda *asked: None)
@@ -91,12 +97,38 @@ def test_every_number_of_a_run_is_that_of_the_ticks_in_python(name, law, monkeyp
     if name == "all":  # its limits are met
         assert np.abs(python["torque"][:, 0]).max() == 0.6
         assert np.abs(python["readings"][:, 0]).max() == pytest.approx(0.02)
-    states = [vars(run.pop("state")) for run in (compiled, python)]
-    for one, other in ((compiled, python), states):
+    states = [vars(run.pop("state")) for run in (in_c, python)]
+    for one, other in ((in_c, python), states):
         for key, value in other.items():
-            # Rounding; were a count to fall the other way, it would be 1e-5.
-            largest = np.abs(value).max(initial=0.0)
-            np.testing.assert_allclose(one[key], value, rtol=0.0, atol=1e-9 * (1.0 + largest), err_msg=key)
+            assert np.asarray(one[key]).tobytes() == np.asarray(value).tobytes(), key
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 40), (2, 40), (7, 9), (67, 130)])
+def test_products_sum_column_by_column(rows, columns):
+    rng = np.random.default_rng(rows)
+    matrix = rng.standard_normal((rows, columns)) * 10.0 ** rng.integers(-8, 8, (rows, columns))
+    vector, start, out = rng.standard_normal(columns), rng.standard_normal(rows), np.empty(rows)
+    column_sums(matrix)(start, vector, out)
+    for row, first, found in zip(matrix.tolist(), start.tolist(), out.tolist(), strict=True):
+        total = first
+        for a, b in zip(row, vector.tolist(), strict=True):
+            total += a * b
+        assert found == total
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("fault", ["other machine", "no home"])
+def test_code_that_cannot_be_loaded_is_as_no_compiler(fault, tmp_path, monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    if fault == "no home":
+        monkeypatch.setattr(compiled, "cache_folder", homeless)
+    monkeypatch.setattr(compiled, "_compile", lambda compiler, text, target: write(target, b"\x7fELF"))
+    compiled._library.cache_clear()
+    assert compiled._library() is None
+    compiled._library.cache_clear()
 
 
 def test_a_joint_with_a_gap_is_left_to_python():

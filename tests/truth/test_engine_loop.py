@@ -218,8 +218,22 @@ def test_no_gain_adapts_beyond_what_is_proved_of_the_package():
         assert engine.load(second, slot=1).done
         assert engine.command("adapt", values=[1.0]).done
         assert engine.command("engage", slot=1, values=[1.0]).word == "not proved"
+        assert engine.command("engage", slot=0, values=[0.9]).word == "not proved"  # 0.9 times 0.5
+        assert engine.set_strip("u0", "gain", 1.1).word == "not proved"
+        assert engine.command("engage", slot=0, values=[1.0]).word == "not ready"  # nor is the hold at zero
+        engine.run(300)
         assert engine.command("engage", slot=0, values=[1.0]).done
         engine.command("disengage")
+        engine.run(300)
+        assert engine.command("adapt", values=[0.0]).done
+        assert engine.set_strip("u0", "gain", 1.1).done
+        assert engine.command("adapt", values=[1.0]).word == "not proved"
+        assert engine.set_strip("u0", "gain", 1.0).done
+        assert engine.load(first, proof=proof_of(first, settings, minimum=0.45)).done
+        engine.run(300)
+        assert engine.command("adapt", values=[1.0]).done
+        assert engine.command("engage", slot=0, values=[0.9]).done
+        assert engine.command("disengage").done
         engine.run(300)
         assert engine.command("adapt", values=[0.0]).done
         assert engine.command("engage", slot=1, values=[1.0]).done

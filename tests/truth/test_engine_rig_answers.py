@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+from importlib import resources
 
 import numpy as np
 import pytest
 
 from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article
 from middeck.errors import DataError
-from middeck.realtime.engine.process.supervisor import Supervisor, UdpRig
+from middeck.realtime.engine.process.build import build_engine
+from middeck.realtime.engine.process.supervisor import DriverRig, Supervisor, UdpRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
 from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST
 from middeck.realtime.engine.trials.udp_client import RigClient
@@ -77,6 +79,26 @@ def test_before_the_first_answer_nothing_is_borne():
         engine.reset()
         engine.run(3)
         assert engine.state == "safe"
+
+
+def test_a_rig_that_is_lost_is_not_taken_for_one_whose_outputs_did_not_arrive(tmp_path):
+    """What can never come again is not borne as what came late is."""
+    text = resources.files("middeck.realtime.engine").joinpath("source", "rig_driver.c").read_text()
+    for was, becomes in (
+        ("whole i;", "static int turn;\n    whole i;\n\n    if (++turn > 20)\n        return RIG_LOST;"),
+        ("to the watchdog */\n    return RIG_READ", "*/\n    return alive < 19 ? RIG_READ : RIG_MISSED"),
+        ("return NULL; /*", "return &driver; /*"),
+    ):
+        assert text.count(was) == 1
+        text = text.replace(was, becomes)
+    source = tmp_path / "driver.c"
+    source.write_text(text)
+    program = build_engine(driver=source, folder=tmp_path)
+    settings = plain_settings(period_s=0.02, late_s=1e3, late_most=5)
+    with Supervisor(settings, DriverRig(), real_time=True, program=program) as engine:
+        engine.reset()
+        engine.run(30)
+        assert [event.kind for event in engine.events() if event.trips] == ["rig dead"]
 
 
 @pytest.mark.parametrize("others", [30, 5000])

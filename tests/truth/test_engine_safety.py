@@ -19,6 +19,7 @@ from engine_cases import (
     still_article,
     verified,
 )
+from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.files.laws.blacklists import load_blacklist, write_blacklist
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
@@ -412,6 +413,26 @@ def test_another_name_and_other_limits_are_the_same_law(tmp_path):
         assert engine.command("forgive", slot=0).done
         assert engine.load(others[0]).done
         assert engine.blacklist() == ()
+
+
+def test_a_law_that_overflows_standing_by_does_not_stay_in_control_from_the_other_slot():
+    y, u = ports(0, SENSORS, OUTPUTS)
+    system = SampledStateSpace(
+        [[1.5]], [[1.0, 0.0, 0.0]], [[1e-300], [0.0]], np.zeros((OUTPUTS, SENSORS)), period_s=PERIOD_S
+    )
+    law = package_law(Compensator(system, y, u), "law", limit=0.5, unstable=True)
+    with Supervisor(plain_settings(), still_article([1.0, 0.0, 0.0])) as engine:
+        engine.load(law, slot=0)
+        engine.load(law, slot=1)
+        engine.reset()
+        engine.command("standby", slot=1)
+        engine.run(1000, keep=False)
+        engine.command("engage", slot=0, values=[1.0])
+        engine.run(3000, keep=False)
+        banned, trip = (e for e in engine.events() if e.kind in ("blacklisted", "command not finite"))
+        assert (banned.kind, trip.sample) == ("blacklisted", banned.sample)
+        assert engine.state == "safe"
+        assert engine.blacklist() == (hash_law(law),)
 
 
 @pytest.mark.parametrize("form", ["modal", "dense"])

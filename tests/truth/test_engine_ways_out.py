@@ -21,7 +21,9 @@ from engine_cases import (
     verified,
 )
 from middeck.control.law.compensator import Compensator
+from middeck.errors import DataError
 from middeck.realtime.engine.interface.settings import Drive, time_to_rest
+from middeck.realtime.engine.process import supervisor
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, static_gain
@@ -49,7 +51,18 @@ def told_by_a_signal(engine):
     engine.process.wait(10.0)
 
 
-@pytest.mark.parametrize("way", [Supervisor.close, told_by_a_signal], ids=["end", "signal"])
+def told_again_and_again(engine):
+    """A second SIGTERM is no other than the first."""
+    for _ in range(3):
+        engine.process.send_signal(signal.SIGTERM)
+        time.sleep(0.01)
+    engine.process.wait(10.0)
+
+
+WAYS = [Supervisor.close, told_by_a_signal, told_again_and_again]
+
+
+@pytest.mark.parametrize("way", WAYS, ids=["end", "signal", "signals"])
 @pytest.mark.parametrize("real_time", [False, True], ids=["lockstep", "clock"])
 def test_the_end_is_a_ramp_from_the_law_to_the_hold_and_then_to_zero(tmp_path, way, real_time):
     """0.3 of a law beside the hold's -0.2: SAFE takes the law away, and then the hold falls as it rose."""
@@ -143,6 +156,24 @@ def test_a_wheel_that_fills_in_safe_is_pushed_less_and_less():
     assert pushed[-1] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_reset_beside_a_full_wheel_does_not_jump():
+    """SAFE has let the hold go in part: it rises from there, and trips where the wheel takes no more."""
+    _, u = ports(0, SENSORS, OUTPUTS)
+    full = Drive(port=u[0], lower=-0.5, upper=0.5, momentum=0.5)
+    settings = plain_settings(hold=HOLD, verify_s=0.1, drives=(full, Drive(port=u[1], lower=-0.5, upper=0.5)))
+    with Supervisor(settings, still_article(OFF)) as engine:
+        verified(engine)
+        engine.stop()
+        before = engine.run(900)
+        while before["u"][-1, 0] < -0.1:
+            before = engine.run(1)
+        engine.reset()
+        records = np.concatenate([before[-1:], engine.run(300)])
+        assert kinds(engine)[-2:] == ["reset done", "momentum"]
+    assert np.abs(np.diff(records["u"][:, 1])).max() <= STEEPEST / SAFE_RAMP * 0.2
+    assert np.abs(np.diff(records["u"][:, 0])).max() <= STEEPEST / SAFE_RAMP * 0.1
+
+
 def slow_to_check(seed=5, states=400):
     """A dense law whose poles crowd the unit circle: its check squares the matrix until nothing is left."""
     rng = np.random.default_rng(seed)
@@ -206,8 +237,35 @@ def test_what_makes_safe_does_not_wait_for_a_command_of_later():
         assert engine.state == "ready"
         began = time.monotonic()
         engine.send("standby", at=1 << 40)
+        never = [engine.send("engage", values=[1.0]), engine.send("excite", values=[0.0])]
         engine.close()
         assert time.monotonic() - began < 3.0
+        assert [engine.answer(number).word for number in never] == ["withdrawn", "withdrawn"]
+
+
+def send_many(engine, kind):
+    for _ in range(300):
+        engine.send(kind)
+
+
+def test_what_makes_safe_finds_a_place_in_a_full_queue(monkeypatch):
+    """Nobody else takes the last places, and an engine that hears no end is told by a signal."""
+    with Supervisor(plain_settings(late_s=1e3), random_article(), real_time=True) as engine:
+        engine.load(random_package())
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.send("standby", at=1 << 40)
+        monkeypatch.setattr(supervisor, "PATIENCE_S", 1.0)
+        with pytest.raises(DataError, match="does not answer"):
+            send_many(engine, "standby")
+        assert engine.command("disengage").done
+        with pytest.raises(DataError, match="does not answer"):
+            send_many(engine, "silence")
+        monkeypatch.setattr(supervisor, "KEPT_FREE", {"end": 250})
+        began = time.monotonic()
+        engine.close()
+        assert time.monotonic() - began < 3.0
+        assert engine.process.returncode == 0
 
 
 def test_half_a_command_is_none():

@@ -176,6 +176,16 @@ def test_a_verdict_with_its_proof_lets_the_gain_adapt_and_no_other_does():
         assert loop.command("adapt", values=[1.0]).word == "not proved"
 
 
+def test_a_rig_with_another_hold_is_not_the_engine_that_was_asked_for():
+    """Paper and models beside one hold, and an engagement beside another, are a verdict on neither."""
+    engine = engine_of((WAY, RATE), (PUSH,), SPRING)
+    rig = linear_article(mass(-20.0), PERIOD_S, ["push"], ["way", "rate"])
+    for other in ((), SPRING[:1]):
+        bench = GateRig(rig, dataclasses.replace(engine, hold=other))
+        with pytest.raises(ConfigError, match="another hold"):
+            examine_package(damper(), {"mass": mass(-20.0)}, MARGINS, rig=bench, settings=engine)
+
+
 @pytest.mark.usefixtures("compiler")
 def test_a_package_engages_on_a_rig_beside_a_verified_hold(monkeypatch):
     """So that a trip of the package falls back on what has held, and not on nothing."""

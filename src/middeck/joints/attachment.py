@@ -15,6 +15,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.joints.element import JointElement
+from middeck.joints.friction import Friction
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
@@ -28,6 +29,13 @@ class JointElements:
     torque: str
     angle: str
     elements: tuple[JointElement, ...]
+
+
+def only_friction(joints: Sequence[JointElements]) -> list[Friction] | None:
+    """The friction of each joint; None where one has another element, or several."""
+    found = [e for joint in joints for e in joint.elements if isinstance(e, Friction)]
+    alone = len(found) == len(joints) and all(len(joint.elements) == 1 for joint in joints)
+    return found if alone else None
 
 
 def add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace | ModalSystem:

@@ -1,7 +1,7 @@
 """The loop over a block's ticks in C, where this machine has a compiler; `Tick` in Python does the same.
 
-Both take the same branches and differ by the rounding of their products. The C is compiled once for each
-state of its source, into the user's cache.
+Both take the same branches and sums, and give the same bits. The C is compiled once for each state of its
+source, into the user's cache.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from middeck.errors import NumericalError
 from middeck.joints import balance
-from middeck.joints.friction import Friction
+from middeck.joints.attachment import only_friction
 from middeck.laboratory.rig.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.motors import LimitedMotors
 from middeck.laboratory.rig.rig import Rig
@@ -86,10 +86,9 @@ def run_compiled(
     That is without a compiler, and for a joint that has not friction alone. Raises `NumericalError` where
     joints' torques do not settle.
     """
-    friction = [part for joint in rig.joints for part in joint.elements if isinstance(part, Friction)]
-    alone = all(len(joint.elements) == 1 for joint in rig.joints) and len(friction) == len(rig.joints)
-    library = _library() if alone else None
-    if library is None:
+    friction = only_friction(rig.joints)
+    library = None if friction is None else _library()
+    if friction is None or library is None:
         return None
     x, sliders, angles = start.x.copy(), start.joints.copy(), plant.angle @ start.x
     stands = [f.resist(a, s)[0] for f, a, s in zip(friction, angles.tolist(), sliders.tolist(), strict=True)]
@@ -102,8 +101,9 @@ def run_compiled(
         balance.MOST_ITERATIONS,
     )  # fmt: skip
     given = (
-        plant.step.swapaxes(1, 2), plant.drive.swapaxes(1, 2), push.swapaxes(1, 2), plant.angle @ plant.push,
-        (plant.read / rig.readout.step[:, None]).T, ticks.compute.T, ticks.shift,
+        plant.step.swapaxes(1, 2), plant.drive.swapaxes(1, 2), push.swapaxes(1, 2),
+        [plant.angle @ p for p in plant.push], (plant.read / rig.readout.step[:, None]).T,
+        ticks.compute.T, ticks.shift,
         [(f.slip_torque, f.stiffness) for f in friction], motors.limits, converter_ends(rig.readout),
         ticks.excitation, ticks.offset, ticks.noise,
     )  # fmt: skip
@@ -120,18 +120,22 @@ def run_compiled(
 
 @functools.cache
 def _library() -> ctypes.CDLL | None:
-    """The compiled loop; None without a compiler that compiles it."""
+    """The compiled loop; None where it cannot be compiled, kept or loaded."""
     compiler = find_compiler()
     if compiler is None:
         return None
     text = resources.files("middeck.laboratory.rig").joinpath("source", "ticks.c").read_text(encoding="utf-8")
+    try:
+        return _loaded(compiler, text)
+    except (OSError, RuntimeError, subprocess.CalledProcessError):  # no home, no room, another machine's code
+        return None
+
+
+def _loaded(compiler: str, text: str) -> ctypes.CDLL:
     known = "\0".join((compiler, platform.machine(), *FLAGS, text))
     target = cache_folder() / f"ticks-{hashlib.sha256(known.encode()).hexdigest()[:24]}.so"
     if not target.exists():
-        try:
-            _compile(compiler, text, target)
-        except (OSError, subprocess.CalledProcessError):
-            return None
+        _compile(compiler, text, target)
     return ctypes.CDLL(str(target))
 
 

@@ -183,8 +183,8 @@ def _run_ticks(
 def _run_in_python(rig: Rig, plant: HybridPlant, ticks: TickRows, start: RigState) -> tuple[Array, Array]:
     """`run_compiled` without a compiler, and for elements of every kind."""
     e, digital, rows, issued, states = ticks.excitation, ticks.digital, ticks.rows, ticks.issued, ticks.kept
-    trims, compute = bool(ticks.shift.any()), ticks.compute.dot
     tick = Tick(rig, plant, start)
+    trims, compute = bool(ticks.shift.any()), tick.sums(ticks.compute)
     parts = zip(
         digital[:-1], digital[:-1, states:], digital[1:, :states], rows, rows[:, states + len(rig.outputs) :],
         ticks.offset.tolist(), e.tolist(), issued[len(start.issued) :], pair_rows(issued)[: len(e)],
@@ -192,7 +192,7 @@ def _run_in_python(rig: Rig, plant: HybridPlant, ticks: TickRows, start: RigStat
     )  # fmt: skip
     for now, reading, kept, row, command, off, excitation, torque, window, white in parts:
         tick.read(off, reading)
-        compute(now, row)
+        compute(0.0, now, row)
         if trims:
             np.subtract(row, ticks.shift, row)
         kept[:] = row[:states]

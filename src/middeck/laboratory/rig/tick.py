@@ -9,9 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from middeck.joints.attachment import only_friction
 from middeck.joints.balance import Balance
 from middeck.laboratory.rig.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.motors import EXACT, WHOLE, LimitedMotors
+from middeck.laboratory.rig.products import blas_sums, column_sums
 from middeck.laboratory.rig.readout import Readout
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.state import RigState
@@ -40,18 +42,20 @@ class Tick:
         first = np.vstack([plant.step[0], plant.read / rig.readout.step[:, None]])
         self.ahead = np.empty(len(first))
         self.after_first, self.sampled = np.split(self.ahead, [len(plant.step[0])])
-        self.look = first.dot
-        self.steps = [np.ascontiguousarray(a).dot for a in plant.step]
-        self.drives = [np.ascontiguousarray(b).dot for b in plant.drive]
-        self.noisy, self.add, self.take = plant.noise.shape[1] > 0, np.add, np.subtract
+        # The order of ``ticks.c``, on machines where that takes over.
+        self.sums = sums = blas_sums if only_friction(rig.joints) is None else column_sums
+        self.look = sums(first)
+        self.steps = [sums(a) for a in plant.step]
+        self.drives = [sums(b) for b in plant.drive]
+        self.noisy = plant.noise.shape[1] > 0
         self.elements = [j.elements for j in rig.joints]
         values = iter(start.joints.tolist())
         self.inner = [[next(values) for _ in parts] for parts in self.elements]
         # Of torques held over a step, and of those at its ends that samples feel, where they do.
         self.feels = any(np.any(a) for a in plant.answer)
         push = [np.hstack([p, a]) if self.feels else p for p, a in zip(plant.push, plant.answer, strict=True)]
-        self.push = [np.ascontiguousarray(p).dot for p in push]
-        self.held, self.pushed = np.zeros(push[0].shape[1]), np.empty(size)
+        self.push = [sums(p) for p in push]
+        self.held = np.zeros(push[0].shape[1])
         compliance: list[list[list[float]]] = [(plant.angle @ p).tolist() for p in plant.push]
         self.balance = [Balance(self.elements, rows) for rows in compliance]
         self.joints = [
@@ -64,7 +68,7 @@ class Tick:
         self.angles: list[float] = (plant.angle @ self.x).tolist()
         self.torque = [0.0] * len(self.elements)
         self.stands = [
-            sum(part.resist(angle, state)[0] for part, state in zip(parts, states, strict=True))
+            -sum(part.resist(angle, state)[0] for part, state in zip(parts, states, strict=True))
             for parts, angle, states in zip(self.elements, self.angles, self.inner, strict=True)
         ]
 
@@ -74,7 +78,7 @@ class Tick:
 
     def read(self, offset: list[float], reading: Array) -> None:
         """What the sensors give now, in counts; and the states after the first substep."""
-        self.look(self.x, self.ahead)
+        self.look(0.0, self.x, self.ahead)
         read = self.sampled.tolist()
         for i, (lower, upper, whole) in enumerate(self.sensors):
             counts = read[i] + offset[i]
@@ -86,13 +90,12 @@ class Tick:
         ahead = self.after_first
         for j, drive in enumerate(self.drives):
             if j:
-                ahead = self.steps[j](self.x)
-            drive(window, self.after)
-            self.add(self.after, ahead, self.after)
+                self.steps[j](0.0, self.x, ahead)
+            drive(ahead, window, self.after)
             if self.elements:
                 self._rub(j, self.free.tolist())
         if self.noisy:
-            self.add(self.x, noise, self.x)
+            np.add(self.x, noise, self.x)
 
     def _rub(self, j: int, free: list[float]) -> None:
         """Torques of the joints, held over this step, where their angles end, and what samples feel."""
@@ -107,13 +110,12 @@ class Tick:
             for i, part in parts:
                 stood, states[i] = part.resist(end, states[i])
                 standing += stood
-            stands.append(standing)
-            held[joint] = torques[joint]
+            stands.append(-standing)
+            held[joint] = -torques[joint]
         self.stands = stands
         if self.feels:
             held[len(stands) :] = before + stands
-        self.push[j](held, self.pushed)
-        self.take(self.x, self.pushed, self.x)
+        self.push[j](self.x, held, self.x)
 
 
 def converter_ends(readout: Readout) -> list[ConverterEnds]:

@@ -107,10 +107,13 @@ def examine_package(
             closed on every model, and what it does not run is not passed. Without them the package is for any
             computer, and is tried alone.
 
-    Raises `ConfigError` without a model: a package that was tried on nothing has passed nothing.
+    Raises `ConfigError` without a model, as a package that was tried on nothing has passed nothing, and for
+    a rig whose engine has another hold than ``settings``.
     """
     if not models:
         raise ConfigError("no model to try the package on", hint="plants by name, as on board")
+    if rig is not None and settings is not None and hash_hold(rig.settings) != hash_hold(settings):
+        raise ConfigError("the rig's engine has another hold", hint="the settings of the same engine")
     engine = rig.settings if settings is None and rig is not None and rig.settings.hold else settings
     held, unfit = _beside_hold(package, engine)
     steps, tripped = [check_blacklist(hash_law(package), blacklist or {})], ""

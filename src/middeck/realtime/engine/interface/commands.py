@@ -15,7 +15,7 @@ REASONS = {
     "unknown command": "no such command",
     "wrong slot": "no such slot",
     "not loaded": "the slot holds no checked package",
-    "not ready": "not in this state: SAFE needs a reset first",
+    "not ready": "not in this state: SAFE needs a reset first, an adaptive gain a hold that has risen",
     "wrong trip": "the reset names another trip than the one that holds the loop",
     "still unhealthy": "a sensor is still out of order",
     "busy": "the slot runs, or the excitation plays",
@@ -24,7 +24,8 @@ REASONS = {
     "no waveform": "the engine was started without an excitation",
     "not adaptive": "the settings have no adaptive gain",
     "withdrawn": "a disengage, a silence or the end that came after it went first",
-    "not proved": "no proof of this package, beside this hold, covers the adaptive gain of the settings",
+    "not proved": "no proof of this package, beside this hold, covers the adaptive gain of the settings, at "
+    "this share and behind this strip",
     "bad proof": "a proof that was changed, or is of another package or another hold",
     "bad hash": "the package was changed or cut short: its hash does not fit",
     "bad magic": "no controller package: it begins otherwise",

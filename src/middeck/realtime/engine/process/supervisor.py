@@ -57,6 +57,8 @@ POLL_S = 5e-5
 BEAT_S = 0.05
 PATIENCE_S = 60.0
 PATIENCE_AT_END_S = 5.0
+KEPT, KEPT_FREE = 16, {"disengage": 1, "silence": 1, "end": 0}
+"""Places of the queue that a command leaves free: those that make safe find one where the rest wait."""
 
 
 class Supervisor:
@@ -184,9 +186,9 @@ class Supervisor:
 
     def close(self) -> None:
         """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
-        if self.process.poll() is None and kind_of_end(self):
+        if self.process.poll() is None:
             try:
-                self.process.wait(self._patience_at_end())
+                self.process.wait(self._patience_at_end() if kind_of_end(self) else 0.0)
             except (subprocess.TimeoutExpired, TimeoutError):
                 self._end_in_safe()
         self.process.wait()
@@ -266,7 +268,8 @@ class Supervisor:
             )
         self._beat_by_the_clock()
         number = int(self.file.asks["written"]) + 1
-        self._wait(lambda: number - int(self.file.status["acknowledged"]) < QUEUE)
+        room = QUEUE - KEPT_FREE.get(kind, KEPT)
+        self._wait(lambda: number - int(self.file.status["acknowledged"]) < room)
         row = np.zeros((), layout("command"))
         row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
         row["value"][: len(values)] = values
@@ -397,8 +400,9 @@ class Supervisor:
         """Those after ``seen`` that are still there, without a gap."""
         count, most = int(self.file.status["events"]), len(self.file.events)
         numbers = np.arange(max(seen, count - most), count) + 1
-        rows = self.file.events[(numbers - 1) % most]
-        return rows[rows["sequence"] == numbers]
+        places = (numbers - 1) % most
+        rows = self.file.events[places]  # an engine may write there meanwhile
+        return rows[(rows["sequence"] == numbers) & (self.file.events["sequence"][places] == numbers)]
 
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""

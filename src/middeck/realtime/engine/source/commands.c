@@ -106,8 +106,10 @@ static enum answer engage(engine *e, slot *s, real share)
         return NOT_READY;
     if (!(share > 0 && share <= 1))
         return OUT_OF_RANGE;
-    if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set))
+    if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set, share))
         return NOT_PROVED;
+    if (e->adaptive_on && e->set.paths && e->hold_level < e->set.ramp)
+        return NOT_READY; /* it is proved beside the whole hold */
     found = stand_by(e, s);
     if (found != DONE)
         return found;
@@ -148,9 +150,9 @@ static enum answer reset(engine *e, real trip)
         return WRONG_TRIP;
     if (e->sensors.unhealthy)
         return STILL_UNHEALTHY;
-    e->hold_level = 0;
-    if (e->set.paths && e->hold_verified && !e->hold_off)
-        e->hold_level = e->set.ramp; /* it holds already */
+    e->hold_level = engine_holds_whole(e) ? e->set.ramp : 0; /* it holds already, or rises */
+    if (e->hold_level == 0 && e->hold_verified && !e->hold_off) /* a wheel is full: it has been let go in part */
+        engine_fade_from_last(e);
     e->state = READY;
     e->trip = 0;
     e->hold_off = 0;
@@ -203,6 +205,8 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
     if (output < 0 || output >= e->set.outputs || !(value[1] - value[1] == 0))
         return OUT_OF_RANGE;
     s = &e->strips[output];
+    if (value[0] == STRIP_GAIN && value[1] != 1 && e->adaptive_on)
+        return NOT_PROVED;
     if (value[0] == STRIP_GAIN && fabs(value[1]) <= 10)
         s->gain_to = value[1];
     else if (value[0] == STRIP_OFFSET && value[1] >= e->set.lower[output] && value[1] <= e->set.upper[output])
@@ -216,18 +220,20 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
     return DONE;
 }
 
-/* Only beside a package of which it is proved, and then only such a one engages. */
+/* Only beside a package of which it is proved, and then only such a one engages; no strip has a gain besides. */
 static enum answer adapt(engine *e, int on)
 {
-    int k, covered = 0;
+    int i, k, covered = 0, plain = 1;
 
     for (k = 0; k < SLOTS; ++k)
-        covered |= e->slots[k].loaded && proof_covers(&e->slots[k].proof, &e->set);
+        covered |= e->slots[k].loaded && proof_covers(&e->slots[k].proof, &e->set, 1);
+    for (i = 0; i < e->set.outputs; ++i)
+        plain &= e->strips[i].gain == 1 && e->strips[i].gain_to == 1;
     if (e->set.adaptive.monitor < 0)
         return NOT_ADAPTIVE;
     if (e->state != SAFE && e->state != READY) /* else its gain would jump */
         return NOT_READY;
-    if (on && !covered)
+    if (on && !(covered && plain))
         return NOT_PROVED;
     e->adaptive_on = on;
     e->gain = on ? e->set.adaptive.least : 1;

@@ -102,6 +102,11 @@ static int of_a_law(const engine *e, const trip_cause *cause)
 /* A full list refuses all that is not forgiven; so nothing ever drops out of it. */
 static void put_on_blacklist(engine *e, const unsigned char *hash)
 {
+    whole k;
+
+    for (k = 0; k < e->blacklisted; ++k)
+        if (memcmp(e->blacklist[k], hash, 32) == 0)
+            return;
     if (e->blacklisted < HASHES)
         memcpy(e->blacklist[e->blacklisted++], hash, 32);
     engine_tell(e, BLACKLISTED, -1, 0, 0, hash);
@@ -124,20 +129,20 @@ static void stop_slot(slot *s)
     s->running = s->in_control = s->leaving = 0;
 }
 
-static void take_from_last(engine *e)
+void engine_fade_from_last(engine *e)
 {
     int i;
 
     for (i = 0; i < e->set.outputs; ++i)
         e->from[i] = e->strips[i].last;
+    e->since_trip = 0;
 }
 
 /* In SAFE, or on the way there: nothing is held any more until a reset. */
 static void lose_hold(engine *e, const trip_cause *cause)
 {
     e->hold_off = 1;
-    e->since_trip = 0;
-    take_from_last(e);
+    engine_fade_from_last(e);
     engine_tell(e, HOLD_LOST, cause->channel, cause->value, cause->limit, NULL);
 }
 
@@ -157,11 +162,10 @@ static void go_safe(engine *e, const trip_cause *cause)
     e->state = SAFE;
     e->cause = *cause;
     e->trip = ++e->trips;
-    e->since_trip = 0;
     e->hold_off = 0;
     e->taken_over = 1;
     e->playing = 0;
-    take_from_last(e);
+    engine_fade_from_last(e);
     for (i = 0; i < e->set.outputs; ++i)
         make_neutral(&e->strips[i]);
     for (k = 0; k < SLOTS; ++k) {
@@ -229,6 +233,16 @@ static real kept_from_full(const engine *e, int i, real push)
     const real most = larger(room, 0) / (larger((real)e->set.safe_ramp, 1) * e->set.period_s);
 
     return push > most ? most : push < -most ? -most : push;
+}
+
+int engine_holds_whole(const engine *e)
+{
+    int i;
+
+    for (i = 0; i < e->set.outputs; ++i)
+        if (kept_from_full(e, i, e->whole_hold[i]) != e->whole_hold[i])
+            return 0;
+    return hold_is_good(e);
 }
 
 static void fade_hold(engine *e)
@@ -325,12 +339,23 @@ static real share_taken(real u, real last, real slew, real least, real most)
     return larger(size, fabs(u - last) / slew);
 }
 
-/* A compensator whose numbers overflow adds nothing any more: it trips where it has a say, and stops standing by. */
+/* Whether this law has a say, from this slot or the other. */
+static int has_a_say(const engine *e, const slot *s)
+{
+    int k;
+
+    for (k = 0; k < SLOTS; ++k)
+        if ((acts(&e->slots[k]) || e->slots[k].in_control) && memcmp(e->slots[k].p.law_hash, s->p.law_hash, 32) == 0)
+            return 1;
+    return 0;
+}
+
+/* A compensator whose numbers overflow adds nothing any more: it trips where its law has a say, and stops standing by. */
 static void refuse_overflow(engine *e, slot *s, trip_cause *cause)
 {
     if (!acts(s))
         put_on_blacklist(e, s->p.law_hash);
-    if (acts(s) || s->in_control)
+    if (has_a_say(e, s))
         blame(cause, COMMAND_NOT_FINITE, e->set.inputs + s->output[0], s->law.wanted[0], 0);
     else
         stop_slot(s);

@@ -99,6 +99,12 @@ enum answer engine_loaded(engine *e, int which, enum answer found);
 void engine_end(engine *e);
 int engine_at_rest(const engine *e);
 
+/* Whether SAFE applies the hold, and all that it asks for. */
+int engine_holds_whole(const engine *e);
+
+/* From now on the hold, or zero, takes over from what the outputs are. */
+void engine_fade_from_last(engine *e);
+
 /* The state that slots and excitation make, where it is not SAFE. */
 void engine_settle(engine *e);
 

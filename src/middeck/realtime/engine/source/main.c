@@ -20,6 +20,16 @@ static void on_signal(int signal)
     asked_to_end = 1;
 }
 
+/* Again and again: `signal` may give the handler up after its first, and then the second SIGTERM kills. */
+static void listen_for_the_end(void)
+{
+    struct sigaction action;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = on_signal;
+    sigaction(SIGTERM, &action, NULL);
+}
+
 static rig *open_rig(const shared *f)
 {
     switch (f->set.rig) {
@@ -81,7 +91,7 @@ int main(int count, char **words)
     }
     if (!map_file(words[1], &the_file))
         return 2;
-    signal(SIGTERM, on_signal);
+    listen_for_the_end();
     signal(SIGINT, SIG_IGN); /* of the terminal: the supervisor decides */
     signal(SIGPIPE, SIG_IGN); /* nobody may read the standard error any more */
     engine_start(&the_engine, &the_file.set, the_file.waveform, the_file.at.waveform_samples);

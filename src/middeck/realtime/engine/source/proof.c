@@ -41,9 +41,9 @@ int proof_read(gain_proof *found, const unsigned char *bytes, const unsigned cha
     return 1;
 }
 
-int proof_covers(const gain_proof *found, const settings *set)
+int proof_covers(const gain_proof *found, const settings *set, real share)
 {
     const adaptive *a = &set->adaptive;
 
-    return found->proved && a->least >= found->least && a->most <= found->most && a->rate <= found->rate * set->period_s * (1 + ROUNDING);
+    return found->proved && share * a->least >= found->least && a->most <= found->most && a->rate <= found->rate * set->period_s * (1 + ROUNDING);
 }

@@ -17,7 +17,7 @@ void hash_hold(const settings *set, unsigned char digest[32]);
 /* 1 where the PROOF bytes are sealed, and of this package and this hold. */
 int proof_read(gain_proof *found, const unsigned char *bytes, const unsigned char package_hash[32], const unsigned char hold_hash[32]);
 
-/* Whether every gain and every move that the settings allow is among what is proved. */
-int proof_covers(const gain_proof *found, const settings *set);
+/* Whether every gain and every move that the settings allow is among what is proved, at this share of authority. */
+int proof_covers(const gain_proof *found, const settings *set, real share);
 
 #endif

@@ -86,7 +86,7 @@ static int makes_safe(const command *c)
 /* What would undo what a later command has made safe. */
 static int is_undone_by(const command *c, const command *later)
 {
-    return later->kind == DISENGAGE ? c->kind == ENGAGE : later->kind == SILENCE && c->kind == EXCITE;
+    return (c->kind == ENGAGE && later->kind != SILENCE) || (c->kind == EXCITE && later->kind != DISENGAGE);
 }
 
 static void answer_early(queue *q, shared *f, engine *e, const command *c, enum answer answer)

@@ -41,7 +41,7 @@ static enum rig_answer read_rig(const shared *f, rig *r, watch *w, real *y)
         memcpy(y, fresh, (size_t)f->set.inputs * sizeof *y);
         w->has_read = 1;
     }
-    if (answer != RIG_MISSED && w->written != RIG_MISSED) {
+    if (answer == RIG_LOST || (answer != RIG_MISSED && w->written != RIG_MISSED)) {
         w->missed = 0;
         return answer;
     }
