@@ -720,6 +720,18 @@ y = 2
     assert (lines["n", 1], lines["n", 1, "quoted key", "z"]) == (15, 16)
 
 
+def test_lines_of_a_long_array_are_found_at_once() -> None:
+    """In any layout of commas, comments and nested arrays."""
+    five = ["[1, 2],", "[3,", "  4] # of two", ", [5]", "# none", ", [6], [7],"]
+    lines = key_lines("\n".join(["x = [", *five * 60, "]"]))
+    for k in (0, 30, 59):
+        found = [lines["x", 5 * k + i] - 6 * k for i in range(5)]
+        assert found == [2, 4, 5, 7, 7]
+    bodies = "".join(f"{{x = {i}}},\n" for i in range(2000))
+    assert key_lines(f"node = [\n{bodies}]")["node", 1999, "x"] == 2001
+    assert key_lines("a = { b = [\n1,\n] } # of\nc = 1")["c",] == 4
+
+
 def test_reading_documents_is_light() -> None:
     code = (
         "import sys, middeck.files.studies.documents, middeck.files.records\n"

@@ -15,7 +15,12 @@ from cli_runner import ROOT
 from middeck.structure.correlation.correlate import Correlation, correlate_modes
 from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.correlation.evaluation import Candidates, evaluate_shapes
-from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
+from middeck.structure.correlation.measured_modes import (
+    MeasuredModes,
+    MeasurementNoise,
+    measure_modes,
+    sensor_rows,
+)
 from middeck.structure.correlation.pass_probability import Probability
 from middeck.structure.correlation.profiles import (
     PROFILES,
@@ -30,6 +35,7 @@ from middeck.structure.correlation.reduction import Reduction
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.updating.residuals.surveys import pair
 from repeats import LONG, repeats
 from structure_builders import straight_beam
 
@@ -169,6 +175,17 @@ def test_a_mode_that_no_sensor_sees_resembles_none():
     assert not found.evaluation.mac[unseen].any()
     assert found.evaluation.mac[~unseen].max(axis=0) == pytest.approx(1.0, abs=0.01)
     assert not set(turned) & set(found.pairs[:, 0].tolist())
+    rounding = np.asarray(sensor_rows(beam, *zip(*channels, strict=True)) @ beam.shapes)[:, turned]
+    alike = dataclasses.replace(
+        test,
+        frequency_hz=beam.frequency_hz[turned],
+        damping=np.full(len(turned), 0.001),
+        shape=rounding / np.abs(rounding).max(axis=0),
+        frequency_std_hz=None,
+        damping_std=None,
+        shape_std=None,
+    )
+    assert not set(turned) & set(pair(beam, alike)[:, 0].tolist())
 
 
 def test_groups_are_the_fundamental_the_massive_and_the_others():

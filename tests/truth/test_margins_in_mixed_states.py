@@ -102,6 +102,47 @@ def test_no_gain_of_an_undamped_position_loop_is_a_limit(seed: int) -> None:
         assert one.phase_limit_rad == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("seed", repeats(range(20), 2))
+def test_where_poles_of_an_undamped_loop_meet_is_its_limit_of_gain(seed: int, sign: float) -> None:
+    """A force on one of two equal bodies, the other seen: s^2 = -a +- (b^2 - k b)^1/2, stable where
+    0 <= b^2 - k b <= a^2."""
+    rng = np.random.default_rng([30, seed])
+    b = 10.0 ** rng.uniform(-2.0, 2.0)
+    a = b * (1.0 + 10.0 ** rng.uniform(-1.0, 1.0))
+    limit = b if sign > 0.0 else (a * a - b * b) / b
+    share = rng.uniform(0.1, 0.9)
+    A = np.zeros((4, 4))
+    A[:2, 2:], A[2:, :2] = np.eye(2), [[-a, b], [b, -a]]
+    pair = StateSpace(A, np.eye(4)[:, 2:3], np.eye(4)[1:2], np.zeros((1, 1)))
+    plant = Plant(dynamics=pair, inputs=FORCES[:1], outputs=SEEN[:1])
+    plant = mixed(plant, rng) if seed % 2 else plant
+    law = Compensator(gain_system(np.array([[-sign * share * limit]])), SEEN[:1], FORCES[:1])
+    margins = measure_margins(plant, law)
+    assert margins.stable
+    assert margins.loops[0].gain_limits == pytest.approx((0.0, 1.0 / share), rel=1e-9)
+
+
+def test_thousands_of_crossings_on_one_side_of_a_gain_of_one_hide_none_on_the_other() -> None:
+    """A late force that damps a growing body, and is seen itself: L = (0.2 s/(s^2 - 0.02 s + 1) + 0.9)
+    exp(-s tau) needs a gain that damps, and from 1/0.9 on every half turn of the delay is a limit."""
+    tau = 0.05
+    grows = StateSpace(
+        np.array([[0.0, 1.0], [-1.0, 0.02]]), np.eye(2)[:, 1:], np.array([[0.0, 0.2]]), np.array([[0.9]])
+    )
+    plant = delay_plant(Plant(dynamics=grows, inputs=FORCES[:1], outputs=SEEN[:1]), tau)
+    law = Compensator(gain_system(np.array([[-1.0]])), SEEN[:1], FORCES[:1])
+    margins = measure_margins(plant, law)
+
+    def L(w: float) -> complex:
+        return (0.2j * w / (1.0 - w * w - 0.02j * w) + 0.9) * np.exp(-1j * w * tau)
+
+    first = brentq(lambda w: L(w).imag, 0.99, 1.01)
+    assert margins.stable
+    assert margins.loops[0].gain_limits[0] == pytest.approx(-1.0 / L(first).real, rel=1e-9)
+    assert margins.loops[0].gain_limits[1] == pytest.approx(1.0 / 0.9, rel=1e-4)
+
+
 @pytest.mark.parametrize("seed", repeats(range(10), 1))
 def test_of_thousands_of_crossings_those_nearest_to_one_are_found(seed: int) -> None:
     """A late force on a damped body: -k L is real and negative where atan(w/c) + w tau is odd half turns."""

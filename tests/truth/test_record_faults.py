@@ -295,6 +295,20 @@ def test_dropouts_of_three_samples_are_found_where_no_two_are_alike(campaign: Ca
         assert "dropout" in [f.kind for f in detect_faults(heard(rng, y))]
 
 
+def test_flat_peaks_of_slow_signals_are_no_dropouts(campaign: Callable[[int], range]) -> None:
+    """Sines of thousands of samples a cycle in steps of 16 to 18 bits: nearly all samples differ, those at a
+    peak do not."""
+    for seed in campaign(60):
+        rng = np.random.default_rng([35, seed])
+        count, bits = (4000, 18) if seed % 2 else (1500, 16)
+        cycles = np.arange(count) / (0.3 * count * rng.uniform(0.8, 3.0, 3)[:, None]) + rng.uniform(
+            0.0, 1.0, (3, 1)
+        )
+        y = rng.uniform(0.3, 1.0, 3) @ np.sin(2.0 * np.pi * cycles)
+        step = 2.0 ** (1 - bits) * np.abs(y).max()
+        assert "dropout" not in [f.kind for f in detect_faults(heard(rng, np.round(y / step) * step))]
+
+
 def test_converters_with_few_levels_are_not_called_clipped(campaign: Callable[[int], range]) -> None:
     """Of Gaussian samples in steps of a third to a thousandth of their deviation, and periods that repeat."""
     for seed in campaign(600):

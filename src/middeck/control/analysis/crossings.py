@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
-from scipy.optimize import elementwise
+from scipy.optimize import elementwise, minimize_scalar
 
 from middeck.control.analysis.lines import WIDEST
 from middeck.values import record
@@ -16,9 +17,11 @@ SKEW = 1.07
 """Exponent that keeps new points off the middle of an interval, where a pole on the axis may lie."""
 MOST_PEAKS, MOST_ROUNDS = 12, 12
 MOST = 300
-"""Crossings of a channel that are found: a delay makes thousands, most of them far from a gain of one."""
-REAL = 1e-9
-"""Imaginary part over the real one: that of a ratio without a phase of its own, by rounding."""
+"""Crossings of a channel that are found on each side of a gain of one: a delay makes thousands, most of them
+far from it."""
+REAL, NARROW = 1e-9, 1e-7
+"""Imaginary part over the real one: that of a ratio without a phase of its own, by rounding. Part of its
+bracket to which an extremum is found."""
 FLAT = 1e-10
 """Drop to the neighbours of the highest point; a parabola through them rises by a quarter of it at most."""
 Ratio = Callable[[np.ndarray], np.ndarray]
@@ -40,10 +43,19 @@ class Crossings:
 
 
 def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
-    """Where L is real and negative, within 80 dB of one; of many a channel, the `MOST` nearest to one."""
+    """Where L is real and negative, within 80 dB of one; of many a channel, the `MOST` nearest on each side.
+
+    Where L is real everywhere, only where it turns back: roots on the axis meet there, and one leaves it.
+    """
+    real = np.abs(np.imag(L)) <= REAL * np.abs(np.real(L))
+    # An undamped loop: its crossings would be rounding.
+    undamped = 2 * np.sum(real, axis=0) > len(real)
+    none = (real[1:] & real[:-1] & undamped) | _far(L)
     # Project on a sphere: the curve stays finite through a pole on the axis, which is then recognised.
-    none = _is_real(L) | _far(L)
-    found = _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2), none)
+    found = _joined(
+        _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2), none),
+        *(_turns(ratio, omega, L, k) for k in np.flatnonzero(undamped).tolist()),
+    )
     size = np.abs(found.L)
     return _keep(found, (np.real(found.L) < 0.0) & (size < WIDEST) & (size > 1.0 / WIDEST))
 
@@ -54,23 +66,55 @@ def circle_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndar
     return _keep(found, np.isfinite(found.L))
 
 
-def _is_real(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
-    """Whether L is real at a line and the next: an undamped loop is, and its crossings would be rounding."""
-    real = np.abs(np.imag(L)) <= REAL * np.abs(np.real(L))
-    return real[1:] & real[:-1]
+def _turns(ratio: Ratio, omega: np.ndarray, L: np.ndarray, channel: int) -> Crossings:
+    """Extrema of an L that is real and negative."""
+    value = np.real(L[:, channel])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = np.diff(np.log(np.abs(value)))
+    plain = np.flatnonzero(np.abs(step) > REAL)
+    at: list[float] = []
+    for i, j in pairwise(plain.tolist()):
+        if step[i] * step[j] < 0.0 and np.all(value[i : j + 2] < 0.0):
+            at.append(_extremum(ratio, channel, (omega[i], omega[j + 1]), up=bool(step[i] > 0.0)))
+    where = np.array(at, dtype=float)
+    k = np.full(len(where), channel)
+    return Crossings(where, k, _pick(ratio, where, k) if len(where) else np.zeros(0, dtype=complex))
+
+
+def _extremum(ratio: Ratio, channel: int, bounds: tuple[float, float], *, up: bool) -> float:
+    def size(x: float) -> float:
+        gain = float(np.abs(ratio(1j * np.array([x]))[0, channel]))
+        return -gain if up else gain
+
+    narrow = {"xatol": NARROW * (bounds[1] - bounds[0])}
+    found: Any = minimize_scalar(size, bounds=bounds, method="bounded", options=narrow)
+    return float(found.x)
 
 
 def _far(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
-    """Steps across the positive real axis, and all but the `MOST` across the negative one nearest to one."""
+    """Steps across the positive real axis, and those across the negative one beyond `MOST` on a side of one.
+
+    The nearest below one and the nearest above are both limits of gain.
+    """
     positive, below = np.real(L) > 0.0, np.signbit(np.imag(L))
     far = positive[1:] & positive[:-1]
     with np.errstate(divide="ignore"):
-        level = np.abs(np.log(np.abs(L)))
+        level = np.log(np.abs(L))
     for channel, across in enumerate((below[1:] != below[:-1]).T):
         steps = np.flatnonzero(across & ~far[:, channel])
-        nearest = np.argsort(np.fmin(level[steps, channel], level[steps + 1, channel]), kind="stable")
-        far[steps[nearest[MOST:]], channel] = True
+        first, last = level[steps, channel], level[steps + 1, channel]
+        order = np.argsort(np.fmin(np.abs(first), np.abs(last)), kind="stable")
+        above = (first + last > 0.0)[order]
+        for side in (above, ~above):
+            far[steps[order[side][MOST:]], channel] = True
     return far
+
+
+def _joined(*parts: Crossings) -> Crossings:
+    omega, channel, L = (
+        np.concatenate(x) for x in zip(*((p.omega, p.channel, p.L) for p in parts), strict=True)
+    )
+    return Crossings(omega, channel, L)
 
 
 def _keep(found: Crossings, which: np.ndarray) -> Crossings:

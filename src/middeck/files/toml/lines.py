@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any, cast
 
 Path = tuple[str | int, ...]
+ENDS = re.compile(r"""(?:[\]}]|\"{3}|'{3})\s*(?:#.*)?$""")
+"""The last line of a value of several lines."""
 
 
 def key_lines(text: str) -> dict[Path, int]:
@@ -76,6 +79,8 @@ def _only_path(value: Any) -> tuple[str, ...]:
 def _value(lines: list[str], first: int) -> tuple[dict[str, Any], int]:
     """The key and value that begin on line ``first``, counted from zero, and how many lines they take."""
     for span in range(1, len(lines) - first + 1):
+        if span > 1 and not ENDS.search(lines[first + span - 1]):
+            continue
         try:
             return tomllib.loads("\n".join(lines[first : first + span])), span
         except tomllib.TOMLDecodeError:
@@ -86,14 +91,19 @@ def _value(lines: list[str], first: int) -> tuple[dict[str, Any], int]:
 def _ends_of_items(lines: list[str]) -> list[int]:
     """For each item of an array over several ``lines``, but for those on the last one, where it ends."""
     ends: list[int] = []
-    for end in range(len(lines) - 1):
+    pending: list[str] = []
+    head = ""
+    for end, line in enumerate(lines[:-1]):
+        pending.append(line if pending or not head else line.lstrip().removeprefix(","))
         try:
-            value: Any = tomllib.loads("\n".join([*lines[: end + 1], "]"]))
+            value: Any = tomllib.loads("\n".join([head, *pending, "]"]))
         except tomllib.TOMLDecodeError:
             continue
         while isinstance(value, dict):
             value = next(iter(cast("dict[str, Any]", value).values()))
-        ends += [end] * (len(value) - len(ends))
+        ends += [end] * len(value)
+        if value or head:  # what is left is read alone: arrays may have thousands of lines
+            pending, head = [], "items = ["
     return ends
 
 

@@ -30,8 +30,9 @@ FEWEST_EQUAL, NEXT_VALUES = 4, 20
 SWITCHED = 0.5
 # Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
 STUCK = 8
-# Of an output of which nearly all samples differ three in a row are not equal by chance, leap or not.
-STUCK_AMONG_UNLIKE, UNLIKE = 3, 0.98
+# Of an output of which nearly all samples differ three in a row are not equal by chance, nor at a peak that
+# turns within twenty samples: second differences over first ones are 2 pi over the samples of a cycle.
+STUCK_AMONG_UNLIKE, UNLIKE, TURNS = 3, 0.98, 0.3
 # A share of equal neighbours above which a signal is held by intention.
 HELD = 0.3
 # Input at rest for so long a share of the period: a burst that ended.
@@ -144,7 +145,8 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
     runs = [(a, b) for a, b in equal_runs(x, least) if a > 0 and x[a] not in (low, high)]
     if is_input:  # a burst rests for long, and to the end
         runs = [(a, b) for a, b in runs if b - a < REST * period and b < len(x)]
-    runs = [r for r in runs if unlike or _leaps(x, r, levels.step)]
+    fast = unlike and np.median(np.abs(np.diff(x, 2))) > TURNS * np.median(np.abs(np.diff(x)))
+    runs = [r for r in runs if fast or _leaps(x, r, levels.step)]
     if not runs:
         return []
     count = sum(b - a for a, b in runs)

@@ -20,6 +20,7 @@ from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
     MeasurementNoise,
     not_measured,
+    seen,
     sensor_rows,
 )
 from middeck.structure.correlation.pass_probability import (
@@ -38,8 +39,6 @@ from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
 RUNS = 1000
-# Motion at the channels, of the largest that any mode has there, below which a mode is not seen: rounding.
-UNSEEN = 1e-9
 
 
 @record(kw_only=True)
@@ -140,7 +139,7 @@ def correlate_modes(
         raise ConfigError(f"{runs} runs of a correct model", where="runs", hint="1 or more, e.g. 1000")
     rows = sensor_rows(modes, measured.node, measured.direction)
     effective = measure_effective_mass(modes)
-    units = doubt_units(modes, measured, np.asarray(rows @ modes.shapes))
+    units = doubt_units(modes, measured, seen(rows, modes))
     index = _candidates(modes, measured, units)
     model, reduced = _model(modes, measured, rows, effective, index, profile, reduction, units)
     found = evaluate_shapes(model, measured.frequency_hz, measured.shape)
@@ -208,7 +207,7 @@ def _model(
     Pairs rest on the MAC alone, so that they can be found before there is a mass.
     """
     channels = len(measured.node)
-    shape = _seen(np.asarray(rows @ modes.shapes))[:, index]
+    shape = seen(rows, modes)[:, index]
     significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
     flexible = np.array([modes.kind[i] == "flexible" for i in index])
     hz = modes.frequency_hz[index]
@@ -228,12 +227,6 @@ def _model(
     return Candidates(
         frequency_hz=hz, shape=shape, mass=reduced.mass, significant=significant, flexible=flexible
     ), reduced
-
-
-def _seen(motion: Float[np.ndarray, "channel mode"]) -> Float[np.ndarray, "channel mode"]:
-    """Motion of modes of unit mass at the channels: zero, and so the MAC, of a mode that they do not see."""
-    size = np.abs(motion)
-    return np.where(size.max(axis=0) > UNSEEN * size.max(initial=0.0), motion, 0.0)
 
 
 def _findings(

@@ -26,6 +26,8 @@ DIRECTIONS = (*AXES, ANGLE, TRAVEL, SENSOR, ACTUATOR)
 STRAIGHT = (*AXES[:3], TRAVEL)
 PORTS = (SENSOR, ACTUATOR)
 COUNT = 26
+UNSEEN = 1e-9
+"""Motion at the channels, of the largest that any mode has there, that may be rounding: not seen."""
 NAMED = 5  # modes that a test lacks, each in a sentence of its own
 
 
@@ -243,6 +245,13 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
     parts = [motions, sp.csr_array(np.array(ports).reshape(len(ports), model.tree.size)), unit]
     every: sp.csr_array = sp.csr_array(sp.vstack(parts))
     return sp.csr_array(every[np.array(row, dtype=int)])
+
+
+def seen(rows: sp.csr_array, modes: Modes) -> Float[np.ndarray, "channel mode"]:
+    """Motion of modes of unit mass at the channels of ``rows``: zero of one that they do not see."""
+    motion = np.asarray(rows @ modes.shapes)
+    size = np.abs(motion)
+    return np.where(size.max(axis=0, initial=0.0) > UNSEEN * size.max(initial=0.0), motion, 0.0)
 
 
 def _port_row(modes: Modes, name: str, way: str) -> np.ndarray:

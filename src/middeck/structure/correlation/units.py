@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes, sensor_rows, sort_rms
+from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes, seen, sensor_rows, sort_rms
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 
@@ -48,7 +48,7 @@ def doubt_survey_units(modes: Modes, measured: MeasuredModes) -> tuple[str, ...]
     """Warnings of wrong units in ``measured``, by its shapes or, without any, by its frequencies."""
     if measured.node:
         rows = sensor_rows(modes, measured.node, measured.direction)
-        return doubt_units(modes, measured, np.asarray(rows @ modes.shapes))
+        return doubt_units(modes, measured, seen(rows, modes))
     moving = np.array([kind != "rigid" for kind in modes.kind]) & (modes.frequency_hz > 0.0)
     bends = moving & np.array([kind == "flexible" for kind in modes.kind])
     ours, theirs = modes.frequency_hz, measured.frequency_hz

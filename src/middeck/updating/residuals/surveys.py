@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows, sort_rms
+from middeck.structure.correlation.measured_modes import MeasuredModes, seen, sensor_rows, sort_rms
 from middeck.structure.correlation.units import doubt_survey_units
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -263,7 +263,7 @@ def _equation_slopes(
 
 def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
     """What the channels of the test would read of each mode."""
-    return np.asarray(sensor_rows(modes, measured.node, measured.direction) @ modes.shapes)
+    return seen(sensor_rows(modes, measured.node, measured.direction), modes)
 
 
 def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
