@@ -90,7 +90,7 @@ def test_links_are_read_as_they_are_written(tmp_path: Path) -> None:
         ('frame = "a"', 'frame = "q"', "no frame of this name", 23),
         ("weight = 2.0", "weight = 0.0", "0.0: must be", 27),
         ('name = "gear"', 'name = "arm-b"', "a second link of this name", 32),
-        ("coefficient = -1.0", 'coefficient = "one"', "coefficient", 33),
+        ("coefficient = -1.0", 'coefficient = "one"', "coefficient", 34),
         ('{frame = "arm", direction = "angle"', '{frame = "a", direction = "angle"', "no joint", 31),
     ],
 )
