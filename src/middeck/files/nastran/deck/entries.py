@@ -143,12 +143,17 @@ def read_entries(cards: Iterable[Card]) -> Entries:
             idle[name] = len(found)
         else:
             faults.append(_refusal(name, found))
-    if groups and not by_name and not idle and all(f.hint in (COLUMNS, CARDS) for f in faults):
+    if groups and not by_name and not idle and all(_is_foreign(fault) for fault in faults):
         faults = [
             dataclasses.replace(faults[0], key="", message="no card of a Nastran deck in it", hint=CARDS)
         ]
     raise_some(faults)
     return Entries(by_name, idle)
+
+
+def _is_foreign(fault: Fault) -> bool:
+    """Whether what was refused is no card, not even one whose fields stand apart by spaces."""
+    return fault.hint in (COLUMNS, CARDS) and fault.key.partition(" ")[0] not in PARSED
 
 
 def _distinct(entries: list[Entry], space: str, seen: dict[Any, Entry], faults: list[Fault]) -> list[Entry]:
