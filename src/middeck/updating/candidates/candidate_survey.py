@@ -15,6 +15,8 @@ from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
     every_channel,
     measure_modes,
+    seen,
+    sensor_rows,
     sort_rms,
 )
 from middeck.structure.model.environment import Environment
@@ -86,12 +88,12 @@ def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
         first = f"the lowest is at {modes.frequency_hz[moving[0]]:.4g} Hz" if moving else "all are rigid"
         raise ConfigError(f"no mode from {low:g} to {high:g} Hz", hint=f"another band; {first}")
     sees = _sees(modes, candidate.channels, chosen)
-    seen = [i for i, has in zip(chosen, sees, strict=True) if has]
-    if not seen:
+    moved = [i for i, has in zip(chosen, sees, strict=True) if has]
+    if not moved:
         raise ConfigError(
             f"its channels see none of {len(chosen)} modes", hint="other nodes, or other directions"
         )
-    found = measure_modes(modes, candidate.channels, chosen=seen)
+    found = measure_modes(modes, candidate.channels, chosen=moved)
     # Channels of a sort that stands still in a mode have the noise of those that would just see it.
     still = SEEN * np.max(np.abs(found.shape), axis=0, initial=0.0)
     return Seen(
@@ -100,7 +102,7 @@ def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
             frequency_std_hz=candidate.frequency_std * found.frequency_hz,
             shape_std=candidate.shape_std * np.maximum(sort_rms(found.direction, found.shape), still),
         ),
-        tuple((modes.name[i], float(modes.frequency_hz[i])) for i in chosen if i not in seen),
+        tuple((modes.name[i], float(modes.frequency_hz[i])) for i in chosen if i not in moved),
     )
 
 
@@ -111,7 +113,10 @@ def _sees(modes: Modes, channels: Sequence[tuple[str, str]] | None, chosen: Sequ
     every = measure_modes(modes, every_channel(modes.equilibrium.model), chosen=chosen)
     own = measure_modes(modes, channels, chosen=chosen)
     most = {straight: _most(every, straight) for straight in (True, False)}
-    return np.any([_most(own, straight) > SEEN * most[straight] for straight in (True, False)], axis=0)
+    large = np.any([_most(own, straight) > SEEN * most[straight] for straight in (True, False)], axis=0)
+    nodes, directions = zip(*channels, strict=True)
+    # Of a mode without any motion of a sort, rounding would be its largest part.
+    return large & np.any(seen(sensor_rows(modes, nodes, directions), modes)[:, list(chosen)], axis=0)
 
 
 def _most(measured: MeasuredModes, straight: bool) -> np.ndarray:
