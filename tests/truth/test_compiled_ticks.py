@@ -14,6 +14,7 @@ from middeck.laboratory.rig.products import column_sums
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import switch_on
+from middeck.realtime.generate import compiler
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem
@@ -124,8 +125,8 @@ def test_code_that_cannot_be_loaded_is_as_no_compiler(fault, tmp_path, monkeypat
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     if fault == "no home":
-        monkeypatch.setattr(compiled, "cache_folder", homeless)
-    monkeypatch.setattr(compiled, "_compile", lambda compiler, text, target: write(target, b"\x7fELF"))
+        monkeypatch.setattr(compiler, "cache_folder", homeless)
+    monkeypatch.setattr(compiler, "_compile", lambda _, sources, flags, target: write(target, b"\x7fELF"))
     compiled._library.cache_clear()
     assert compiled._library() is None
     compiled._library.cache_clear()

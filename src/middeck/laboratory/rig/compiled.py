@@ -8,17 +8,12 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import hashlib
-import platform
-import subprocess
-import tempfile
 from importlib import resources
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from middeck.errors import NumericalError
+from middeck.errors import MiddeckError, NumericalError
 from middeck.joints import balance
 from middeck.joints.attachment import only_friction
 from middeck.laboratory.rig.hybrid_plant import HybridPlant
@@ -26,20 +21,9 @@ from middeck.laboratory.rig.motors import LimitedMotors
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.state import RigState
 from middeck.laboratory.rig.tick import converter_ends
-from middeck.realtime.engine.process.build import cache_folder, find_compiler
+from middeck.realtime.generate.compiler import compile_once
 
 Array = np.ndarray
-FLAGS = (
-    "-std=c99",
-    "-Wall",
-    "-Wextra",
-    "-Werror",
-    "-pedantic",
-    "-ffp-contract=off",
-    "-O3",
-    "-shared",
-    "-fPIC",
-)
 SIZES = "ticks states joints inputs outputs substeps feels noisy depth kept computed iterations"
 GIVEN = "step drive push compliance look compute shift friction limits converters excitation offset noise"
 MOVED = "x angles sliders torques stands previous momentum digital rows issued work"
@@ -121,30 +105,8 @@ def run_compiled(
 @functools.cache
 def _library() -> ctypes.CDLL | None:
     """The compiled loop; None where it cannot be compiled, kept or loaded."""
-    compiler = find_compiler()
-    if compiler is None:
-        return None
     text = resources.files("middeck.laboratory.rig").joinpath("source", "ticks.c").read_text(encoding="utf-8")
     try:
-        return _loaded(compiler, text)
-    except (OSError, RuntimeError, subprocess.CalledProcessError):  # no home, no room, another machine's code
+        return ctypes.CDLL(str(compile_once("ticks", {"ticks.c": text}, flags=("-shared", "-fPIC"))))
+    except (OSError, RuntimeError, MiddeckError):  # no compiler, no home, no room, another machine's code
         return None
-
-
-def _loaded(compiler: str, text: str) -> ctypes.CDLL:
-    known = "\0".join((compiler, platform.machine(), *FLAGS, text))
-    target = cache_folder() / f"ticks-{hashlib.sha256(known.encode()).hexdigest()[:24]}.so"
-    if not target.exists():
-        _compile(compiler, text, target)
-    return ctypes.CDLL(str(target))
-
-
-def _compile(compiler: str, text: str, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        source, made = Path(folder) / "ticks.c", Path(folder) / "ticks.so"
-        source.write_text(text, encoding="utf-8")
-        subprocess.run(
-            [compiler, *FLAGS, str(source), "-o", str(made), "-lm"], capture_output=True, check=True
-        )
-        made.replace(target)  # whole or not at all, whoever else compiles it

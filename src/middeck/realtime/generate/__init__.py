@@ -1,1 +1,1 @@
-"""Stand-alone C of a controller package."""
+"""Stand-alone C of a controller package, and the compiler of this machine."""

@@ -1,32 +1,12 @@
-"""The engine's program: compiled by the C compiler of this machine, once for each state of its sources."""
+"""The engine's program, compiled by the C compiler of this machine."""
 
 from __future__ import annotations
 
-import hashlib
-import os
-import platform
-import shutil
-import subprocess
-import tempfile
 from importlib import resources
 from pathlib import Path
 
-from middeck.errors import ConfigError, MiddeckError
-
-FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off", "-O3")
-COMPILERS = ("cc", "gcc", "clang")
-
-
-class NoCompilerError(MiddeckError):
-    """No C compiler is at hand: the reference law in Python runs the same packages."""
-
-    exit_code = 3
-
-
-def find_compiler() -> str | None:
-    """The C compiler of this machine; None where there is none. The variable CC names another."""
-    named = os.environ.get("CC")
-    return next(filter(None, map(shutil.which, [named] if named else COMPILERS)), None)
+from middeck.errors import ConfigError
+from middeck.realtime.generate.compiler import compile_once
 
 
 def build_engine(
@@ -38,25 +18,7 @@ def build_engine(
     further ones of the compiler, ``folder`` another cache. Raises `NoCompilerError` without a compiler,
     `ConfigError` for sources that do not compile.
     """
-    compiler = find_compiler()
-    if compiler is None:
-        raise NoCompilerError(
-            "no C compiler on this machine", hint="install one (cc), or run the package with ReferenceLaw"
-        )
-    sources = engine_sources(driver)
-    known = [
-        compiler,
-        platform.machine(),
-        *FLAGS,
-        *flags,
-        *(f"{name}\n{text}" for name, text in sources.items()),
-    ]
-    target = (
-        folder or cache_folder()
-    ) / f"engine-{hashlib.sha256(chr(0).join(known).encode()).hexdigest()[:24]}"
-    if not target.exists():
-        _compile(compiler, sources, flags, target)
-    return target
+    return compile_once("engine", engine_sources(driver), flags=flags, folder=folder)
 
 
 def engine_sources(driver: str | Path | None = None) -> dict[str, str]:
@@ -73,30 +35,3 @@ def engine_sources(driver: str | Path | None = None) -> dict[str, str]:
                 f"cannot be read: {error.strerror}", where=str(driver), hint="a C source"
             ) from None
     return sources
-
-
-def cache_folder() -> Path:
-    """``middeck`` in the user's cache (XDG_CACHE_HOME, else ~/.cache)."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "middeck"
-
-
-def _compile(compiler: str, sources: dict[str, str], flags: tuple[str, ...], target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        for name, text in sources.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
-        units = [name for name in sources if name.endswith(".c")]
-        made = subprocess.run(
-            [compiler, *FLAGS, *flags, *units, "-o", "engine", "-lm", "-lpthread"],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if made.returncode != 0:
-            raise ConfigError(
-                f"the engine does not compile: {made.stderr.strip()[:2000]}",
-                where=compiler,
-                hint="CC=another compiler",
-            )
-        (Path(folder) / "engine").replace(target)  # whole or not at all, whoever else compiles it
