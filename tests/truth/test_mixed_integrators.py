@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.repeats import repeats
 
 from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.state_space.statespace import StateSpace
-from tests.repeats import repeats
 
 
 def _mixed_body(rng: np.random.Generator, read: str) -> tuple[StateSpace, float]:

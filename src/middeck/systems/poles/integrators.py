@@ -21,8 +21,8 @@ from middeck.values import record
 Dynamics = ModalSystem | StateSpace | SampledStateSpace
 NOTHING = 1e-12, 3e-14
 """R_1, and R_2 and later, below this fraction of their output's row and input's column (and the pace of the
-states) are rounding. Of mixed states R_1 comes from a difference; R_2 of a true zero stays below 4e-15, that of
-bodies seen through states of unlike size goes down to 1e-13 (1500 random mixtures each)."""
+states) are rounding. Of mixed states R_1 comes from a difference; R_2 of a true zero stays below 4e-15, that
+of bodies seen through states of unlike size goes down to 1e-13 (1500 random mixtures each)."""
 RANK = 1e-10
 """Relative rank tolerance of residues scaled by rows and columns: omitted parts change no entry by more."""
 
