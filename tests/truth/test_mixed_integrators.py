@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from tests.repeats import repeats
 
+import middeck as md
+from middeck.control.analysis.loop import At, evaluate_halves, form_loop, go_round
+from middeck.control.analysis.shared_gain import closed_round
 from middeck.systems.poles.integrators import part_integrators
-from middeck.systems.state_space.statespace import StateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
+
+
+def _mixture(rng: np.random.Generator, states: int) -> np.ndarray:
+    while np.linalg.cond(T := rng.standard_normal((states, states))) > 300.0:
+        pass
+    return T
 
 
 def _mixed_body(rng: np.random.Generator, read: str) -> tuple[StateSpace, float]:
@@ -21,9 +30,7 @@ def _mixed_body(rng: np.random.Generator, read: str) -> tuple[StateSpace, float]
     C[0, 0 if read == "place" else 1] = shape[0]
     B = np.zeros((2 * count, 1))
     B[1::2, 0] = push
-    T = rng.standard_normal((2 * count, 2 * count))
-    while np.linalg.cond(T) > 300.0:
-        T = rng.standard_normal((2 * count, 2 * count))
+    T = _mixture(rng, 2 * count)
     mixed = StateSpace(np.linalg.solve(T, A @ T), np.linalg.solve(T, B), C @ T, np.zeros((1, 1)))
     return mixed, float(shape[0] * push[0])
 
@@ -39,3 +46,40 @@ def test_a_place_is_seen_and_a_rate_shows_none(read: str, seed: int) -> None:
         assert residues[1] == 0.0
     else:
         assert residues[1] == pytest.approx(push, rel=0.05)
+
+
+def _two_motors(
+    rng: np.random.Generator, delay_s: float, period_s: float | None
+) -> tuple[md.Plant, md.Compensator, float]:
+    """A free body with a mode of 3.5 Hz in mixed states under u = K y, and K_1 b_1 / (K_2 b_2)."""
+    A, B, C = np.zeros((4, 4)), np.zeros((4, 2)), np.zeros((1, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    A[3, 2:] = -490.0, -3.0
+    B[1::2], C[0, ::2] = rng.standard_normal((2, 2)), (1.0, rng.standard_normal())
+    K, T = np.array([[-2.0], [-3.0]]), _mixture(rng, 4)
+    plant = md.make_plant(np.linalg.solve(T, A @ T), np.linalg.solve(T, B), C @ T, delay_s=delay_s)
+    system = gain_system(K)
+    if period_s is not None:
+        system = SampledStateSpace(system.A, system.B, system.C, K, period_s=period_s)
+    return plant, md.Compensator(system, plant.outputs, plant.inputs), 2.0 * B[1, 0] / (3.0 * B[1, 1])
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.1])
+@pytest.mark.parametrize("period_s", [None, 0.12])
+@pytest.mark.parametrize("seed", repeats(range(40), 2))
+def test_two_loops_share_a_free_body(seed: int, period_s: float | None, delay_s: float) -> None:
+    """Alone both grow as b / s^2; with the other closed L_1 goes to K_1 b_1 / (K_2 b_2)."""
+    plant, law, share = _two_motors(np.random.default_rng(seed), delay_s, period_s)
+    L = md.trace_return_ratio(plant, law, frequency_hz=np.geomspace(1e-9, 1e-6, 7)).L
+    assert L[:, 0] == pytest.approx(share, rel=1e-5)
+    assert L[:, 1] == pytest.approx(1.0 / share, rel=1e-5)
+
+
+@pytest.mark.parametrize("at", ["inputs", "outputs", "both"])
+@pytest.mark.parametrize("period_s", [None, 0.12])
+def test_the_closed_loop_gives_the_sensitivity_of_its_halves(period_s: float | None, at: At) -> None:
+    plant, law, _ = _two_motors(np.random.default_rng(0), 0.1, period_s)
+    loop, s = form_loop(plant, law), 2j * np.pi * np.geomspace(0.1, 1.5, 5)
+    P = go_round(*evaluate_halves(loop)(s), at)
+    one = np.eye(P.shape[1])
+    assert closed_round(loop, at)(s) + one == pytest.approx(np.linalg.inv(one - P), rel=1e-9, abs=1e-9)

@@ -19,6 +19,7 @@ from middeck.control.analysis.loop import (
     At,
     Compensator,
     Plant,
+    broken_at,
     evaluate_halves,
     form_loop,
     go_round,
@@ -26,6 +27,7 @@ from middeck.control.analysis.loop import (
 )
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.scaling import scaled_norms
+from middeck.control.analysis.shared_gain import TRUSTED, closed_round, is_short, spread_rounding
 from middeck.control.analysis.stability import decide_loop
 from middeck.values import record
 
@@ -73,15 +75,27 @@ def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> D
     if not decide_loop(loop).stable:
         return disk_from_peak(np.inf, 0.0)
     loop = moved_part(loop)
-    halves = evaluate_halves(loop)
+    halves, closed = evaluate_halves(loop), closed_round(loop, at)
     ratio = broken_ratio(loop, at)
+    half = 0.5 * np.eye(len(broken_at(loop, at)))
     omega, _ = add_ends(loop, ratio, refine_lines(ratio, place_lines(loop, at, ratio)))
 
     def bound(w: np.ndarray) -> Float[np.ndarray, " line"]:
-        return scaled_norms(skewed_sensitivity(go_round(*halves(1j * w), at)))
+        P = go_round(*halves(1j * w), at)
+        skewed = skewed_sensitivity(P)
+        near = _hidden(P, skewed + half) & is_short(loop, 1j * w)
+        if near.any():
+            skewed[near] = closed(1j * w[near]) + half
+        return scaled_norms(skewed)
 
     peak = find_peaks(bound, omega, bound(omega))
     return disk_from_peak(peak[1], peak[0])
+
+
+def _hidden(P: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """At which lines rounding hides the sensitivity of a channel."""
+    own, error = (np.diagonal(part, axis1=1, axis2=2) for part in (S, spread_rounding(P, S)))
+    return np.any(error > TRUSTED * (1.0 + np.abs(own)), axis=1)
 
 
 def skewed_sensitivity(

@@ -136,7 +136,7 @@ def _where_settled(ratio: Response, omega: float) -> float:
     """Frequency at or below ``omega`` where all gains are constant, or outside 1 / `WIDEST` to `WIDEST`."""
     for _ in range(SLOWEST_DECADES):
         L = np.abs(ratio(1j * omega * np.array([0.1, 1.0])))
-        beyond = np.all((L > WIDEST) | (L < 1.0 / WIDEST), axis=0)
+        beyond = np.all(~np.isfinite(L) | (L > WIDEST) | (L < 1.0 / WIDEST), axis=0)
         if np.all(beyond | (np.abs(L[1] - L[0]) < 1e-3 * L[0])):
             break
         omega *= 0.1

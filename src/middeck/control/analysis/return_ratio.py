@@ -13,6 +13,7 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis.lines import place_lines, refine_lines
 from middeck.control.analysis.loop import At, FeedbackLoop, broken_at, evaluate_halves, form_loop, go_round
+from middeck.control.analysis.shared_gain import TRUSTED, closed_ratio, is_short, spread_rounding
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plants.plant import Plant
 from middeck.values import record
@@ -76,22 +77,31 @@ def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
     With P = K G, S = (1 - P)^-1 and r the other channels, L_i = -(P_ii + P_ir (1 - P_rr)^-1 P_ri) is
     -(S P)_ii / S_ii term by term: no cancellation where the loop is weak, as 1 / S_ii - 1 would have.
     """
-    halves = evaluate_halves(loop)
+    halves, closed = evaluate_halves(loop), closed_ratio(loop, at)
     # A channel's loop is the same whichever others are named: each end has an inverse of its own size.
     ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
 
     def ratio(s: np.ndarray) -> np.ndarray:
         # On a pole the ratio is infinite; the caller interprets it.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            G, K = halves(np.asarray(s, dtype=complex))
-            return np.concatenate([_one_by_one(go_round(G, K, end)) for end in ends], axis=1)
+            G, K = halves(s := np.asarray(s, dtype=complex))
+            both = [_one_by_one(go_round(G, K, end)) for end in ends]
+            L, error = (np.concatenate(parts, axis=1) for parts in zip(*both, strict=True))
+            near = np.any(error > TRUSTED, axis=1) & is_short(loop, s)
+            if near.any():
+                L[near] = closed(s[near])
+        return L
 
     return ratio
 
 
-def _one_by_one(P: Complex[np.ndarray, "line channel channel"]) -> Complex[np.ndarray, "line channel"]:
+def _one_by_one(
+    P: Complex[np.ndarray, "line channel channel"],
+) -> tuple[Complex[np.ndarray, "line channel"], Float[np.ndarray, "line channel"]]:
+    """The ratio of each channel, and its error from rounding."""
+    error = np.zeros(P.shape[:2])
     if P.shape[1] == 1:
-        return -P[:, :, 0]
+        return -P[:, :, 0], error
     difference = np.eye(P.shape[1]) - P
     bounded = np.isfinite(P).all(axis=(1, 2))
     on_root = np.zeros(len(P), dtype=bool)
@@ -104,9 +114,18 @@ def _one_by_one(P: Complex[np.ndarray, "line channel channel"]) -> Complex[np.nd
     # The ratio is unbounded where the other loops alone have a pole on the line.
     L = np.full(P.shape[:2], np.inf + 0.0j)
     L[regular] = np.where(own == 0.0, np.inf, -through / own)
+    error[regular] = _rounding(P[regular], S, own, L[regular])
     for k in np.flatnonzero(on_root):
         L[k, [bool(_minor(difference[k], i)) for i in range(P.shape[1])]] = -1.0
-    return L
+        error[k] = np.finfo(float).eps * np.abs(P[k]).max()
+    return L, error
+
+
+def _rounding(P: np.ndarray, S: np.ndarray, own: np.ndarray, L: np.ndarray) -> np.ndarray:
+    """The error of L = -(S P)_ii / S_ii relative to 1 + |L|."""
+    error, size = spread_rounding(P, S), np.abs(L)
+    through, here = np.einsum("kij,kji->ki", error, np.abs(P)), np.diagonal(error, axis1=1, axis2=2)
+    return np.where(np.isfinite(size), (through + size * here) / np.abs(own) / (1.0 + size), 0.0)
 
 
 def _inverse(matrices: np.ndarray) -> np.ndarray | None:
