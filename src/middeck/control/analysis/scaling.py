@@ -11,6 +11,8 @@ MEET, MOST_POLISHED = 1e-3, 8
 """Relative distance at which two singular values meet; most channels for a simplex search."""
 SWEEPS, BALANCED = 12, 0.05
 """Balancing sweeps for the start; an imperfect balance only costs a few steps of the descent."""
+FARTHEST = 40.0
+"""Change of log D beyond which a channel that none answers is as good as alone, and short of overflow."""
 NEAR = 0.9
 """Fraction of the largest value below which an upper bound is accepted."""
 
@@ -28,11 +30,13 @@ def scaled_norms(M: Complex[np.ndarray, "line channel channel"]) -> Float[np.nda
     if M.shape[1] == 1:
         return np.abs(M[:, 0, 0])
     square = np.abs(M) ** 2
-    bound = _frobenius(square, _balance(square.sum(axis=0, keepdims=True)))
+    bound = _frobenius(square, balance_channels(square.sum(axis=0, keepdims=True)))
     top = [int(np.argmax(bound))] if len(M) else []
-    level = NEAR * max((_minimise(M[k], _balance(square[[k]])[0])[0] for k in top), default=0.0)
+    level = NEAR * max(
+        (minimise_scaling(M[k], balance_channels(square[[k]])[0])[0] for k in top), default=0.0
+    )
     near = np.flatnonzero(bound > level)
-    start = _balance(square[near])
+    start = balance_channels(square[near])
     bound[near] = _frobenius(square[near], start)
     high = bound[near] > level
     near, start = near[high], start[high]
@@ -51,7 +55,7 @@ def _minimised(M: np.ndarray, start: np.ndarray) -> Float[np.ndarray, " line"]:
         if not len(above):
             return bound
         k = int(above[np.argmax(bound[above])])
-        value, log_d = _minimise(M[k], start[k])
+        value, log_d = minimise_scaling(M[k], start[k])
         bound[k], done[k] = min(bound[k], value), True
         best = max(best, float(bound[k]))
         bound[above] = np.minimum(bound[above], _norms(M[above], log_d[None]))
@@ -68,7 +72,7 @@ def _frobenius(square: np.ndarray, log_d: np.ndarray) -> Float[np.ndarray, " lin
     return np.sqrt(np.sum(d * np.sum(square / d[:, None, :], axis=2), axis=1))
 
 
-def _balance(square: Float[np.ndarray, "line channel channel"]) -> Float[np.ndarray, "line channel"]:
+def balance_channels(square: Float[np.ndarray, "line channel channel"]) -> Float[np.ndarray, "line channel"]:
     """log D that balances rows and columns, all lines at once, from |M|^2 (Osborne 1960)."""
     channels = square.shape[1]
     scaled, log_d = square * ~np.eye(channels, dtype=bool), np.zeros(square.shape[:2])
@@ -87,7 +91,7 @@ def _balance(square: Float[np.ndarray, "line channel channel"]) -> Float[np.ndar
     return log_d - log_d.mean(axis=1, keepdims=True)
 
 
-def _minimise(M: np.ndarray, log_d: np.ndarray) -> tuple[float, np.ndarray]:
+def minimise_scaling(M: np.ndarray, log_d: np.ndarray) -> tuple[float, np.ndarray]:
     """Minimise by the gradient of the largest singular value; without gradient once two of them meet."""
 
     def level(x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -97,10 +101,12 @@ def _minimise(M: np.ndarray, log_d: np.ndarray) -> tuple[float, np.ndarray]:
     def height(x: np.ndarray) -> float:
         return level(x)[0]
 
-    found = opt.minimize(level, log_d, jac=True, method="L-BFGS-B", options={"ftol": 1e-14, "gtol": 1e-10})
+    bounds = opt.Bounds(log_d - FARTHEST, log_d + FARTHEST)
+    options = {"ftol": 1e-14, "gtol": 1e-10}
+    found = opt.minimize(level, log_d, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     value = np.linalg.svd(np.exp(found.x)[:, None] * M * np.exp(-found.x), compute_uv=False)
     if value[1] > (1.0 - MEET) * value[0] and len(log_d) < MOST_POLISHED:
         options = {"xatol": 1e-9, "fatol": 1e-13}
-        polished = opt.minimize(height, found.x, method="Nelder-Mead", options=options)
+        polished = opt.minimize(height, found.x, method="Nelder-Mead", bounds=bounds, options=options)
         found = polished if polished.fun < found.fun else found
     return float(np.exp(found.fun)), np.asarray(found.x)
