@@ -101,7 +101,7 @@ def minimise_scaling(M: np.ndarray, log_d: np.ndarray) -> tuple[float, np.ndarra
     def height(x: np.ndarray) -> float:
         return level(x)[0]
 
-    bounds = opt.Bounds(log_d - FARTHEST, log_d + FARTHEST)
+    bounds = list(zip(log_d - FARTHEST, log_d + FARTHEST, strict=True))
     options = {"ftol": 1e-14, "gtol": 1e-10}
     found = opt.minimize(level, log_d, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     value = np.linalg.svd(np.exp(found.x)[:, None] * M * np.exp(-found.x), compute_uv=False)
