@@ -6,7 +6,6 @@ from .control.analysis.margins import measure_margins as measure_margins
 from .control.analysis.margins_table import margins_table as margins_table
 from .control.analysis.return_ratio import trace_return_ratio as trace_return_ratio
 from .control.analysis.rms import (
-    measure_control_rms as measure_control_rms,
     measure_metric as measure_metric,
     measure_rms as measure_rms,
 )

@@ -89,7 +89,6 @@ def test_a_sampled_law_is_not_judged_as_a_continuous_one(judge: Callable[..., An
     "use",
     [
         lambda: md.close_loop(PLANT, SAMPLED),
-        lambda: md.measure_control_rms(PLANT, SAMPLED, BAND),
         lambda: md.shape_compensator(SAMPLED, md.roll_off(1.0)),
         lambda: md.emulate(SAMPLED, 0.05),
     ],

@@ -10,7 +10,7 @@ from middeck.control.analysis.loop import FeedbackLoop, approximate_halves, clos
 from middeck.control.analysis.stability import decide_loop
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.performance import Performance, commands_rms, loop_rms, require_one_each
+from middeck.control.loop.performance import Performance, loop_rms, require_one_each
 from middeck.systems.norms.rms import response_rms
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_rates
@@ -33,7 +33,7 @@ def measure_rms(
     law = idle_compensator(plant) if compensator is None else compensator
     if not plant.delayed:
         return loop_rms(close_loop(plant, law), performance)
-    return _delayed_rms(plant, law, performance)[: len(plant.z)]
+    return _delayed_rms(plant, law, performance)
 
 
 def measure_metric(plant: Plant, compensator: Compensator | None, performance: Performance) -> float:
@@ -45,19 +45,7 @@ def measure_metric(plant: Plant, compensator: Compensator | None, performance: P
     return float(np.linalg.norm(performance.weights * rms)) if np.isfinite(rms).all() else np.inf
 
 
-def measure_control_rms(
-    plant: Plant, compensator: Compensator, performance: Performance
-) -> Float[np.ndarray, " u"]:
-    """Rms of each command under the disturbance in the band, without sensor noise; ``inf`` if unstable."""
-    if not plant.delayed:
-        return commands_rms(plant, compensator, performance)
-    return _delayed_rms(plant, compensator, performance)[len(plant.z) :]
-
-
-def _delayed_rms(
-    plant: Plant, compensator: Compensator, performance: Performance
-) -> Float[np.ndarray, " zu"]:
-    """Rms of the outputs z, then of the commands."""
+def _delayed_rms(plant: Plant, compensator: Compensator, performance: Performance) -> Float[np.ndarray, " z"]:
     system = compensator.system  # refuses a sampled compensator, stable loop or not
     require_one_each(
         "intensities",
@@ -66,10 +54,10 @@ def _delayed_rms(
     )
     loop = FeedbackLoop(loop_path(plant, compensator), system)
     if not decide_loop(loop).stable:
-        return np.full(len(plant.z) + len(compensator.outputs), np.inf)
+        return np.full(len(plant.z), np.inf)
     # Poles of the approximation tell where the integrand peaks, and what stays on the axis: exact there.
     peaks = growth_rates(close_channels(approximate_halves(loop)))
-    closed, nw = closed_response(plant, compensator, plant.w), len(plant.w)
+    closed, nz, nw = closed_response(plant, compensator, plant.w), len(plant.z), len(plant.w)
     return response_rms(
-        lambda omega: closed(omega)[:, :, :nw], peaks, performance.intensity, performance.band_hz
+        lambda omega: closed(omega)[:, :nz, :nw], peaks, performance.intensity, performance.band_hz
     )

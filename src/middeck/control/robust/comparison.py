@@ -25,7 +25,7 @@ class ComparedDesign:
         order: States of the compensator, fixed filters included.
         nominal_db, nominal_control_rms: On the nominal plant; ``inf`` where unstable.
         stable_share: Of the unseen plants.
-        worst_db, median_db, median_control_rms: Over the stable ones among them; ``inf`` where there is none.
+        worst_db, median_db: Over the stable ones among them; ``inf`` where there is none.
         nominal_rms, worst_rms, median_rms: As ``..._db``, in the unit of the weighted outputs; they compare
             designs where a plant drifts without control (a free body) and all decibels are minus infinity.
     """
@@ -38,7 +38,6 @@ class ComparedDesign:
     stable_share: float
     worst_db: float
     median_db: float
-    median_control_rms: float
     nominal_rms: float
     worst_rms: float
     median_rms: float
@@ -84,7 +83,6 @@ def _row(name: str, order: int, whole: PlantOutcomes) -> ComparedDesign:
         stable_share=stable_share(unseen),
         worst_db=worst_db(unseen),
         median_db=_median(unseen.db, unseen.stable),
-        median_control_rms=_median(unseen.control_rms, unseen.stable),
         nominal_rms=float(whole.rms[0]),
         worst_rms=float(unseen.rms[unseen.stable].max()) if unseen.stable.any() else np.inf,
         median_rms=_median(unseen.rms, unseen.stable),

@@ -16,15 +16,11 @@ class Stage:
     Attributes:
         size: Size of the perturbations from 0 (nominal model) to 1; for sensitivity weighting the strength
             tried.
-        authority_ratio: Authority relative to the one requested.
-        discount: Decay [rad/s] lent to all states while the law does not yet stabilise.
         cost: Cost at the end of the stage.
         evaluations: Evaluations of cost and gradient, all models each time.
     """
 
     size: float
-    authority_ratio: float
-    discount: float
     cost: float
     evaluations: int
 
