@@ -3,7 +3,6 @@
 from .control.analysis.disk import measure_disk_margin as measure_disk_margin
 from .control.analysis.inversion import find_inversion as find_inversion
 from .control.analysis.margins import measure_margins as measure_margins
-from .control.analysis.margins_table import margins_table as margins_table
 from .control.analysis.return_ratio import trace_return_ratio as trace_return_ratio
 from .control.analysis.rms import (
     measure_metric as measure_metric,
@@ -46,7 +45,6 @@ from .control.reduction.compensators import reduce_compensator as reduce_compens
 from .control.reduction.modal import reduce_modes as reduce_modes
 from .control.robust.comparison import (
     compare_designs as compare_designs,
-    comparison_table as comparison_table,
 )
 from .control.robust.monte_carlo import verify_robustness as verify_robustness
 from .control.robust.multimodel import design_multimodel as design_multimodel
@@ -55,7 +53,6 @@ from .control.sampled.antialias import filter_measurements as filter_measurement
 from .control.sampled.comparison import compare_sampling as compare_sampling
 from .control.sampled.design import design_sampled_lqg as design_sampled_lqg
 from .control.sampled.emulation import emulate as emulate
-from .control.sampled.sampling_table import sampling_table as sampling_table
 from .control.shaping.sections import (
     roll_off as roll_off,
     shape_compensator as shape_compensator,

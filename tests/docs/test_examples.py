@@ -182,7 +182,7 @@ def correlate_with_a_test(names: Names) -> None:
 def design_a_controller(names: Names) -> None:
     """LQG is broken by the drift that the other design holds; fewer states hold too; a pole at zero."""
     assert names["margins"].stable
-    share = {(row.name, row.setting): row.stable_share for row in names["rows"]}
+    share = {(row.name, row.setting): row.stable_share for row in names["compared"].rows}
     assert share["multi-model", "continuous"] == share["multi-model", "250 Hz"] == 1.0
     assert share["LQG", "continuous"] < 0.9
     assert names["small"].order == 12

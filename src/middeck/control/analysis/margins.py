@@ -17,8 +17,11 @@ from middeck.control.analysis.loop import At, Compensator, Plant, broken_at, for
 from middeck.control.analysis.neutral import bears_no_delay
 from middeck.control.analysis.return_ratio import broken_ratio
 from middeck.control.analysis.stability import LoopStability, decide_loop
+from middeck.control.analysis.text_table import align_columns
 from middeck.errors import ConfigError
 from middeck.values import record
+
+HEAD = ("broken at", "gain dB", "at Hz", "phase deg", "at Hz", "delay ms", "disk", "max |S|", "at Hz")
 
 
 @record
@@ -99,7 +102,11 @@ class LoopMargins:
 
 @record
 class Margins:
-    """Margins of all loops of a plant and its compensator.
+    """Margins of all loops of a plant and its compensator; ``print`` shows them as a table.
+
+    The table has one row a loop: gain, phase and delay margins with their frequencies, disk margin and peak
+    of S. ``-``: no limit. ``?``: a delay margin that was not computed. The row of an unstable loop gives its
+    fastest-growing root.
 
     Attributes:
         stability: Stability of the loop. An unstable loop has crossings but no margins: its limits and disks
@@ -114,6 +121,28 @@ class Margins:
     def stable(self) -> bool:
         """Whether the loop is stable."""
         return self.stability.stable
+
+    def __str__(self) -> str:
+        if not self.stable:
+            root = self.stability
+            return f"unstable: a root at {root.frequency_hz:.4g} Hz grows by {-root.margin:.3g} 1/s"
+        return align_columns([HEAD, *map(_cells, self.loops)])
+
+
+def _cells(loop: LoopMargins) -> tuple[str, ...]:
+    gain = np.argmin(np.abs(np.log(loop.gain))) if len(loop.gain) else None
+    phase = np.argmin(np.abs(loop.phase_rad)) if len(loop.phase_rad) else None
+    return (
+        loop.channel,
+        "-" if gain is None else f"{20.0 * np.log10(loop.gain[gain]):+.1f}",
+        "-" if gain is None else f"{loop.gain_hz[gain]:.4g}",
+        "-" if phase is None else f"{np.degrees(abs(loop.phase_rad[phase])):.1f}",
+        "-" if phase is None else f"{loop.phase_hz[phase]:.4g}",
+        "?" if loop.delay_s is None else "-" if not len(loop.delay_s) else f"{1e3 * loop.delay_limit_s:.3g}",
+        f"{loop.disk.alpha:.3f}",
+        f"{loop.sensitivity.gain:.3f}",
+        f"{loop.sensitivity.frequency_hz:.4g}",
+    )
 
 
 def measure_margins(
@@ -145,6 +174,9 @@ def measure_margins(
     >>> one = measure_margins(delay_plant(integrator, 0.1), P).loops[0]
     >>> one.gain_limits[1].__round__(9), one.phase_limit_rad.__round__(9)    # pi/(2 tau), pi/2 - tau
     (15.707963268, 1.470796327)
+    >>> print(measure_margins(integrator, P))
+    broken at  gain dB  at Hz  phase deg  at Hz   delay ms  disk   max |S|  at Hz
+    force      -        -      90.0       0.1592  1.57e+03  2.000  1.000    477.5
     """
     loop = form_loop(plant, compensator)
     stability, loop = decide_loop(loop), moved_part(loop)

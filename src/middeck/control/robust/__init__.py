@@ -12,7 +12,7 @@ from middeck.control.law.uncertainty import (
     perturb_plant,
     without_delays,
 )
-from middeck.control.robust.comparison import ComparedDesign, compare_designs, comparison_table
+from middeck.control.robust.comparison import ComparedDesign, DesignComparison, compare_designs
 from middeck.control.robust.exchange import design_for_worst
 from middeck.control.robust.monte_carlo import (
     PlantOutcomes,
@@ -34,6 +34,7 @@ from middeck.systems.plants.mode_shift import shift_modes
 
 __all__ = [
     "ComparedDesign",
+    "DesignComparison",
     "LawForm",
     "ModeShift",
     "MultiModelCompensator",
@@ -46,7 +47,6 @@ __all__ = [
     "Uncertainty",
     "Verification",
     "compare_designs",
-    "comparison_table",
     "corner_positions",
     "design_for_worst",
     "design_multimodel",

@@ -7,13 +7,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis.margins_table import align_columns
+from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty, parameter_names
 from middeck.control.lqg import LQGWeights
 from middeck.control.robust.monte_carlo import PlantOutcomes, stable_share, verify_robustness, worst_db
 from middeck.systems.plants.plant import Plant
 from middeck.values import record
+
+HEAD = (
+    "design", "setting", "order", "nominal dB", "nominal rms", "control rms", "stable share", "worst dB",
+    "worst rms", "median dB", "median rms",
+)  # fmt: skip
 
 
 @record(kw_only=True)
@@ -43,6 +48,39 @@ class ComparedDesign:
     median_rms: float
 
 
+@record
+class DesignComparison:
+    """Every design in every setting, design by design; ``print`` shows them as a table.
+
+    ``-``: decibels relative to a plant of infinite rms without control.
+    """
+
+    rows: tuple[ComparedDesign, ...]
+
+    def __str__(self) -> str:
+        return align_columns([HEAD, *map(_cells, self.rows)])
+
+
+def _cells(row: ComparedDesign) -> tuple[str, ...]:
+    return (
+        row.name,
+        row.setting,
+        str(row.order),
+        _decibels(row.nominal_db),
+        f"{row.nominal_rms:.3g}",
+        f"{row.nominal_control_rms:.3g}",
+        f"{row.stable_share:.1%}",
+        _decibels(row.worst_db),
+        f"{row.worst_rms:.3g}",
+        _decibels(row.median_db),
+        f"{row.median_rms:.3g}",
+    )
+
+
+def _decibels(value: float) -> str:
+    return "-" if value == -np.inf else f"{value:.2f}"
+
+
 def compare_designs(
     plant: Plant,
     designs: Mapping[str, Compensator],
@@ -51,7 +89,7 @@ def compare_designs(
     uncertainty: Uncertainty,
     positions: Float[np.ndarray, "plant parameter"],
     rates_hz: Sequence[float] = (),
-) -> tuple[ComparedDesign, ...]:
+) -> DesignComparison:
     """Every design on the nominal plant and on the plants at ``positions``, in every setting.
 
     The designs are compared as they are: at equal authority it is for the caller to make them so.
@@ -63,7 +101,7 @@ def compare_designs(
             plant, design, weights, uncertainty=uncertainty, positions=places, rates_hz=rates_hz
         )
         rows += [_row(name, len(design.system.A), outcomes) for outcomes in found.outcomes]
-    return tuple(rows)
+    return DesignComparison(tuple(rows))
 
 
 def _row(name: str, order: int, whole: PlantOutcomes) -> ComparedDesign:
@@ -91,32 +129,3 @@ def _row(name: str, order: int, whole: PlantOutcomes) -> ComparedDesign:
 
 def _median(values: np.ndarray, stable: np.ndarray) -> float:
     return float(np.median(values[stable])) if stable.any() else np.inf
-
-
-def comparison_table(rows: Sequence[ComparedDesign]) -> str:
-    """The rows as text; ``-`` for decibels relative to a plant of infinite rms without control."""
-    head = (
-        "design", "setting", "order", "nominal dB", "nominal rms", "control rms", "stable share", "worst dB",
-        "worst rms", "median dB", "median rms",
-    )  # fmt: skip
-    lines = [
-        (
-            row.name,
-            row.setting,
-            str(row.order),
-            _decibels(row.nominal_db),
-            f"{row.nominal_rms:.3g}",
-            f"{row.nominal_control_rms:.3g}",
-            f"{row.stable_share:.1%}",
-            _decibels(row.worst_db),
-            f"{row.worst_rms:.3g}",
-            _decibels(row.median_db),
-            f"{row.median_rms:.3g}",
-        )
-        for row in rows
-    ]
-    return align_columns([head, *lines])
-
-
-def _decibels(value: float) -> str:
-    return "-" if value == -np.inf else f"{value:.2f}"
