@@ -350,7 +350,10 @@ def component(names: Names) -> None:
     """From above, and small; `test_superelements` compares the assembly with NX Nastran."""
     assert np.all(names["error"] > -1e-9)
     assert np.max(names["error"]) < 1e-5
-    assert names["md"].recover_outputs(names["modes"], "bus").modes.shape == (6, len(names["modes"].omega))
+    assert names["md"].structure.recover_outputs(names["modes"], "bus").modes.shape == (
+        6,
+        len(names["modes"].omega),
+    )
 
 
 def your_python_control_plant(names: Names) -> None:
