@@ -3,13 +3,13 @@
 What is asked for less often has its place in the list of a room: ``middeck.control.find_aliases``.
 """
 
-from .control.analysis.margins import measure_margins as measure_margins
-from .control.analysis.rms import (
+from .control.analysis.margins.margins import measure_margins as measure_margins
+from .control.analysis.rms.rms import (
     measure_metric as measure_metric,
     measure_rms as measure_rms,
 )
-from .control.analysis.shifts import find_allowed_shifts as find_allowed_shifts
-from .control.analysis.stability import decide_stability as decide_stability
+from .control.analysis.shifts.shifts import find_allowed_shifts as find_allowed_shifts
+from .control.analysis.stability.stability import decide_stability as decide_stability
 from .control.law.classical import (
     close_inner_loop as close_inner_loop,
     PDLoops as PDLoops,
@@ -37,8 +37,8 @@ from .control.noise import measure_noise_rms as measure_noise_rms
 from .control.qualification import qualify_compensator as qualify_compensator
 from .control.reduction.compensators import reduce_compensator as reduce_compensator
 from .control.reduction.modal import reduce_modes as reduce_modes
-from .control.robust.comparison import compare_designs as compare_designs
-from .control.robust.multimodel import design_multimodel as design_multimodel
+from .control.robust.verification.comparison import compare_designs as compare_designs
+from .control.robust.designs.multimodel import design_multimodel as design_multimodel
 from .control.sampled.design import design_sampled_lqg as design_sampled_lqg
 from .control.sampled.emulation import emulate as emulate
 from .control.shaping.sections import shape_compensator as shape_compensator

@@ -39,7 +39,7 @@ from middeck.control.robust import (
     verify_robustness,
     without_delays,
 )
-from middeck.control.robust.exact_delay import exact_growth
+from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.sampled import emulate, measure_sampled_loop
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.shaping import roll_off

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import sampled_cases as cases
 
-from middeck.control.analysis.disk import measure_disk_margin
-from middeck.control.analysis.loop import form_loop
-from middeck.control.analysis.margins import measure_margins
-from middeck.control.analysis.shifts import find_allowed_shifts
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.margins.disk import measure_disk_margin
+from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import (
     compare_sampling,
