@@ -14,9 +14,10 @@ PAGE = Path(__file__).parent / "reference" / "api.md"
 HEAD = """\
 # Public names
 
-`import middeck as md` gives the names below; each is imported from its room when it is first used.
-Everything else is found by room, as `CONTRIBUTING.md` describes. Units, shapes, errors and sources stand
-in the docstrings: `help(md.fit_response)`. This page is written by `docs/make_api_reference.py`.
+`import middeck as md` gives the names below; each is imported from its room when it is first used. A name
+with a dot is one of a room: `control.find_aliases` is `md.control.find_aliases`. Everything else is found by
+room, as `CONTRIBUTING.md` describes. Units, shapes, errors and sources stand in the docstrings:
+`help(md.fit_response)`. This page is written by `docs/make_api_reference.py`.
 """
 SECTIONS = {
     "structure.model": "Articles and environments",
@@ -52,14 +53,16 @@ SECTIONS = {
     "realtime": "Controller packages",
     "laboratory": "The rig",
     "files": "Files and other programs",
+    "campaign": "Campaigns",
+    "updating": "Refinement and promises",
+    "plot": "Drawings",
 }
 
 
 def page() -> str:
     """The whole page."""
     sections: dict[str, list[str]] = {title: [] for title in SECTIONS.values()} | {"Around": []}
-    for name in sorted(middeck.__all__, key=str.lower):
-        value = getattr(middeck, name)
+    for name, value in sorted(public().items(), key=lambda item: (item[0].count("."), item[0].lower())):
         module = getattr(value, "__module__", "middeck")
         title = next((t for room, t in SECTIONS.items() if module.startswith(f"middeck.{room}")), "Around")
         sections[title].append(f"| `{call_of(name, value)}` | {sentence_of(value)} | `{module}` |")
@@ -69,6 +72,16 @@ def page() -> str:
             f"## {title}\n\n| name | what it is | module |\n| --- | --- | --- |\n" + "\n".join(rows) + "\n"
         )
     return "\n".join(parts)
+
+
+def public() -> dict[str, object]:
+    """All names, those of a room behind its name."""
+    own = {name: getattr(middeck, name) for name in middeck.__all__}
+    rooms = {name: value for name, value in own.items() if inspect.ismodule(value)}
+    of_rooms = {
+        f"{room}.{name}": getattr(held, name) for room, held in rooms.items() for name in held.__all__
+    }
+    return {name: value for name, value in own.items() if name not in rooms} | of_rooms
 
 
 def call_of(name: str, value: object) -> str:

@@ -115,7 +115,7 @@ def shapes() -> Figure:
     """Shapes of three modes of the development model in the laboratory, coloured by their motion."""
     coarse = md.load_structure(ROOT / "articles" / "mace-dm.toml", ["mesh.elements_per_strut=2"])
     rest = md.solve_equilibrium(coarse, case("mace-dm")[1])
-    drawing = md.build_mode_drawing(md.solve_modes(rest), [8, 10, 12])
+    drawing = md.structure.build_mode_drawing(md.solve_modes(rest), [8, 10, 12])
     return shapes_figure([drawing], [[Shown(0, i)] for i in range(3)])
 
 
@@ -175,7 +175,7 @@ def margins() -> Figure:
         output=[1.0], input=[1.0], disturbed=("pri_rel_z",), process=[[1e-4]], sensor=[4e-10]
     )
     law = md.design_lqg(md.approximate_delays(plant, 3), weights, 1e2)
-    return draw_nyquist(md.trace_return_ratio(plant, law), md.measure_margins(plant, law))
+    return draw_nyquist(md.control.trace_return_ratio(plant, law), md.measure_margins(plant, law))
 
 
 def gimbals() -> Figure:
@@ -187,7 +187,7 @@ def gimbals() -> Figure:
 def friction() -> Figure:
     """Stiffness of a bearing with friction, and frequency and damping of the modes, against amplitude."""
     bearing = md.Friction(slip_torque=0.02, stiffness=20.0)
-    return draw_amplitude(md.sweep_amplitude(
+    return draw_amplitude(md.structure.sweep_amplitude(
         hung(), joint="pri_z", elements=[bearing], amplitudes=np.geomspace(1e-4, 0.3, 60)
     ))  # fmt: skip
 

@@ -8,8 +8,20 @@ import numpy as np
 
 from middeck.joints.attachment import JointElements, add_viscous
 from middeck.joints.balance import Balance
+from middeck.joints.deadband import Deadband
+from middeck.joints.element import JointElement
+from middeck.joints.friction import Friction
 from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import sample_dynamics
+
+
+def stored_energy(element: JointElement, angle: float, state: float) -> float:
+    """Energy [J] in the presliding spring, or in the flanks of a gap less the work of its preload."""
+    if isinstance(element, Friction):
+        return 0.5 * element.stiffness * (angle - state) ** 2
+    assert isinstance(element, Deadband)
+    torque = element.resist(angle, state)[0] + element.preload
+    return 0.5 * (torque**2 - element.preload**2) / element.stiffness - element.preload * angle
 
 
 class PlainJoints:

@@ -11,7 +11,7 @@ import scipy.linalg as sla
 
 from measured.rows import cell, peer, row
 from middeck.control.h2.closed_cost import Law
-from middeck.control.robust.many_loops import close_many, decide_many, measure_many
+from middeck.control.robust.verification.many_loops import close_many, decide_many, measure_many
 
 CASE, REPEATS = "many loops", 3
 LOOPS, MODES, CHANNELS, SPREAD, SEED = 10_000, 15, 3, 0.05, 0

@@ -204,7 +204,7 @@ def _unseen(designs: dict[str, Compensator], seed: int) -> list[dict[str, Any]]:
     names = dict(
         zip((f"{rate * UNIT_S:g} Hz" for rate in RATES_HZ), (f"{r:g} Hz" for r in RATES_HZ), strict=True)
     )
-    for each in found:
+    for each in found.rows:
         setting, ours = names.get(each.setting, each.setting), each.name == MEANT
         what = f"{each.name}, {setting}"
         note = (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.control.analysis.rms import measure_rms
+from middeck.control.analysis.rms.rms import measure_rms
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.signals.ports import Port

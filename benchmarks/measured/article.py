@@ -15,9 +15,9 @@ import numpy as np
 import scipy.linalg
 
 from measured.rows import row
+from middeck import estimate_response, fit_response, model_response
 from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.files.studies.documents import load_study
-from middeck.identification import estimate_response, fit_response, model_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.structure.modes.solve import solve_modes

@@ -34,7 +34,7 @@ def rows() -> list[dict[str, Any]]:
     return [*out, row(case, measure, "", max(apart), 0.05, note=note)]
 
 
-def _theory(full: np.ndarray, component: md.Component, fixed_hz: np.ndarray) -> np.ndarray:
+def _theory(full: np.ndarray, component: md.structure.Component, fixed_hz: np.ndarray) -> np.ndarray:
     """Relative change of each eigenvalue by leaving out each fixed-interface mode (mode left out, mode)."""
     p = component.mass[:6, 6:]
     whole = md.solve_modes(md.solve_equilibrium(_whole(1000), md.Environment.orbit()))

@@ -14,7 +14,8 @@ import numpy as np
 
 from measured.bounds import Bound, Gimbal, cramer_rao
 from measured.rows import cell, peer, row
-from middeck.identification import FitResult, damping_ratio, estimate_response, fit_response, model_response
+from middeck import estimate_response, fit_response, model_response
+from middeck.identification import FitResult, damping_ratio
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.record import Record

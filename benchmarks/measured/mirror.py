@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from measured.rows import cell, peer, row
-from middeck.identification import estimate_response, fit_response, nrmse
+from middeck import estimate_response, fit_response
+from middeck.identification import nrmse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

@@ -34,9 +34,14 @@ BEHIND_M, BEHIND_KG = 0.03, (1.0, 2.0, 3.0)
 # Of such an equivalent beam: 1 % of a frequency, 2 % of a sag, before anything is seen.
 MODEL_ERROR, STATIC_ERROR = 0.01, 0.02
 UP = np.array([0.0, 0.0, 1.0])
-HEIGHT = md.Gauge(name="height", at="k16", direction=UP, point=pazy.MID_CHORD, std=HEIGHT_M)
-TWIST = md.Gauge(
-    name="twist", at="k16", kind=md.GaugeKind.TILT, direction=UP, line=-TRAILING, std=np.radians(TWIST_DEG)
+HEIGHT = md.updating.Gauge(name="height", at="k16", direction=UP, point=pazy.MID_CHORD, std=HEIGHT_M)
+TWIST = md.updating.Gauge(
+    name="twist",
+    at="k16",
+    kind=md.updating.GaugeKind.TILT,
+    direction=UP,
+    line=-TRAILING,
+    std=np.radians(TWIST_DEG),
 )
 
 
@@ -48,7 +53,7 @@ def rows(data: Path) -> list[dict[str, Any]]:
     span = float(found.structure.nodes[-1].position[1])
     kept = kg > TO_KG + 1e-9
     cases = [pazy.tip_mass(m) for m in kg[kept].tolist()]
-    told = md.predict_deflections(found, pazy.world(pazy.GRAVITY), cases, [HEIGHT], series=SERIES)
+    told = md.updating.predict_deflections(found, pazy.world(pazy.GRAVITY), cases, [HEIGHT], series=SERIES)
     percent = np.array([100.0 * t.value[0] / span for t in told])
     half = np.array([100.0 * 1.959964 * t.std[0] / span for t in told])
     off = np.abs(percent - sag[kept])
@@ -73,7 +78,7 @@ def refined(folder: Path) -> Refined:
     kg, sag = measured(folder)
     span = float(wing.nodes[-1].position[1])
     statics = [
-        md.StaticTest(
+        md.updating.StaticTest(
             name=f"{m:g} kg",
             environment=hangs,
             gauges=(HEIGHT,),
@@ -163,7 +168,7 @@ def _numbers(found: Refined) -> list[dict[str, Any]]:
 
 def _behind(found: Refined, span: float) -> list[dict[str, Any]]:
     cases = [behind(kg) for kg in BEHIND_KG]
-    told = md.predict_deflections(found, pazy.world(pazy.GRAVITY), cases, [HEIGHT, TWIST])
+    told = md.updating.predict_deflections(found, pazy.world(pazy.GRAVITY), cases, [HEIGHT, TWIST])
     return [r for t in told for r in _of_case(t, span)]
 
 

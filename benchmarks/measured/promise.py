@@ -17,7 +17,7 @@ import numpy as np
 import middeck as md
 from measured.rows import row
 from middeck.control.law.compensator import Compensator
-from middeck.control.robust.monte_carlo import which_decay
+from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.plant import Plant
 from middeck.updating.promise.bound import Bound

@@ -15,7 +15,8 @@ import numpy as np
 
 from measured import prediction
 from measured.rows import row
-from middeck.identification import FitResult, estimate_response, fit_response
+from middeck import estimate_response, fit_response
+from middeck.identification import FitResult
 from middeck.identification.friction import JointFriction, find_friction, without_friction
 from middeck.updating.residuals.fitted_survey import survey_from_fit
 from middeck.updating.residuals.surveys import Survey

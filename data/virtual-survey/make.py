@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import middeck as md
-from middeck.control.robust.monte_carlo import outcomes_on
+from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.files.measured.modes import write_measured_modes
 from middeck.files.promises.plans import load_plan
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes

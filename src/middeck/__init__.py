@@ -1,7 +1,7 @@
 """Control of flexible structures that must work where they cannot be tested.
 
 The public names, listed once in ``__init__.pyi``, lead from a structure or a record to a closed loop; each is
-imported when it is first used:
+imported when it is first used. What is asked for less often is a name of its room: ``md.plot.draw_nyquist``.
 
 >>> import middeck as md
 >>> md.Environment.orbit().gravity.tolist()

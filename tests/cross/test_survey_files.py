@@ -44,7 +44,7 @@ def hung() -> Modes:
 
 
 def virtual() -> MeasuredModes:
-    return md.measure_modes(hung(), FREE, chosen=range(10, 16))
+    return md.structure.measure_modes(hung(), FREE, chosen=range(10, 16))
 
 
 @pytest.mark.parametrize(("name", "count"), [("normal-m", 3), ("normal-mm", 6), ("complex-m", 3)])
@@ -71,7 +71,7 @@ def test_what_we_write_comes_back(is_complex: bool, tmp_path: Path) -> None:
     article = virtual()
     turned = article.shape * np.exp(0.3j * np.arange(6)) if is_complex else article.shape
     written = replace(article, shape=turned)
-    md.write_measured_modes(tmp_path / "m.unv", written, hung().equilibrium.model.structure)
+    md.files.write_measured_modes(tmp_path / "m.unv", written, hung().equilibrium.model.structure)
     read = md.load_measured_modes(tmp_path / "m.unv")
     placed = place_channels(hung().equilibrium.model, read)
     assert placed.warnings == ()
@@ -87,11 +87,17 @@ def test_what_we_write_comes_back(is_complex: bool, tmp_path: Path) -> None:
 
 
 def test_a_survey_in_a_universal_file_is_correlated(tmp_path: Path) -> None:
-    md.write_measured_modes(tmp_path / "m.unv", virtual())
+    md.files.write_measured_modes(tmp_path / "m.unv", virtual())
     noise = MeasurementNoise(1e-3, 0.02)
+    profile = md.structure.find_profile("orion-well")
     found = [
         md.correlate_modes(
-            hung(), test, md.find_profile("orion-well"), rng=np.random.default_rng(1), noise=noise, runs=3
+            hung(),
+            test,
+            profile,
+            rng=np.random.default_rng(1),
+            noise=noise,
+            runs=3,
         )
         for test in (virtual(), md.load_measured_modes(tmp_path / "m.unv"))
     ]
@@ -269,14 +275,14 @@ def test_frequencies_alone_in_another_unit_are_told(factor: float, unit: str) ->
 
 
 def test_what_a_universal_file_cannot_hold_is_refused(tmp_path: Path) -> None:
-    joints = md.measure_modes(hung(), [("pri_x", "angle"), ("n1", "x")], chosen=[10])
+    joints = md.structure.measure_modes(hung(), [("pri_x", "angle"), ("n1", "x")], chosen=[10])
     for what, says in (
         (joints, "angle"),
         (replace(virtual(), damping=np.full(6, np.nan)), "damping"),
         (replace(virtual(), node=tuple(f"{n}a" for n in virtual().node), position_m=None), "neither numbers"),
     ):
         with pytest.raises(DataError, match=says):
-            md.write_measured_modes(tmp_path / "m.unv", what)
+            md.files.write_measured_modes(tmp_path / "m.unv", what)
     assert not (tmp_path / "m.unv").exists()
 
 

@@ -182,7 +182,7 @@ def correlate_with_a_test(names: Names) -> None:
 def design_a_controller(names: Names) -> None:
     """LQG is broken by the drift that the other design holds; fewer states hold too; a pole at zero."""
     assert names["margins"].stable
-    share = {(row.name, row.setting): row.stable_share for row in names["rows"]}
+    share = {(row.name, row.setting): row.stable_share for row in names["compared"].rows}
     assert share["multi-model", "continuous"] == share["multi-model", "250 Hz"] == 1.0
     assert share["LQG", "continuous"] < 0.9
     assert names["small"].order == 12
@@ -350,7 +350,10 @@ def component(names: Names) -> None:
     """From above, and small; `test_superelements` compares the assembly with NX Nastran."""
     assert np.all(names["error"] > -1e-9)
     assert np.max(names["error"]) < 1e-5
-    assert names["md"].recover_outputs(names["modes"], "bus").modes.shape == (6, len(names["modes"].omega))
+    assert names["md"].structure.recover_outputs(names["modes"], "bus").modes.shape == (
+        6,
+        len(names["modes"].omega),
+    )
 
 
 def your_python_control_plant(names: Names) -> None:

@@ -1,4 +1,4 @@
-"""A page gives the import path of every function and class that `md` does not have, and the path is right."""
+"""A page gives the import path of every function and class that is not public, and the path is right."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from doc_pages import ROOT
 
-import middeck
+from middeck.cli.advice import public_names
 
 SOURCE = ROOT / "src" / "middeck"
 PAGES = sorted([*ROOT.glob("docs/explanation/*.md"), *ROOT.glob("docs/how-to/*.md")])
@@ -30,7 +30,7 @@ WORDS = {
 
 @functools.cache
 def sources() -> dict[Path, str]:
-    return {file: file.read_text(encoding="utf-8") for file in SOURCE.rglob("*.py")}
+    return {file: file.read_text(encoding="utf-8") for file in SOURCE.rglob("*.py*") if file.suffix != ".pyc"}
 
 
 @functools.cache
@@ -40,14 +40,15 @@ def unclear() -> set[str]:
         {name for text in sources().values() for name in re.findall(pattern, text, re.MULTILINE)}
         for pattern in (r"^(?:def|class) (\w+)", r"^    (\w+): ")
     )
-    return defined - fields - set(middeck.__all__) - WORDS
+    return defined - fields - public_names() - WORDS
 
 
 def exists(path: str) -> bool:
     """Whether the dotted ``path`` is a module, or a name that its module or package has."""
     *rooms, name = path.split(".")[1:]
     room = SOURCE.joinpath(*rooms)
-    holds = sources().get(room.with_suffix(".py")) or sources().get(room / "__init__.py") or ""
+    holds = sources().get(room.with_suffix(".py")) or sources().get(room / "__init__.pyi") or ""
+    holds = holds or sources().get(room / "__init__.py") or ""
     return (room / name).is_dir() or (room / f"{name}.py").exists() or bool(re.search(rf"\b{name}\b", holds))
 
 

@@ -26,7 +26,7 @@ def checked(capfd: Capture, *arguments: object) -> dict[str, Any]:
 
 def test_a_level_article_is_sound(capfd: Capture) -> None:
     found = checked(capfd, SIMPLE, LAB)
-    hangs = md.estimate_attitude(md.solve_equilibrium(*md.load_setup(SIMPLE, LAB)))
+    hangs = md.structure.estimate_attitude(md.solve_equilibrium(*md.load_setup(SIMPLE, LAB)))
     assert (found["sound"], found["findings"]) == (True, [])
     assert found["attitude"]["tilt_deg"] == np.degrees(hangs.tilt).tolist()
     assert found["attitude"]["hangs_from"] == "plane"  # the offset takes n1 out of the line

@@ -172,20 +172,20 @@ def test_identify_then_design(tmp_path: Path, capfd: Capture) -> None:
     found = document(capfd, "identify", *FIT, "--continuous", "--validate", held_out, "-o", model)
     measured = md.estimate_response(md.load_record(FIT[0]), band_hz=(300.0, 1000.0))
     fit = md.fit_response(measured, states=6)
-    assert md.load_model(model) == fit.model
+    assert md.files.load_model(model) == fit.model
     assert found["states"] == 6
     assert found["sampled"] is False
     assert found["frequency_hz"] == (np.abs(fit.model.poles) / (2.0 * np.pi)).tolist()
     outputs = ["position_1", "position_2", "position_3"]
     assert found["delay_s"] == dict(zip(outputs, fit.model.delay_s, strict=True))
     assert found["error"] == dict(zip(outputs, fit.error, strict=True))
-    error = md.nrmse(fit.model, md.load_record(held_out))
+    error = md.identification.nrmse(fit.model, md.load_record(held_out))
     assert found["held_out_nrmse"] == dict(zip(outputs, error, strict=True))
 
     ports = ("--control", "piezo_1", "--measure", "position_1")
     noise = ("--angle-noise", 1e-7, "--disturbance", 0.1, "--log10-authority", 12)
     designed = document(capfd, "design", model, *ports, *noise, "-o", law)
-    path = md.select_channels(fit.model, inputs=["piezo_1"], outputs=["position_1"]).model
+    path = md.identification.select_channels(fit.model, inputs=["piezo_1"], outputs=["position_1"]).model
     plant = md.approximate_delays(
         md.measured_plant(path, w=["piezo_1"], u=["piezo_1"], z=["position_1"], y=["position_1"]), 3
     )
@@ -230,7 +230,7 @@ def test_without_states_the_recommended_order_is_taken(tmp_path: Path, capfd: Ca
     y = np.fft.irfft(np.fft.rfft(u, axis=2) / (1.0 - (f / 20.0) ** 2 + 0.1j * f / 20.0), axis=2)
     y = y + 1e-3 * np.random.default_rng(2).standard_normal(y.shape)
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    md.write_record(
+    md.write(
         tmp_path / "one.npz",
         Record(sample_hz=256.0, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=True),
     )
@@ -307,5 +307,5 @@ def test_shapes_written_by_modes_are_its_own_survey(capfd: Capture, tmp_path: Pa
     modes = md.solve_modes(md.solve_equilibrium(*setup), 16)
     nodes = [f"n{n}" if ending == "unv" else n for n in measured.node]  # the format knows numbers
     channels = list(zip(nodes, measured.direction, strict=True))
-    computed = md.measure_modes(modes, channels, chosen=range(10, 16))
+    computed = md.structure.measure_modes(modes, channels, chosen=range(10, 16))
     np.testing.assert_allclose(measured.shape, computed.shape, rtol=2e-5, atol=1e-12)

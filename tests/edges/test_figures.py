@@ -254,7 +254,10 @@ def test_a_picture_of_many_shapes_says_how_many_it_leaves_out(page: ShapePage) -
     ([("xyz", "")], "support"), ([("y", "xyz"), ("xz", "")], "clamp"),
 ])  # fmt: skip
 def test_what_holds_some_directions_is_no_clamp(held: list[tuple[str, str]], what: str) -> None:
-    clamps = (md.Clamp(node="b"), *(md.Clamp(node="a", along=along, about=about) for along, about in held))
+    clamps = (
+        md.Clamp(node="b"),
+        *(md.Clamp(node="a", along=along, about=about) for along, about in held),
+    )
     around = dataclasses.replace(md.Environment.clamped("a", gravity=0.0), clamps=clamps)
     modes = md.solve_modes(md.solve_equilibrium(straight_beam(TUBE, 2.0, 4), around), 4)
     marks = {mark.name: mark.what for mark in build_mode_drawing(modes, range(2)).marks}

@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from middeck import estimate_response, fit_response
 from middeck.errors import ConfigError, DataError, FitError
-from middeck.identification import estimate_response, fit_response, natural_hz, nrmse
+from middeck.identification import natural_hz, nrmse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse

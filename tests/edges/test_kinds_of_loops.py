@@ -43,20 +43,20 @@ HERE = np.zeros((1, 1))
 def test_a_sampled_law_meets_the_plant_as_its_computer_does(plant: Plant) -> None:
     held = md.sample_plant(plant, 0.05)
     assert md.decide_stability(plant, SAMPLED) == md.decide_stability(held, SAMPLED)
-    assert md.measure_disk_margin(plant, SAMPLED) == md.measure_disk_margin(held, SAMPLED)
+    assert md.control.measure_disk_margin(plant, SAMPLED) == md.control.measure_disk_margin(held, SAMPLED)
     here, there = (md.measure_margins(p, SAMPLED).loops[0] for p in (plant, held))
     np.testing.assert_array_equal(here.gain, there.gain)
     assert here.delay_s is not None
     assert there.delay_s is None
     hz = np.array([0.3, 2.0])
-    one, other = (md.trace_return_ratio(p, SAMPLED, frequency_hz=hz).L for p in (plant, held))
+    one, other = (md.control.trace_return_ratio(p, SAMPLED, frequency_hz=hz).L for p in (plant, held))
     np.testing.assert_array_equal(one, other)
-    worst = md.find_worst_case(plant, SAMPLED, BOX)
+    worst = md.control.find_worst_case(plant, SAMPLED, BOX)
     moved = shift_modes(plant, {"a": 1.0 + 0.02 * float(worst.position[0])})
     assert worst.stability == md.decide_stability(moved, SAMPLED)
-    inverted = md.find_inversion(plant, SAMPLED, within=10.0)
+    inverted = md.control.find_inversion(plant, SAMPLED, within=10.0)
     assert [i.distance for i in inverted] == [
-        i.distance for i in md.find_inversion(held, SAMPLED, within=10.0)
+        i.distance for i in md.control.find_inversion(held, SAMPLED, within=10.0)
     ]
 
 
@@ -76,7 +76,7 @@ def test_a_mode_shifts_before_the_plant_is_sampled() -> None:
     "judge",
     [
         lambda p, law: md.measure_rms(p, law, BAND),
-        lambda p, law: md.verify_robustness(p, law, WEIGHTS, uncertainty=BOX, positions=HERE),
+        lambda p, law: md.control.verify_robustness(p, law, WEIGHTS, uncertainty=BOX, positions=HERE),
         lambda p, law: md.reduce_compensator(law, p, 2),
     ],
 )
@@ -89,8 +89,7 @@ def test_a_sampled_law_is_not_judged_as_a_continuous_one(judge: Callable[..., An
     "use",
     [
         lambda: md.close_loop(PLANT, SAMPLED),
-        lambda: md.measure_control_rms(PLANT, SAMPLED, BAND),
-        lambda: md.shape_compensator(SAMPLED, md.roll_off(1.0)),
+        lambda: md.shape_compensator(SAMPLED, md.control.roll_off(1.0)),
         lambda: md.emulate(SAMPLED, 0.05),
     ],
 )

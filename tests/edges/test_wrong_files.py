@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import middeck
 from cli_runner import ROOT
 from cli_runner import middeck as run
-from middeck.cli.advice import on_command_line
+from middeck.cli.advice import on_command_line, public_names
 from middeck.cli.app import VERBS, verb_options
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.articles.form import ArticleForm
@@ -355,7 +354,7 @@ def test_no_hint_of_the_library_names_an_option() -> None:
 def test_no_hint_of_a_verb_names_python_or_an_option_that_it_lacks(verb: str) -> None:
     every = {o for own in OPTIONS.values() for o in own}
     for place, hint in hints():
-        said = on_command_line(hint, verb, OPTIONS, middeck.__all__)
+        said = on_command_line(hint, verb, OPTIONS, public_names())
         assert not re.search(PYTHON, said.replace("VALUE", "")), (place, said)
         for option in re.findall(r"(?<![\w-])--[a-z][\w-]*", said):
             assert option in every

@@ -11,7 +11,7 @@ from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.law_form import arrange
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
-from middeck.control.robust.blend import blend
+from middeck.control.robust.search.blend import blend
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem

@@ -12,7 +12,7 @@ from updating_case import STRAIGHT, TURNED, sheet, sheet_unknowns, survey, true_
 from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
 from middeck.control.qualification import decibels
-from middeck.control.robust.monte_carlo import noise_on, uncontrolled_rms
+from middeck.control.robust.verification.monte_carlo import noise_on, uncontrolled_rms
 from middeck.control.sampled import emulate
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction

@@ -151,7 +151,7 @@ def test_an_article_finds_its_component_beside_itself(tmp_path, component, capfd
 
     found = estimate_damping(modes, count=8)
     np.testing.assert_allclose(found.device[6:8], 1e-5 * modes.omega[6:8], rtol=1e-9)
-    out = md.recover_outputs(modes, "part")
+    out = md.structure.recover_outputs(modes, "part")
     assert out.names[0] == "m x"
     assert np.abs(out.rest).max() < 1e-12
     assert out.modes.shape == (6, len(modes.omega))
@@ -162,7 +162,7 @@ def test_recovered_motion_is_that_of_the_whole():
     orbit = md.Environment.orbit()
     full = md.solve_modes(md.solve_equilibrium(whole, orbit))
     made = md.solve_modes(md.solve_equilibrium(with_component(whole, part, count=500, recover=["m"]), orbit))
-    seen = md.recover_outputs(made, "part").modes[:, 6:10]
+    seen = md.structure.recover_outputs(made, "part").modes[:, 6:10]
     true = full.shapes[6:12, 6:10]
     signs = np.sign(np.sum(seen * true, axis=0))
     np.testing.assert_allclose(seen * signs, true, atol=1e-6 * np.abs(true).max())

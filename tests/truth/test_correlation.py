@@ -315,7 +315,7 @@ def test_modes_of_one_frequency_are_compared_in_any_basis(seed: int) -> None:
     article = structure(nodes, [member(f"n{i}", f"n{i + 1}", tube, 1) for i in range(4)])
     modes = md.solve_modes(md.solve_equilibrium(article, md.Environment.clamped("n0", gravity=0.0)))
     at = [(f"n{i}", d) for i in range(1, 5) for d in "yz"]
-    plain = md.measure_modes(modes, at=at, chosen=[0, 1, 2, 3])
+    plain = md.structure.measure_modes(modes, at=at, chosen=[0, 1, 2, 3])
     shape = np.array(plain.shape)
     for pair in ([0, 1], [2, 3]):
         angle, phase = rng.uniform(0.0, 2.0 * np.pi), np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, 2))
@@ -324,8 +324,8 @@ def test_modes_of_one_frequency_are_compared_in_any_basis(seed: int) -> None:
     turned = dataclasses.replace(plain, shape=shape)
     found = [
         md.correlate_modes(
-            modes, test, md.find_profile("ecss-e-st-32-11c"), rng=np.random.default_rng(0),
-            noise=md.MeasurementNoise(1e-3, 0.02), runs=20,
+            modes, test, md.structure.find_profile("ecss-e-st-32-11c"), rng=np.random.default_rng(0),
+            noise=md.structure.MeasurementNoise(1e-3, 0.02), runs=20,
         )
         for test in (plain, turned)
     ]  # fmt: skip

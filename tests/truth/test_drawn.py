@@ -190,7 +190,7 @@ def test_links_are_in_every_kind_of_picture(tmp_path: Path) -> None:
     assert cells is not None
     count = sum(line.last - line.first - 1 for line in drawing.lines if line.what == "link")
     assert (cells.text or "").split().count(str(PARTS.index("link"))) == count == 4
-    (legend,) = md.draw_shapes(drawing).legends
+    (legend,) = md.plot.draw_shapes(drawing).legends
     assert "link that leaves some motion free" in [text.get_text() for text in legend.get_texts()]
 
 
@@ -279,7 +279,7 @@ def test_a_picture_is_drawn_whatever_has_no_extent(places: list[tuple[float, flo
         tied = md.Environment(title="tied", gravity=np.zeros(3), springs=springs,
                               clamps=tuple(Clamp(node=n.name, along="") for n in nodes))  # fmt: skip
         drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(article, tied)))
-        figure = md.draw_shapes(drawing)
+        figure = md.plot.draw_shapes(drawing)
         assert np.all(np.isfinite([*figure.get_size_inches(), *figure.axes[0].get_xlim()]))
         assert drawing.size > 0.5
         assert factor_of(drawing, 0) * np.linalg.norm(drawing.motion[0], axis=1).max() > 0.05

@@ -13,7 +13,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.noise import measure_noise_rms
 from middeck.control.robust import outcomes_on, without_delays
-from middeck.control.robust.exact_family import family_law, measure_in_family
+from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.errors import NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays

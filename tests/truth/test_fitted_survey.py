@@ -11,10 +11,11 @@ import rig_case
 import updating_case as case
 
 import middeck as md
+from middeck import estimate_response, fit_response
 from middeck.errors import ConfigError, DataError
 from middeck.files.measured.models import write_model
 from middeck.files.measured.survey_files import load_survey_modes
-from middeck.identification import FitResult, estimate_response, fit_response
+from middeck.identification import FitResult
 from middeck.identification.model.measurement_model import damping_ratio
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import MeasuredModes, measure_modes, sensor_rows

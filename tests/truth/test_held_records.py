@@ -18,7 +18,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from cli_runner import middeck
-from middeck.control.analysis.margins import measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator
 from middeck.files.laws.compensators import write_compensator
 from middeck.files.measured.models import load_model, write_model

@@ -2,17 +2,9 @@ import gimbal_record
 import numpy as np
 import pytest
 
+from middeck import MeasurementModel, estimate_response, fit_response, measured_plant, model_response
 from middeck.errors import ConfigError
-from middeck.identification import (
-    MeasurementModel,
-    damping_ratio,
-    estimate_response,
-    fit_response,
-    measured_plant,
-    model_response,
-    natural_hz,
-    sampled_statespace,
-)
+from middeck.identification import damping_ratio, natural_hz, sampled_statespace
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout, Point, pack, unpack

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.identification import estimate_response, fit_response, nrmse
+from middeck import estimate_response, fit_response
+from middeck.identification import nrmse
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.race import recommend_states
 from middeck.identification.problem.data import Data

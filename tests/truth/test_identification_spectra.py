@@ -2,7 +2,8 @@ import gimbal_record
 import numpy as np
 import pytest
 
-from middeck.identification import estimate_response, response_scatter
+from middeck import estimate_response
+from middeck.identification import response_scatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from repeats import repeats

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from middeck import estimate_response, fit_response
 from middeck.errors import ConfigError, DataError, FitError
-from middeck.identification import estimate_response, fit_response, natural_hz
+from middeck.identification import natural_hz
 from middeck.identification.friction import find_friction, without_friction
 from middeck.identification.friction.slider import slider_torque
 from middeck.joints.attachment import JointElements

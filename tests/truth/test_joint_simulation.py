@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from joint_reference import stored_energy
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
@@ -125,7 +126,7 @@ def energies(plant, rig, steps, start):
         q, rate = state.x[::2], state.x[1::2] * scale
         angles = rig.plant.angle @ state.x
         parts = [(e, a) for j, a in zip(rig.joints, angles, strict=True) for e in j.elements]
-        stored = sum(e.stored_energy(a, s) for (e, a), s in zip(parts, state.joints, strict=True))
+        stored = sum(stored_energy(e, a, s) for (e, a), s in zip(parts, state.joints, strict=True))
         total.append(0.5 * np.sum(rate**2 + (omega * q) ** 2) + stored)
     return np.array(total)
 
@@ -153,7 +154,7 @@ def test_dissipated_energy_is_slip_torque_times_way_slipped():
     way = np.sum(np.abs(np.diff([state.joints[0] for state in states])))
     energy = [
         0.5 * np.sum(s.x**2) * KP / J
-        + BEARING.stored_energy(float((rig.plant.angle @ s.x)[0]), float(s.joints[0]))
+        + stored_energy(BEARING, float((rig.plant.angle @ s.x)[0]), float(s.joints[0]))
         for s in (states[0], states[-1])
     ]
     lost = energy[0] - energy[1]

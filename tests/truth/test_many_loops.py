@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.control.h2.closed_cost import Law
-from middeck.control.robust.many_loops import close_many, decide_many, measure_many
+from middeck.control.robust.verification.many_loops import close_many, decide_many, measure_many
 from middeck.errors import ConfigError
 from middeck.systems.poles.stability import is_stable
 from middeck.systems.state_space.statespace import StateSpace

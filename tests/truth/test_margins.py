@@ -11,9 +11,9 @@ from middeck.control.analysis import (
     measure_margins,
     trace_return_ratio,
 )
-from middeck.control.analysis.loop import At, form_loop
-from middeck.control.analysis.neutral import bears_no_delay
-from middeck.control.analysis.scaling import balance_channels, minimise_scaling, scaled_norms
+from middeck.control.analysis.loop.feedback_loop import At, form_loop
+from middeck.control.analysis.margins.neutral import bears_no_delay
+from middeck.control.analysis.margins.scaling import balance_channels, minimise_scaling, scaled_norms
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port

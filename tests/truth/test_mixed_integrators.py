@@ -7,8 +7,8 @@ import pytest
 from tests.repeats import repeats
 
 import middeck as md
-from middeck.control.analysis.loop import At, evaluate_halves, form_loop, go_round
-from middeck.control.analysis.shared_gain import closed_round
+from middeck.control.analysis.loop.feedback_loop import At, evaluate_halves, form_loop, go_round
+from middeck.control.analysis.margins.shared_gain import closed_round
 from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 
@@ -70,7 +70,7 @@ def _two_motors(
 def test_two_loops_share_a_free_body(seed: int, period_s: float | None, delay_s: float) -> None:
     """Alone both grow as b / s^2; with the other closed L_1 goes to K_1 b_1 / (K_2 b_2)."""
     plant, law, share = _two_motors(np.random.default_rng(seed), delay_s, period_s)
-    L = md.trace_return_ratio(plant, law, frequency_hz=np.geomspace(1e-9, 1e-6, 7)).L
+    L = md.control.trace_return_ratio(plant, law, frequency_hz=np.geomspace(1e-9, 1e-6, 7)).L
     assert L[:, 0] == pytest.approx(share, rel=1e-5)
     assert L[:, 1] == pytest.approx(1.0 / share, rel=1e-5)
 

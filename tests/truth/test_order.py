@@ -6,7 +6,7 @@ import gimbal_record
 import numpy as np
 import pytest
 
-from middeck.identification import estimate_response
+from middeck import estimate_response
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.order import Tried, choose, is_settled
 from middeck.identification.order.race import race, recommend_states

@@ -21,8 +21,8 @@ from middeck.control.robust import (
     verify_robustness,
     without_delays,
 )
-from middeck.control.robust.directions import shift_directions
-from middeck.control.robust.popov_bound import Multipliers, evaluate_bound, first_multipliers
+from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
+from middeck.control.robust.problem.directions import shift_directions
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, name_states

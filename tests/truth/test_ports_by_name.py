@@ -14,7 +14,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import align_plant
 from middeck.control.reduction import reduce_compensator
-from middeck.control.robust.monte_carlo import outcomes_on
+from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.law import place_law

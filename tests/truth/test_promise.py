@@ -16,7 +16,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.noise import measure_noise_rms
-from middeck.control.robust.monte_carlo import noise_on, which_decay
+from middeck.control.robust.verification.monte_carlo import noise_on, which_decay
 from middeck.control.sampled import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment

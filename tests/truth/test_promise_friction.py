@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.robust.monte_carlo import noise_on
+from middeck.control.robust.verification.monte_carlo import noise_on
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction

@@ -28,7 +28,6 @@ from middeck.control.robust import (
     ModeShift,
     Uncertainty,
     compare_designs,
-    comparison_table,
     corner_positions,
     draw_positions,
     end_positions,
@@ -40,7 +39,7 @@ from middeck.control.robust import (
     verify_robustness,
     without_delays,
 )
-from middeck.control.robust.exact_delay import exact_growth
+from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.sampled import emulate, measure_sampled_loop
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.shaping import roll_off
@@ -368,12 +367,14 @@ def test_designs_side_by_side():
         "strong": design_lqg(without_delays(plant), WEIGHTS, AUTHORITY),
         "weak": design_lqg(without_delays(plant), WEIGHTS, 0.01),
     }
-    rows = compare_designs(plant, designs, WEIGHTS, uncertainty=TOGETHER, positions=np.array([[1.0], [-1.0]]))
-    strong, weak = rows
+    found = compare_designs(
+        plant, designs, WEIGHTS, uncertainty=TOGETHER, positions=np.array([[1.0], [-1.0]])
+    )
+    strong, weak = found.rows
     assert (strong.order, strong.stable_share, weak.stable_share) == (13, 0.5, 1.0)
     assert strong.nominal_db < weak.nominal_db
     assert strong.nominal_control_rms > weak.nominal_control_rms
-    table = comparison_table(rows)
+    table = str(found)
     assert "50.0%" in table
     assert len(table.splitlines()) == 3
 

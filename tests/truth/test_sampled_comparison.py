@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import sampled_cases as cases
 
-from middeck.control.analysis.disk import measure_disk_margin
-from middeck.control.analysis.loop import form_loop
-from middeck.control.analysis.margins import measure_margins
-from middeck.control.analysis.shifts import find_allowed_shifts
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.margins.disk import measure_disk_margin
+from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.lqg import LQGWeights
 from middeck.control.sampled import (
     compare_sampling,
@@ -18,7 +18,6 @@ from middeck.control.sampled import (
     find_aliases,
     measure_sampled_loop,
 )
-from middeck.control.sampled.sampling_table import sampling_table
 from middeck.control.shaping import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
@@ -108,7 +107,7 @@ def test_shifts_end_where_the_sampled_loop_does(comparison):
 
 
 def test_the_table_says_what_was_measured(comparison):
-    head, *lines = sampling_table(comparison).splitlines()
+    head, *lines = str(comparison).splitlines()
     assert head.split("  ")[0] == "rate Hz"
     assert len(lines) == len(comparison.rows)
     for line, row in zip(lines, comparison.rows, strict=True):
@@ -155,7 +154,7 @@ def test_an_open_loop_without_end_is_no_obstacle():
     found = compare_sampling(plant, weights, 1.0, (20.0, 50.0), pade_order=2)
     assert found.open_metric == np.inf
     assert all(row.outcome.stable for row in found.rows)
-    assert sampling_table(found).splitlines()[1].split()[3] == "-"  # after "20", "direct,", "current"
+    assert str(found).splitlines()[1].split()[3] == "-"  # after "20", "direct,", "current"
 
 
 def test_more_channels_have_no_matched_law():

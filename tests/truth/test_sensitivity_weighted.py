@@ -15,8 +15,8 @@ from middeck.control.robust import (
     verify_robustness,
     without_delays,
 )
-from middeck.control.robust.directions import stiffness_directions
-from middeck.control.robust.sensitivity_weighted import _changes, _weighted
+from middeck.control.robust.designs.sensitivity_weighted import _changes, _weighted
+from middeck.control.robust.problem.directions import stiffness_directions
 from middeck.errors import ConfigError, NumericalError
 
 

@@ -7,15 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.analysis.rms import measure_rms
-from middeck.control.analysis.stability import decide_stability
+from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import predict_closed_loop_response
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg import LQGWeights, design_lqg
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import qualify_compensator
-from middeck.control.robust.monte_carlo import outcomes_on
+from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.control.sampled import design_sampled_lqg, emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy

@@ -4,8 +4,8 @@ import gimbal_record
 import numpy as np
 import pytest
 
+from middeck import estimate_response
 from middeck.errors import ConfigError, FitError
-from middeck.identification import estimate_response
 from middeck.identification.order.stabilisation import stabilisation
 from middeck.systems.plants.response import FrequencyResponse
 

@@ -201,8 +201,8 @@ def test_a_stiffness_is_recovered_from_sag_alone():
 def test_sag_and_modes_that_contradict_leave_an_error_of_the_model():
     """The wing sags 6 % more than its modes allow: said, carried to other loads, and no stiffness."""
     truth = md.solve_modes(md.solve_equilibrium(wing(), stand()))
-    noise = md.MeasurementNoise(frequency=5e-4, shape=0.02)
-    seen = md.measure_modes(truth, chosen=range(4), noise=noise, rng=np.random.default_rng(1))
+    noise = md.structure.MeasurementNoise(frequency=5e-4, shape=0.02)
+    seen = md.structure.measure_modes(truth, chosen=range(4), noise=noise, rng=np.random.default_rng(1))
     survey = md.Survey(name="tapped", measured=seen, environment=stand())
     softer = wing(np.exp(-0.06))
     statics = sagged(softer, (0.2, 0.4, 0.6, 0.8, 1.0), (TIP,))
@@ -266,8 +266,8 @@ def test_predictions_are_documents():
 
 def test_an_article_without_static_tests_is_predicted_with_the_usual_errors():
     truth = md.solve_modes(md.solve_equilibrium(wing(), stand()))
-    noise = md.MeasurementNoise(frequency=1e-4, shape=0.01)
-    seen = md.measure_modes(truth, chosen=range(4), noise=noise, rng=np.random.default_rng(1))
+    noise = md.structure.MeasurementNoise(frequency=1e-4, shape=0.01)
+    seen = md.structure.measure_modes(truth, chosen=range(4), noise=noise, rng=np.random.default_rng(1))
     found = refine(wing(), [md.Survey(name="tapped", measured=seen, environment=stand())], [BENDING])
     (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
     assert told.seen == 0.0

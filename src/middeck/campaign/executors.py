@@ -97,17 +97,15 @@ def run_campaign(
             book.add(index, body, fault=fault)
             faults += fault
             if progress:
-                elapsed = clock() - start
-                progress(
-                    Progress(
-                        done=len(known) + k,
-                        total=len(cases),
-                        faults=faults,
-                        elapsed_s=elapsed,
-                        remaining_s=elapsed / k * (len(left) - k),
-                    )
-                )
+                progress(_progress(len(known), k, len(left), faults, clock() - start))
         return CampaignResult(book.outcomes(), book.digest())
+
+
+def _progress(known: int, k: int, left: int, faults: int, elapsed_s: float) -> Progress:
+    """After ``k`` of the cases that were left, at their mean pace."""
+    remaining_s = elapsed_s / k * (left - k)
+    done, total = known + k, known + left
+    return Progress(done=done, total=total, faults=faults, elapsed_s=elapsed_s, remaining_s=remaining_s)
 
 
 def _path_of(function: str | Function) -> str:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import pkgutil
 import re
 from collections.abc import Collection, Mapping
+from importlib import import_module
 from typing import NamedTuple
+
+import middeck
 
 BESIDE = "in a file beside it, named as the record with .toml added"
 
@@ -45,6 +49,12 @@ SPOKEN = (
 )
 CLAUSES = r"(;\s+|,? or\s+)"
 CALL = r"\b[A-Za-z_][\w.]*\w\(|(?<![\w.-])[a-z_]+=(?=[\w(\['\"])|\b[A-Z][a-z]+[A-Z]\w*"
+
+
+def public_names() -> set[str]:
+    """Names of the library and of its rooms."""
+    rooms = (import_module(f"middeck.{m.name}") for m in pkgutil.iter_modules(middeck.__path__) if m.ispkg)
+    return {name for place in (middeck, *rooms) for name in getattr(place, "__all__", ())}
 
 
 def in_options(text: str, own: Collection[str]) -> str:

@@ -78,7 +78,7 @@ def expect(made: Excitation, model_file: str, noise_rms: tuple[float, ...], peri
         raise ConfigError(
             "a TOML file is no measurement model",
             where=f"--model {model_file}",
-            hint="a JSON file of middeck identify -o; or a guess, by write_model: "
+            hint="a JSON file of middeck identify -o; or a guess, by middeck.write: "
             "docs/how-to/from-a-record-to-a-plant.md",
         )
     model = load_model(model_file)

@@ -61,12 +61,11 @@ def _translated(error: Exception, arguments: Sequence[str]) -> Exception:
 
     if not isinstance(error, MiddeckError) or not error.hint or "faults" in error.data:
         return error
-    import middeck
-    from middeck.cli.advice import on_command_line
+    from middeck.cli.advice import on_command_line, public_names
     from middeck.cli.app import VERBS, verb_options
 
     typed = next((a for a in arguments if a in VERBS), "")
-    error.hint = on_command_line(error.hint, typed, {v: verb_options(v) for v in VERBS}, middeck.__all__)
+    error.hint = on_command_line(error.hint, typed, {v: verb_options(v) for v in VERBS}, public_names())
     return error
 
 

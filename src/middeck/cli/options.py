@@ -126,6 +126,24 @@ count = click.option(
 load_case = click.option(
     "--load-case", metavar="NAME", help="Apply a load case of the article.  [default: none]"
 )
+environments = click.option(
+    "--environment",
+    "environments",
+    multiple=True,
+    metavar="NAME|PATH",
+    help="Environment of the articles; may be repeated.  [default: lab]",
+)
+shifts = click.option(
+    "--shift",
+    "shifts",
+    type=(str, click.FloatRange(0.0, 100.0, min_open=True, max_open=True)),
+    multiple=True,
+    metavar="MODES PERCENT",
+    help="Modes by name or LO:HI in Hz, moved together down and up.",
+)
+delay_ms = click.option(
+    "--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant."
+)
 sweep = click.option(
     "--sweep",
     is_flag=True,

@@ -11,7 +11,7 @@ import numpy as np
 from middeck.cli.blame import reading
 from middeck.cli.cases import solve_case
 from middeck.cli.plants import tell_warnings
-from middeck.control.analysis.shifts import find_allowed_shifts
+from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights
 from middeck.control.qualification import qualify_compensator, sampled_forms

@@ -2,3 +2,7 @@
 
 Feedback sign: a compensator's output is ADDED at the plant's input, u = K(s) y; a minus sign is inside K.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -126,11 +126,6 @@ class Deadband:
         mean = (last * last - first * first) / (2.0 * self.stiffness * way)
         return mean - self.preload, (last - mean) / way
 
-    def stored_energy(self, angle: float, state: float) -> float:
-        """Energy [J] in the flanks less the work of the preload, zero at rest."""
-        energy = 0.5 * (self._flank(angle + self.rest) ** 2 - self.preload**2) / self.stiffness
-        return energy - self.preload * angle
-
     def _flank(self, angle: float) -> float:
         """Torque [N m] of the flanks, ``angle`` from the middle of the gap."""
         if abs(angle) <= self.gap:

@@ -58,10 +58,6 @@ class JointElement(Protocol):
         """
         ...
 
-    def stored_energy(self, angle: float, state: float) -> float:
-        """Stored energy [J]."""
-        ...
-
 
 def sum_equivalents(
     elements: Sequence[JointElement], amplitude: Float[np.ndarray, " amplitude"]

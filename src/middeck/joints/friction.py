@@ -124,10 +124,6 @@ class Friction:
         slipped = 0.5 * (slack + math.sqrt(slack * slack + 4.0 * compliance * lost))
         return sign * (slip - lost / slipped) if slipped > 0.0 else sign * slip
 
-    def stored_energy(self, angle: float, state: float) -> float:
-        """Energy [J] in the presliding spring."""
-        return 0.5 * self.stiffness * (angle - state) ** 2
-
 
 def _turn(ratio: np.ndarray) -> np.ndarray:
     """Phase psi, cos psi = 1 - 2 ratio, from the turning point to slip: sin(psi/2)^2 = ratio."""

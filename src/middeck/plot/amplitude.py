@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,18 +15,19 @@ DISTORTED = 0.1
 """Part of higher harmonics above which a curve is drawn faint: harmonic balance is then a sketch."""
 LEAST = 1e-3
 """Change of relative frequency and damping ratio together below which a mode is not worth a curve."""
+MOST = 6
+"""Modes shown."""
 LINES = ("-", "--", "-.", ":")
 COLOURS = ("orbit", "lab", "prediction", "low", "high", "ink")
 
 
 @styled
-def draw_amplitude(curves: AmplitudeCurves, show: Sequence[int] | None = None) -> Figure:
+def draw_amplitude(curves: AmplitudeCurves) -> Figure:
     """Equivalent stiffness of the joint, relative frequency and damping of each mode, over the amplitude.
 
-    ``show`` are positions in ``curves`` of modes that are not at rest throughout; by default those whose
-    frequency or damping moves, six at most.
+    Shown are the modes whose frequency or damping moves, six at most.
     """
-    shown = _movers(curves) if show is None else list(show)
+    shown = _movers(curves)
     figure = new_figure(6.4)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[0.8, 1.2, 1.2])
     _draw_equivalents(top, curves)
@@ -47,12 +47,12 @@ def draw_amplitude(curves: AmplitudeCurves, show: Sequence[int] | None = None) -
     return figure
 
 
-def _movers(curves: AmplitudeCurves, most: int = 6) -> list[int]:
+def _movers(curves: AmplitudeCurves) -> list[int]:
     """The modes that amplitude changes most, relative frequency and damping ratio alike."""
     highest = curves.omega.max(axis=0)
     damping = np.where(np.isnan(curves.zeta), 0.0, curves.zeta)
     change = np.ptp(curves.omega, axis=0) / np.where(highest > 0.0, highest, 1.0) + np.ptp(damping, axis=0)
-    first = np.argsort(-change, kind="stable")[:most]
+    first = np.argsort(-change, kind="stable")[:MOST]
     return sorted(int(m) for m in first if change[m] > LEAST)
 
 

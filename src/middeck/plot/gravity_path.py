@@ -27,8 +27,8 @@ LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 1.0, "
 
 
 @styled
-def gravity_path_figure(path: GravityPath, highest_hz: float | None = None) -> Figure:
-    """Branches up to ``highest_hz``, held ones beside flexible ones; events marked, places as dashed lines.
+def gravity_path_figure(path: GravityPath) -> Figure:
+    """Held branches beside flexible ones; events marked, places as dashed lines.
 
     Flexible branches stand on a logarithmic axis, unless one of them reaches zero. The end of a path is red.
     """
@@ -38,10 +38,10 @@ def gravity_path_figure(path: GravityPath, highest_hz: float | None = None) -> F
         axes.set_axis_off()
         axes.text(0.5, 0.5, "\n".join(e.sentence for e in path.events), ha="center", wrap=True)
         return figure
-    shown = [
-        b for b in range(len(path.name)) if highest_hz is None or path.frequency_hz[:, b].min() <= highest_hz
+    groups = [
+        [b for b in range(len(path.name)) if (path.kind[b] == "flexible") is flexible]
+        for flexible in (False, True)
     ]
-    groups = [[b for b in shown if (path.kind[b] == "flexible") is flexible] for flexible in (False, True)]
     groups = [group for group in groups if group]
     figure = new_figure(5.4, 4.6 * len(groups) + 1.0)
     for panel, group in zip(figure.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):

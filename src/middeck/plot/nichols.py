@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
 from middeck.plot.curves import decibels
-from middeck.plot.nyquist import title_of
+from middeck.plot.nyquist import draw_critical_point, title_of
 from middeck.plot.style import COLOUR, legend_below, square_pictures, styled
 
 CONTOURS_DB = (0.0, 3.0, 6.0, 12.0)
@@ -16,7 +16,7 @@ REACH_DB = 40.0
 
 
 @styled
-def draw_nichols(ratio: ReturnRatio, margins: Margins, reach_db: float = REACH_DB) -> Figure:
+def draw_nichols(ratio: ReturnRatio, margins: Margins) -> Figure:
     """Gain [dB] of L over its phase, from -360 to 0 degrees, one picture a channel.
 
     The critical point is at -180 degrees and 0 dB; grey are contours of |L/(1 + L)|. Dots are unit gain,
@@ -24,37 +24,29 @@ def draw_nichols(ratio: ReturnRatio, margins: Margins, reach_db: float = REACH_D
     """
     figure, pictures = square_pictures(len(ratio.channels))
     for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
-        _draw(axes, L, loop, stable=margins.stable, reach_db=reach_db)
+        _draw(axes, L, loop, stable=margins.stable)
     legend_below(figure, pictures)
     return figure
 
 
-def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool, reach_db: float) -> None:
-    _contours(axes, reach_db)
+def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool) -> None:
+    _contours(axes)
     axes.plot(*_curve(L), color=COLOUR["orbit"], label="L")
     phase = np.degrees(_late(-np.exp(1j * margins.phase_rad)))
     axes.plot(phase, np.zeros(len(phase)), "o", color=COLOUR["prediction"], label="unit gain: phase margins")
     level = -20.0 * np.log10(margins.gain)
     axes.plot(np.full(len(level), -180.0), level, "s", color=COLOUR["low"], label="-180 deg: gain margins")
-    axes.plot(
-        [-180.0],
-        [0.0],
-        "+",
-        color=COLOUR["lab"],
-        markersize=11.0,
-        markeredgewidth=1.8,
-        label="critical point",
-    )
+    draw_critical_point(axes, -180.0)
     axes.set_xlim(-360.0, 0.0)
     axes.set_xticks([-360, -270, -180, -90, 0])
-    axes.set_ylim(-reach_db, reach_db)
+    axes.set_ylim(-REACH_DB, REACH_DB)
     axes.set_xlabel("phase of L [deg]")
     axes.set_ylabel("gain of L [dB]")
     axes.set_title(title_of(margins, stable=stable))
 
 
-def _contours(axes: Axes, reach_db: float) -> None:
-    phase, level = np.meshgrid(np.linspace(-359.0, -1.0, 359), np.linspace(-reach_db, reach_db, 321))
+def _contours(axes: Axes) -> None:
+    phase, level = np.meshgrid(np.linspace(-359.0, -1.0, 359), np.linspace(-REACH_DB, REACH_DB, 321))
     x = 10.0 ** (level / 20.0) * np.exp(1j * np.radians(phase))
     # On the critical point itself the closed loop is infinite: the grid keeps off it.
     closed = decibels(x / (1.0 + x + 1e-9))

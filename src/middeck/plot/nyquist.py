@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,7 +17,7 @@ REACH = 2.5
 
 
 @styled
-def draw_nyquist(ratio: ReturnRatio, margins: Margins, reach: float = REACH) -> Figure:
+def draw_nyquist(ratio: ReturnRatio, margins: Margins) -> Figure:
     """L(j omega) of each channel for positive frequencies, one picture each, critical point -1.
 
     Shaded is the disk of the channel's own disk margin: the curve touches it, and no more. Dots are unit gain
@@ -23,12 +25,12 @@ def draw_nyquist(ratio: ReturnRatio, margins: Margins, reach: float = REACH) -> 
     """
     figure, pictures = square_pictures(len(ratio.channels))
     for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
-        _draw(axes, L, loop, stable=margins.stable, reach=reach)
+        _draw(axes, L, loop, stable=margins.stable)
     legend_below(figure, pictures)
     return figure
 
 
-def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool, reach: float) -> None:
+def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool) -> None:
     turn = np.linspace(0.0, 2.0 * np.pi, 361)
     axes.plot(
         np.cos(turn), np.sin(turn), color=COLOUR["ghost"], linewidth=0.8, linestyle="--", label="unit circle"
@@ -38,27 +40,31 @@ def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool, reac
         centre = -0.5 * (low + high), 0.0
         colours = {"facecolor": COLOUR["shade"], "edgecolor": COLOUR["ghost"]}
         axes.add_patch(Circle(centre, 0.5 * (high - low), label="disk of the disk margin", **colours))
-    axes.plot(*_near(L, reach), color=COLOUR["orbit"], label="L")
+    axes.plot(*_near(L), color=COLOUR["orbit"], label="L")
     unit = -np.exp(1j * margins.phase_rad)
     axes.plot(np.real(unit), np.imag(unit), "o", color=COLOUR["prediction"], label="unit gain: phase margins")
     crossing = -1.0 / margins.gain
-    shown = crossing[crossing > -2.0 * reach]
+    shown = crossing[crossing > -2.0 * REACH]
     axes.plot(shown, np.zeros(len(shown)), "s", color=COLOUR["low"], label="negative real axis: gain margins")
-    axes.plot(
-        [-1.0], [0.0], "+", color=COLOUR["lab"], markersize=11.0, markeredgewidth=1.8, label="critical point"
-    )
-    axes.set_xlim(-1.0 - reach, -1.0 + reach)
-    axes.set_ylim(-reach, reach)
+    draw_critical_point(axes, -1.0)
+    axes.set_xlim(-1.0 - REACH, -1.0 + REACH)
+    axes.set_ylim(-REACH, REACH)
     axes.set_aspect("equal")
     axes.set_xlabel("real part of L")
     axes.set_ylabel("imaginary part of L")
     axes.set_title(title_of(margins, stable=stable))
 
 
-def _near(L: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+def _near(L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The curve with gaps where it is far outside the picture."""
-    inside = np.abs(L) < 4.0 * reach
+    inside = np.abs(L) < 4.0 * REACH
     return np.where(inside, np.real(L), np.nan), np.where(inside, np.imag(L), np.nan)
+
+
+def draw_critical_point(axes: Axes, at: float) -> None:
+    """A cross on the horizontal axis."""
+    look: dict[str, Any] = {"markersize": 11.0, "markeredgewidth": 1.8, "label": "critical point"}
+    axes.plot([at], [0.0], "+", color=COLOUR["lab"], **look)
 
 
 def title_of(margins: LoopMargins, *, stable: bool) -> str:

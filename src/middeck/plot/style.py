@@ -100,14 +100,14 @@ def square_pictures(count: int) -> tuple[Figure, list[Axes]]:
     return figure, axes[:count]
 
 
-def legend_below(figure: Figure, pictures: Sequence[Axes], columns: int = 3) -> None:
+def legend_below(figure: Figure, pictures: Sequence[Axes]) -> None:
     """One legend for all pictures, under them, where nothing is drawn."""
     named = {
         label: handle
         for axes in pictures
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=columns)
+    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=3)
 
 
 def note(

@@ -1,6 +1,6 @@
 """Read a survey that ours wrote with pyuff (2.5.8): python read_survey.py; prints the largest difference.
 
-The file: md.write_measured_modes("written.unv", md.load_measured_modes("normal-mm.unv")).
+The file: md.files.write_measured_modes("written.unv", md.load_measured_modes("normal-mm.unv")).
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from middeck.cli.screen import Table, show
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
     from middeck.structure.correlation.frequencies import FrequencyComparison
+    from middeck.structure.correlation.profiles import Profile
 
 EPILOG = """\
 \b
@@ -117,49 +118,53 @@ def verb(
     from middeck.structure.correlation.correlate import correlate_modes
     from middeck.structure.correlation.frequencies import compare_frequencies
     from middeck.structure.correlation.measured_modes import MeasurementNoise
-    from middeck.structure.correlation.profiles import Quantity, change_limit, find_profile
     from middeck.structure.correlation.reduction import Reduction
 
     measured = load_measured_modes(test)
     given = None if noise is None else MeasurementNoise(*noise)
+    criteria = _criteria(profile, limits)
+    top = NEAR * float(measured.frequency_hz.max())
+    modes = solve_case(article, environment, overrides, case=load_case, top_hz=top)
+    with reading(test):
+        if not measured.node:
+            found = compare_frequencies(modes, measured, criteria)
+            document = {**describe_frequencies(found), "test": test}
+            blocks = _frequency_tables(document)
+        else:
+            found = correlate_modes(
+                modes, measured, criteria, rng=np.random.default_rng(seed), noise=given,
+                reduction=Reduction(reduction), runs=runs,
+            )  # fmt: skip
+            document = {**describe(found), "seed": seed, "test": test}
+            blocks = _tables(document)
+            if figure_file is not None:
+                _draw(found, figure_file, test)
+    show(as_json, document, *blocks)
+    if require and not found.passed:
+        click.get_current_context().exit(1)
+
+
+def _criteria(profile: str, limits: tuple[tuple[str, float], ...]) -> Profile:
+    """The profile with the limits of ``--limit``."""
+    from middeck.structure.correlation.profiles import Quantity, change_limit, find_profile
+
     criteria = find_profile(profile)
     for name, limit in limits:
         quantity = Quantity[name.replace("-", "_").upper()]
         criteria = change_limit(criteria, quantity, limit, "--limit of the command line")
-    top = NEAR * float(measured.frequency_hz.max())
-    modes = solve_case(article, environment, overrides, case=load_case, top_hz=top)
-    if not measured.node:
-        with reading(test):
-            alone = compare_frequencies(modes, measured, criteria)
-        document = {**describe_frequencies(alone), "test": test}
-        show(as_json, document, *_frequency_tables(document))
-        if require and not alone.passed:
-            click.get_current_context().exit(1)
-        return
-    with reading(test):
-        found = correlate_modes(
-            modes,
-            measured,
-            criteria,
-            rng=np.random.default_rng(seed),
-            noise=given,
-            reduction=Reduction(reduction),
-            runs=runs,
-        )
-    document = {**describe(found), "seed": seed, "test": test}
-    if figure_file is not None:
-        from middeck.plot.correlation import correlation_figure
+    return criteria
 
-        figures.write_figure(
-            correlation_figure(found),
-            figure_file,
-            key="correlation",
-            title=f"Correlation of {document['article']} with {test}",
-            description=f"MAC of the modes, and frequency errors of {len(found.pairs)} pairs.",
-        )
-    show(as_json, document, *_tables(document))
-    if require and not found.passed:
-        click.get_current_context().exit(1)
+
+def _draw(found: Correlation, file: str, test: str) -> None:
+    from middeck.plot.correlation import correlation_figure
+
+    figures.write_figure(
+        correlation_figure(found),
+        file,
+        key="correlation",
+        title=f"Correlation of {found.modes.equilibrium.model.structure.title} with {test}",
+        description=f"MAC of the modes, and frequency errors of {len(found.pairs)} pairs.",
+    )
 
 
 def describe(found: Correlation) -> dict[str, Any]:

@@ -82,28 +82,24 @@ def verb(
 
     The disturbance enters at the control inputs; every measured output is kept small. The plant of a fitted
     model is that between --control and --measure; delays that the fit cannot distinguish are merged.
-    --set takes the
-    article's and the environment's keys, or for a fitted plant log10_authority, angle_noise, disturbance,
-    pade_order, band_hz, states, fit_band_hz, sampled and periods.
+    --set takes the article's and the environment's keys, or for a fitted plant log10_authority, angle_noise,
+    disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
     from middeck.cli.blame import reading
     from middeck.cli.lqg import design_loop
     from middeck.cli.plants import Wanted
     from middeck.cli.settings import LoopSettings, settle
-    from middeck.cli.systems import write_law
+    from middeck.files.any_value import write
 
     measured = (".json", ".npy", *options.RECORDS)
     from_article = len(sources) == 1 and Path(sources[0]).suffix.lower() not in measured
-    settings = settle(
-        LoopSettings,
-        {
-            "log10_authority": _log10_authority(authority, log10_authority),
-            "angle_noise_rad_per_rthz": given["angle_noise"],
-            "disturbance_nm_per_rthz": given["disturbance"],
-            **{k: given[k] for k in ("pade_order", "band_hz", "states", "fit_band_hz", "periods")},
-        },
-        () if from_article else overrides,
-    )
+    asked = {
+        "log10_authority": _log10_authority(authority, log10_authority),
+        "angle_noise_rad_per_rthz": given["angle_noise"],
+        "disturbance_nm_per_rthz": given["disturbance"],
+        **{k: given[k] for k in ("pade_order", "band_hz", "states", "fit_band_hz", "periods")},
+    }
+    settings = settle(LoopSettings, asked, () if from_article else overrides)
     wanted = Wanted(options.separate_names(control), options.separate_names(measure))
     warnings: tuple[str, ...] = ()
     if from_article:
@@ -121,7 +117,7 @@ def verb(
         designed = design_loop(plant, settings, settings.band_hz or band_hz)
     document = describe(designed, plant, settings, warnings)
     if law_file is not None:
-        write_law(law_file, designed.compensator)
+        write(law_file, designed.compensator)
     if figure_file is not None:
         with reading(*sources):
             _draw(plant, designed, settings, figure_file)

@@ -29,26 +29,13 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
 @click.command("gate", cls=options.Verb, epilog=EPILOG)
 @click.argument("package_file", metavar="PACKAGE.mdk|json")
 @click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
-@click.option(
-    "--environment",
-    "environments",
-    multiple=True,
-    metavar="NAME|PATH",
-    help="Environment of the articles; may be repeated.  [default: lab]",
-)
+@options.environments
 @options.load_case
 @options.count
-@click.option(
-    "--shift",
-    "shifts",
-    type=(str, click.FloatRange(0.0, 100.0, min_open=True, max_open=True)),
-    multiple=True,
-    metavar="MODES PERCENT",
-    help="Modes by name or LO:HI in Hz, moved together down and up.",
-)
+@options.shifts
 @options.sweep
 @options.first_bending
-@click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant.")
+@options.delay_ms
 @click.option(
     "--gain-db", type=click.FloatRange(min=0.0), default=6.0, show_default=True, help="Least gain margin."
 )
@@ -166,28 +153,18 @@ def verb(
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     linear = linear_law(package)
     gathered = gather_plants(
-        plants,
-        environments or ("lab",),
-        linear,
-        case=load_case,
-        count=count,
-        overrides=overrides,
-        delay_s=1e-3 * given["delay_ms"],
-    )
+        plants, environments or ("lab",), linear,
+        case=load_case, count=count, overrides=overrides, delay_s=1e-3 * given["delay_ms"],
+    )  # fmt: skip
     models = all_plants(gathered, linear, given)
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
     trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])
+    trials = None if given["paper"] else trials
+    rig = _rig(package, engine, given["rig_port"], given["driver"], given["paper"])
     verdict = examine_package(
-        package,
-        models,
-        margins,
-        gain=gain,
-        trials=None if given["paper"] else trials,
-        rig=_rig(package, engine, given["rig_port"], given["driver"], given["paper"]),
-        blacklist=blacklist,
-        settings=engine,
+        package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine
     )
-    document = describe(verdict, margins, None if given["paper"] else trials)
+    document = describe(verdict, margins, trials)
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
     if blacklist_file is not None and verdict.tripped:

@@ -125,7 +125,7 @@ def verb(
     from middeck.cli.fitting import identify
     from middeck.cli.progress import status
     from middeck.cli.settings import FitSettings, settle
-    from middeck.cli.systems import write_fit
+    from middeck.files.any_value import write
     from middeck.files.records import require_record
 
     names = None if reference is None else options.separate_names((reference,))
@@ -143,7 +143,7 @@ def verb(
             "records": records,
         }
         if model_file is not None:
-            write_fit(model_file, found.fit.model, found.fit.covariance, found.fit.standing)
+            write(model_file, found.fit)
         _draw(found, figure_file, stabilisation_file)
     show(as_json, document, *_tables(document))
 

@@ -85,7 +85,7 @@ def verb(
     """
     from middeck.cli.blame import reading
     from middeck.cli.settings import ImpactSettings, settle
-    from middeck.cli.systems import write_fit
+    from middeck.files.any_value import write
     from middeck.files.records import load_records, write_response
     from middeck.identification.impact import average_blows, fit_impact
 
@@ -97,7 +97,7 @@ def verb(
     if response_file is not None:
         write_response(response_file, test.response)
     if model_file is not None:
-        write_fit(model_file, fit.model, fit.covariance)
+        write(model_file, fit)
     document = describe(test, fit) | {"records": records, "fitted": fitted}
     show(as_json, document, *_blocks(document))
 

@@ -30,23 +30,10 @@ AT_MOST = ("db", "control_rms")
 @click.command("qualify", cls=options.Verb, epilog=EPILOG)
 @click.argument("law_file", metavar="LAW.json|mat")
 @click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
-@click.option(
-    "--environment",
-    "environments",
-    multiple=True,
-    metavar="NAME|PATH",
-    help="Environment of the articles; may be repeated.  [default: lab]",
-)
+@options.environments
 @options.load_case
 @options.count
-@click.option(
-    "--shift",
-    "shifts",
-    type=(str, click.FloatRange(0.0, 100.0, min_open=True, max_open=True)),
-    multiple=True,
-    metavar="MODES PERCENT",
-    help="Modes by name or LO:HI in Hz, moved together down and up.",
-)
+@options.shifts
 @options.sweep
 @options.first_bending
 @click.option(
@@ -58,7 +45,7 @@ AT_MOST = ("db", "control_rms")
     help="Also at these sampling rates.",
 )
 @click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
-@click.option("--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant.")
+@options.delay_ms
 @click.option("--angle-noise", type=POSITIVE, default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", type=POSITIVE, default=1e-2, show_default=True, help=options.INPUT_NOISE)
 @click.option(

@@ -8,10 +8,15 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex
 
-from middeck.control.analysis.closed_response import closed_response
-from middeck.control.analysis.delayed_roots import find_open_poles
-from middeck.control.analysis.loop import FeedbackLoop, approximate_halves, close_channels, form_loop
-from middeck.control.analysis.stability import decide_loop
+from middeck.control.analysis.loop.feedback_loop import (
+    FeedbackLoop,
+    approximate_halves,
+    close_channels,
+    form_loop,
+)
+from middeck.control.analysis.rms.closed_response import closed_response
+from middeck.control.analysis.stability.delayed_roots import find_open_poles
+from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.h2.generalized_plant import generalize, square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg import LQGWeights

@@ -3,7 +3,7 @@
 K(a) = K_r + (1 - a) R with the remainder R = K - K_r of the first cut: at a = 0 it is K, at a = 1 it is K_r.
 On the way K_r descends the H2 cost of the loops, which grows without bound at the stability limit, so that
 the remainder can be withdrawn further (as multi-model designs grow their perturbation, see
-`middeck.control.robust.approach`).
+`middeck.control.robust.search.approach`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.reduction.loop import absorb, proper_law
 from middeck.control.reduction.methods import Candidate
-from middeck.control.robust.blend import improve
-from middeck.control.robust.starts import stabilises
+from middeck.control.robust.search.blend import improve
+from middeck.control.robust.search.starts import stabilises
 from middeck.systems.poles.stability import decays
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Bool, Complex, Float
 
-from middeck.control.analysis.delayed_roots import with_conjugates
+from middeck.control.analysis.stability.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.result import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles

@@ -6,6 +6,8 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
+from middeck.errors import ConfigError
+
 
 def unit_scales(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, " state"]:
     """Powers of two t: x = t * x_balanced evens out the Hamiltonian and keeps it Hamiltonian.
@@ -24,3 +26,23 @@ def unit_diagonal(X: Float[np.ndarray, "state state"]) -> Float[np.ndarray, " st
     """Powers of two that give X about a unit diagonal, so that small entries keep their relative accuracy."""
     diagonal = np.diag(X)
     return np.exp2(-np.round(np.log2(np.where(diagonal > 0.0, diagonal, 1.0)) / 2.0))
+
+
+def fold_weights(
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray | None
+) -> tuple[np.ndarray, ...]:
+    """S (zeros for None), R's Cholesky factor L, A - B R^-1 S', B L^-T and Q - S R^-1 S'.
+
+    Raises `ConfigError` for R that is not positive definite.
+    """
+    cross = np.zeros(np.shape(B)) if S is None else np.asarray(S, dtype=float)
+    try:
+        factor = sla.cholesky(R, lower=True)
+    except sla.LinAlgError as error:
+        raise ConfigError(
+            "the control weight (or sensor noise) R is not positive definite",
+            hint="a positive weight on every input; of a filter, some noise on every measurement",
+        ) from error
+    Bn = sla.solve_triangular(factor, B.T, lower=True).T
+    Sn = sla.solve_triangular(factor, cross.T, lower=True).T
+    return cross, factor, A - Bn @ Sn.T, Bn, Q - Sn @ Sn.T

@@ -17,7 +17,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.law.stabilisability import CANDIDATE, require_reachable
-from middeck.control.riccati.balancing import unit_diagonal, unit_scales
+from middeck.control.riccati.balancing import fold_weights, unit_diagonal, unit_scales
 from middeck.control.riccati.newton import approach, refine, residual, rounding
 from middeck.control.riccati.subspace import solve_by_subspace
 from middeck.errors import ConfigError, NumericalError
@@ -75,17 +75,7 @@ def solve_riccati(
     >>> solve_riccati(np.eye(1), np.eye(1), 3.0 * np.eye(1), np.eye(1)).X     # 2x - x^2 + 3 = 0
     array([[3.]])
     """
-    cross = np.zeros(np.shape(B)) if S is None else np.asarray(S, dtype=float)
-    try:
-        factor = sla.cholesky(R, lower=True)
-    except sla.LinAlgError as error:
-        raise ConfigError(
-            "the control weight (or sensor noise) R is not positive definite",
-            hint="a positive weight on every input; of a filter, some noise on every measurement",
-        ) from error
-    Bn = sla.solve_triangular(factor, B.T, lower=True).T
-    Sn = sla.solve_triangular(factor, cross.T, lower=True).T
-    Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
+    cross, factor, Abar, Bn, Qbar = fold_weights(A, B, Q, R, S)
     if start is not None and np.shape(start) != np.shape(A):
         raise ConfigError(
             f"the start has shape {np.shape(start)} for {len(A)} states",

@@ -16,10 +16,10 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.riccati.balancing import unit_diagonal, unit_scales
+from middeck.control.riccati.balancing import fold_weights, unit_diagonal, unit_scales
 from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
-from middeck.errors import ConfigError, NumericalError
+from middeck.errors import NumericalError
 from middeck.values import record
 
 DOUBLINGS = 60
@@ -65,17 +65,7 @@ def solve_discrete_riccati(
     >>> round(float(solution.X[0, 0]), 12)
     1.61803398875
     """
-    cross = np.zeros(np.shape(B)) if S is None else np.asarray(S, dtype=float)
-    try:
-        factor = sla.cholesky(R, lower=True)
-    except sla.LinAlgError as error:
-        raise ConfigError(
-            "the control weight (or sensor noise) R is not positive definite",
-            hint="a positive weight on every input; of a filter, some noise on every measurement",
-        ) from error
-    Bn = sla.solve_triangular(factor, B.T, lower=True).T
-    Sn = sla.solve_triangular(factor, cross.T, lower=True).T
-    Abar, Qbar = A - Bn @ Sn.T, Q - Sn @ Sn.T
+    cross, _, Abar, Bn, Qbar = fold_weights(A, B, Q, R, S)
     require_reachable(Abar, B, names, sampled=True, complaint=complaint)
     require_reachable(Abar.T, Qbar, names, only_axis=True, sampled=True, complaint=MISSED, hint=WEIGH_IT)
     X = _solve_scaled(Abar, Bn, Qbar)

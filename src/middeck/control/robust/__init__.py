@@ -12,9 +12,17 @@ from middeck.control.law.uncertainty import (
     perturb_plant,
     without_delays,
 )
-from middeck.control.robust.comparison import ComparedDesign, compare_designs, comparison_table
-from middeck.control.robust.exchange import design_for_worst
-from middeck.control.robust.monte_carlo import (
+from middeck.control.robust.designs.exchange import design_for_worst
+from middeck.control.robust.designs.multimodel import MultiModelCompensator, design_multimodel
+from middeck.control.robust.designs.popov import PopovCompensator, design_popov
+from middeck.control.robust.designs.sampled_plant import plant_as_sampled
+from middeck.control.robust.designs.sensitivity_weighted import (
+    SensitivityWeightedCompensator,
+    design_sensitivity_weighted,
+)
+from middeck.control.robust.problem.result import RobustCompensator, Stage
+from middeck.control.robust.verification.comparison import ComparedDesign, DesignComparison, compare_designs
+from middeck.control.robust.verification.monte_carlo import (
     PlantOutcomes,
     Verification,
     outcomes_on,
@@ -22,18 +30,11 @@ from middeck.control.robust.monte_carlo import (
     verify_robustness,
     worst_db,
 )
-from middeck.control.robust.multimodel import MultiModelCompensator, design_multimodel
-from middeck.control.robust.popov import PopovCompensator, design_popov
-from middeck.control.robust.result import RobustCompensator, Stage
-from middeck.control.robust.sampled_plant import plant_as_sampled
-from middeck.control.robust.sensitivity_weighted import (
-    SensitivityWeightedCompensator,
-    design_sensitivity_weighted,
-)
 from middeck.systems.plants.mode_shift import shift_modes
 
 __all__ = [
     "ComparedDesign",
+    "DesignComparison",
     "LawForm",
     "ModeShift",
     "MultiModelCompensator",
@@ -46,7 +47,6 @@ __all__ = [
     "Uncertainty",
     "Verification",
     "compare_designs",
-    "comparison_table",
     "corner_positions",
     "design_for_worst",
     "design_multimodel",

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from middeck.control.analysis.loop import form_loop
+from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights

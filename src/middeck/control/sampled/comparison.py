@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis import Margins
-from middeck.control.analysis.margins import measure_margins
+from middeck.control.analysis import Margins, measure_margins
+from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
@@ -19,6 +19,7 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.values import record
 
+HEAD = ("rate Hz", "method", "dB", "control rms", "gain dB", "phase deg", "disk")
 FORMS: tuple[Form, ...] = ("current", "predictor")
 
 
@@ -45,7 +46,11 @@ class SamplingRow:
 
 @record
 class SamplingComparison:
-    """All laws at all rates.
+    """All laws at all rates; ``print`` shows them as a table.
+
+    The table has one row for each law and rate: metric relative to no control (negative decibels for an
+    improvement), control rms, smallest margins. ``-``: the plant alone has no metric, or no gain or phase
+    breaks the loop.
 
     Attributes:
         rows: Rate by rate, in the order of ``rates_hz``.
@@ -57,6 +62,28 @@ class SamplingComparison:
     rows: tuple[SamplingRow, ...]
     open_metric: float
     continuous_cost: float
+
+    def __str__(self) -> str:
+        return align_columns([HEAD, *(_cells(row, self.open_metric) for row in self.rows)])
+
+
+def _cells(row: SamplingRow, open_metric: float) -> tuple[str, ...]:
+    if row.margins is None:
+        return (f"{row.rate_hz:g}", row.method, "unstable", *("",) * 4)
+    loops = row.margins.loops
+    return (
+        f"{row.rate_hz:g}",
+        row.method,
+        _finite(20.0 * float(np.log10(row.outcome.metric) - np.log10(open_metric))),
+        f"{np.linalg.norm(row.outcome.control_rms):.3g}",
+        _finite(min(loop.gain_db for loop in loops)),
+        _finite(np.degrees(min(loop.phase_limit_rad for loop in loops))),
+        f"{min(loop.disk.alpha for loop in loops):.3f}",
+    )
+
+
+def _finite(value: float) -> str:
+    return f"{value:.1f}" if np.isfinite(value) else "-"
 
 
 def compare_sampling(

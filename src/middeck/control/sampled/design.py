@@ -100,17 +100,10 @@ def design_sampled_lqg(
     >>> 2.0 < early.cost < late.cost                                   # continuous: 2
     True
     """
-    if not (np.isfinite(authority) and authority > 0.0):
-        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
-    if form not in get_args(Form):
-        raise ConfigError(f"no form {form!r} of an observer", hint=f"one of {', '.join(get_args(Form))}")
+    _require_known(authority, form)
     held = hold_plant(plant, weights, period_s)
     system = held.system
-    if form == "current" and np.any(system.D):
-        raise ConfigError(
-            "algebraic loop: the plant responds within the sample, so that y[k] needs u[k], and u[k] y[k]",
-            hint="use the predictor form, or give the plant its true delay",
-        )
+    _require_no_loop(system, form)
     price = sample_cost(held, weights, authority)
     names, sensor = held.state_names, np.diag(held.sensor)
     # Before cost and noise, which may miss the same mode, are blamed for what no port can hold.
@@ -142,6 +135,21 @@ def design_sampled_lqg(
         method=f"direct, {form}",
         applied=system.B - estimator.gain.T @ system.D if form == "predictor" else system.B,
     )
+
+
+def _require_known(authority: float, form: Form) -> None:
+    if not (np.isfinite(authority) and authority > 0.0):
+        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
+    if form not in get_args(Form):
+        raise ConfigError(f"no form {form!r} of an observer", hint=f"one of {', '.join(get_args(Form))}")
+
+
+def _require_no_loop(system: SampledStateSpace, form: Form) -> None:
+    if form == "current" and np.any(system.D):
+        raise ConfigError(
+            "algebraic loop: the plant responds within the sample, so that y[k] needs u[k], and u[k] y[k]",
+            hint="use the predictor form, or give the plant its true delay",
+        )
 
 
 def _join(

@@ -30,7 +30,7 @@ def link_loads(equilibrium: Equilibrium) -> tuple[LinkLoad, ...]:
 
     >>> import middeck as md
     >>> article = md.load_structure("articles/mace-simple.toml")
-    >>> md.link_loads(md.solve_equilibrium(article, md.Environment.orbit()))
+    >>> md.structure.link_loads(md.solve_equilibrium(article, md.Environment.orbit()))
     ()
     """
     model = equilibrium.model

@@ -16,7 +16,7 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation
 from middeck.control.lqg import LQGWeights
 from middeck.control.qualification import decibels
-from middeck.control.robust.monte_carlo import noise_on
+from middeck.control.robust.verification.monte_carlo import noise_on
 from middeck.errors import NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant

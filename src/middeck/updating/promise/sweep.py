@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.robust.monte_carlo import which_decay
+from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.bending import dispersed_modes
 from middeck.systems.plants.mode_dispersion import DispersedModes, dispersed_factors
 from middeck.systems.plants.mode_shift import shift_modes

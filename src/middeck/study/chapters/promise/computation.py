@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.control.analysis.stability import LoopStability, decide_stability
+from middeck.control.analysis.stability.stability import LoopStability, decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg import LQGCompensator, design_lqg

@@ -9,7 +9,7 @@ import numpy as np
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.qualification import decibels
-from middeck.control.robust.monte_carlo import noise_on, uncontrolled_rms
+from middeck.control.robust.verification.monte_carlo import noise_on, uncontrolled_rms
 from middeck.control.sampled import emulate
 from middeck.files.studies.promise import PromiseForm
 from middeck.laboratory.article import RigArticle

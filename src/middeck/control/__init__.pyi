@@ -1,0 +1,34 @@
+"""Names of this room that ``middeck`` itself does not have."""
+
+from .analysis.margins.disk import measure_disk_margin as measure_disk_margin
+from .analysis.margins.return_ratio import trace_return_ratio as trace_return_ratio
+from .analysis.shifts.inversion import find_inversion as find_inversion
+from .analysis.shifts.worst_case import find_worst_case as find_worst_case
+from .h2.law_form import LawForm as LawForm
+from .law.uncertainty import draw_positions as draw_positions
+from .loop.pointing import (
+    PointingWindow as PointingWindow,
+)
+from .loop.pointing import (
+    budget_pointing as budget_pointing,
+)
+from .lqg.spectra import (
+    fit_spectrum as fit_spectrum,
+)
+from .lqg.spectra import (
+    line_filter as line_filter,
+)
+from .lqg.spectra import (
+    sum_spectra as sum_spectra,
+)
+from .robust.designs.exchange import design_for_worst as design_for_worst
+from .robust.designs.popov import design_popov as design_popov
+from .robust.designs.sensitivity_weighted import design_sensitivity_weighted as design_sensitivity_weighted
+from .robust.verification.many_loops import measure_many as measure_many
+from .robust.verification.monte_carlo import verify_robustness as verify_robustness
+from .sampled.aliases import find_aliases as find_aliases
+from .sampled.antialias import filter_measurements as filter_measurements
+from .sampled.comparison import compare_sampling as compare_sampling
+from .shaping.sections import roll_off as roll_off
+
+__all__: list[str]

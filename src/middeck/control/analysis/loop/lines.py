@@ -1,0 +1,188 @@
+"""Frequency lines for a loop: around every pole and zero, then refined wherever the ratio still changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.control.analysis.loop.feedback_loop import (
+    At,
+    FeedbackLoop,
+    approximate_halves,
+    broken_at,
+    close_channels,
+    open_channel,
+)
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.systems.state_space.statespace import LinearSystem
+
+Response = Callable[[np.ndarray], np.ndarray]
+Curve = tuple[Float[np.ndarray, " line"], Complex[np.ndarray, "line channel"]]
+"""Angular frequencies and the ratio there."""
+
+WIDEST = 1e4
+"""Loop gain (or its inverse) beyond which crossings are left out: 80 dB."""
+PER_DECADE = 30
+HALF_WIDTHS = np.array([0.0, 0.3, 1.0, 3.0, 10.0, 30.0])
+TURN, STRETCH = 0.35, 0.7
+"""Largest change of phase [rad] and of the logarithm of the gain from line to line."""
+ROUNDS, FINEST = 40, 1e-10
+SLOWEST_DECADES = 16
+AT_REST = 1e-9
+"""Poles slower than this fraction of the fastest count as zero: rounding splits double poles. Zeros beyond
+the fastest pole by the inverse count as infinite: rounding brings such zeros back."""
+UNDAMPED = 1e-8
+"""Damping ratio below which a pole counts as undamped: rounding of a zero that cancels a pole."""
+BESIDE, OFF_MIDDLE = 1e-4, 0.47
+"""Relative position of a new line between two others: not half-way, where a pole on the axis may lie, beside
+which two cancelling loops leave rounding only."""
+SAME = 0.05
+MOST_DELAY_LINES = 20_000
+SHORT_OF_NYQUIST = 1e-9
+"""Relative distance of the last line from half the sampling rate, which is an end point (`ends`)."""
+
+
+def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray, " line"]:
+    """Angular frequencies [rad/s] from well below the slowest pole or zero to a negligible loop gain.
+
+    Poles and zeros are those of the loop broken at each channel with the others closed, delays by a Pade
+    approximation of high order: they place the lines, no more.
+    """
+    features, fastest = _features(loop, at)
+    size = np.abs(features)
+    moving = size[size > AT_REST * fastest]
+    low, high = (0.01 * moving.min(), 3.0 * moving.max()) if len(moving) else (0.01, 100.0)
+    low = _where_settled(ratio, low)
+    period = loop.period_s
+    top = _where_gone(ratio, high) if period is None else (1.0 - SHORT_OF_NYQUIST) * np.pi / period
+    lines = [np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2), _clusters(features)]
+    late = float(loop.plant.delay_s.max(initial=0.0))
+    if late > 0.0:
+        lines.append(np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late)
+    omega = np.unique(np.concatenate(lines))
+    return omega[(omega >= low) & (omega <= top) & ~_on_pole(features, omega)]
+
+
+def _features(loop: FeedbackLoop, at: At) -> tuple[np.ndarray, float]:
+    """Poles and finite zeros, and the size of the fastest pole."""
+    halves = approximate_halves(loop)
+    first = len(loop.inputs) if at == "outputs" else 0
+    channels = [open_channel(halves, i) for i in range(first, first + len(broken_at(loop, at)))]
+    poles = np.concatenate([_rates(one) for one in (halves, close_channels(halves), *channels)])
+    zeros = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels)])
+    zeros = zeros if loop.period_s is None else _mapped(loop, zeros)
+    fastest = float(np.abs(poles).max(initial=0.0))
+    return np.append(poles, zeros[np.abs(zeros) <= fastest / AT_REST] if fastest > 0.0 else zeros), fastest
+
+
+def _rates(system: LinearSystem) -> np.ndarray:
+    return _finite(growth_rates(system))
+
+
+def _mapped(loop: FeedbackLoop, z: np.ndarray) -> np.ndarray:
+    return _finite(np.log(z[np.abs(z) > 0.0]) / (loop.period_s or 1.0))
+
+
+def _finite(rates: np.ndarray) -> np.ndarray:
+    return rates[np.isfinite(rates)]
+
+
+def _on_pole(features: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Which lines lie on a pole on the axis."""
+    centre = np.abs(np.imag(features))
+    bare = np.sort(centre[(np.abs(np.real(features)) < UNDAMPED * centre) & (centre > 0.0)])
+    if not len(bare):
+        return np.zeros(len(omega), dtype=bool)
+    above = np.searchsorted(bare, omega)
+    near = np.minimum(
+        np.abs(omega - bare[np.maximum(above - 1, 0)]), np.abs(omega - bare[np.minimum(above, len(bare) - 1)])
+    )
+    return near < 0.5 * BESIDE * omega
+
+
+def _clusters(features: np.ndarray) -> np.ndarray:
+    """Lines around each resonance and antiresonance, never on an undamped one."""
+    centre, width = _apart(np.abs(np.imag(features)), np.abs(np.real(features)))
+    undamped = width < UNDAMPED * centre
+    width = np.where(undamped, BESIDE * centre, width)
+    offset = width[:, None] * HALF_WIDTHS
+    offset[undamped, 0] = width[undamped]
+    return np.concatenate([(centre[:, None] + offset).ravel(), (centre[:, None] - offset).ravel()])
+
+
+def _apart(centre: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centres that differ by more than a twentieth of their width: those of many channels mostly coincide."""
+    size = np.maximum(width, UNDAMPED * centre) + np.finfo(float).tiny
+    grain = np.exp(SAME * np.round(np.log(size) / SAME))
+    _, first = np.unique(np.stack([np.round(centre / (SAME * grain)), grain]), axis=1, return_index=True)
+    return centre[first], width[first]
+
+
+def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:
+    """The curve extended by zero frequency and by half the sampling rate, where finite."""
+    period = loop.period_s
+    ends = np.array([0.0] if period is None else [0.0, np.pi / period])
+    omega, value = (
+        np.concatenate(both) for both in zip(curve, _finite_lines(ends, ratio(1j * ends)), strict=True)
+    )
+    order = np.argsort(omega, kind="stable")
+    return omega[order], value[order]
+
+
+def _where_settled(ratio: Response, omega: float) -> float:
+    """Frequency at or below ``omega`` where all gains are constant, or outside 1 / `WIDEST` to `WIDEST`."""
+    for _ in range(SLOWEST_DECADES):
+        L = np.abs(ratio(1j * omega * np.array([0.1, 1.0])))
+        beyond = np.all(~np.isfinite(L) | (L > WIDEST) | (L < 1.0 / WIDEST), axis=0)
+        if np.all(beyond | (np.abs(L[1] - L[0]) < 1e-3 * L[0])):
+            break
+        omega *= 0.1
+    return omega
+
+
+def _where_gone(ratio: Response, omega: float) -> float:
+    """Frequency at or above ``omega`` where no loop gain exceeds 1 / `WIDEST`; at most a thousand ``omega``.
+
+    With a direct term the gain never falls and crossings repeat.
+    """
+    for factor in np.geomspace(1.0, 1e3, 13):
+        there = np.abs(ratio(1j * omega * factor * np.array([1.0, 1.3, 1.7])))
+        if np.all(there < 1.0 / WIDEST):
+            return omega * float(factor)
+    return omega * 1e3
+
+
+def refine_lines(ratio: Response, omega: Float[np.ndarray, " line"], finer: float = 1.0) -> Curve:
+    """The ratio with lines added where gain or phase of any channel changes much from line to line.
+
+    Only within a factor `WIDEST` of unit gain, which limits the approach to poles and zeros on the axis.
+    Lines where the ratio is infinite are dropped. ``finer`` divides the steps allowed.
+    """
+    omega, value = _finite_lines(omega, ratio(1j * omega))
+    for _ in range(ROUNDS):
+        coarse = _coarse(value, finer) & (np.diff(omega) > FINEST * omega[1:])
+        if not coarse.any():
+            break
+        middle = (omega[:-1] + OFF_MIDDLE * np.diff(omega))[coarse]
+        place = np.flatnonzero(coarse) + 1
+        value = np.insert(value, place, ratio(1j * middle), axis=0)
+        omega, value = _finite_lines(np.insert(omega, place, middle), value)
+    return omega, value
+
+
+def _finite_lines(omega: np.ndarray, value: np.ndarray) -> Curve:
+    keep = np.isfinite(value).all(axis=1)
+    return omega[keep], value[keep]
+
+
+def _coarse(L: np.ndarray, finer: float) -> np.ndarray:
+    """Which steps are too long."""
+    size = np.maximum(np.abs(L), 1e-300)
+    level = np.log(size)
+    inside = np.abs(level) < np.log(WIDEST)
+    turn = np.abs(np.angle(L[1:] / size[1:] * np.conj(L[:-1] / size[:-1])))
+    stretch = np.abs(np.diff(level, axis=0))
+    return np.any((inside[1:] | inside[:-1]) & ((turn > TURN / finer) | (stretch > STRETCH / finer)), axis=1)

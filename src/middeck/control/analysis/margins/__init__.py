@@ -1,0 +1,1 @@
+"""Return ratios and where they cross: gain, phase, delay and disk margins."""

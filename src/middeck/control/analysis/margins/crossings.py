@@ -1,0 +1,181 @@
+"""Where a return ratio meets the negative real axis or the unit circle, to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+from scipy.optimize import elementwise, minimize_scalar
+
+from middeck.control.analysis.loop.lines import WIDEST
+from middeck.values import record
+
+SKEW = 1.07
+"""Exponent that keeps new points off the middle of an interval, where a pole on the axis may lie."""
+MOST_PEAKS, MOST_ROUNDS = 12, 12
+MOST = 300
+"""Crossings of a channel that are found on each side of a gain of one: a delay makes thousands, most of them
+far from it."""
+REAL, NARROW = 1e-9, 1e-7
+"""Imaginary part over the real one: that of a ratio without a phase of its own, by rounding. Part of its
+bracket to which an extremum is found."""
+FLAT = 1e-10
+"""Drop to the neighbours of the highest point; a parabola through them rises by a quarter of it at most."""
+Ratio = Callable[[np.ndarray], np.ndarray]
+
+
+@record
+class Crossings:
+    """Where one quantity of L changes sign, channel by channel.
+
+    Attributes:
+        omega: Angular frequency [rad/s].
+        channel: Position of the channel.
+        L: The ratio there.
+    """
+
+    omega: Float[np.ndarray, " crossing"]
+    channel: Int[np.ndarray, " crossing"]
+    L: Complex[np.ndarray, " crossing"]
+
+
+def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
+    """Where L is real and negative, within 80 dB of one; of many a channel, the `MOST` nearest on each side.
+
+    Where L is real everywhere, only where it turns back: roots on the axis meet there, and one leaves it.
+    """
+    real = np.abs(np.imag(L)) <= REAL * np.abs(np.real(L))
+    # An undamped loop: its crossings would be rounding.
+    undamped = 2 * np.sum(real, axis=0) > len(real)
+    none = (real[1:] & real[:-1] & undamped) | _far(L)
+    # Project on a sphere: the curve stays finite through a pole on the axis, which is then recognised.
+    found = _joined(
+        _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2), none),
+        *(_turns(ratio, omega, L, k) for k in np.flatnonzero(undamped).tolist()),
+    )
+    size = np.abs(found.L)
+    return _keep(found, (np.real(found.L) < 0.0) & (size < WIDEST) & (size > 1.0 / WIDEST))
+
+
+def circle_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
+    """Where L has gain one."""
+    found = _roots(ratio, omega, L, lambda x: (np.abs(x) ** 2 - 1.0) / (np.abs(x) ** 2 + 1.0))
+    return _keep(found, np.isfinite(found.L))
+
+
+def _turns(ratio: Ratio, omega: np.ndarray, L: np.ndarray, channel: int) -> Crossings:
+    """Extrema of an L that is real and negative."""
+    value = np.real(L[:, channel])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = np.diff(np.log(np.abs(value)))
+    plain = np.flatnonzero(np.abs(step) > REAL)
+    at: list[float] = []
+    for i, j in pairwise(plain.tolist()):
+        if step[i] * step[j] < 0.0 and np.all(value[i : j + 2] < 0.0):
+            at.append(_extremum(ratio, channel, (omega[i], omega[j + 1]), up=bool(step[i] > 0.0)))
+    where = np.array(at, dtype=float)
+    k = np.full(len(where), channel)
+    return Crossings(where, k, _pick(ratio, where, k) if len(where) else np.zeros(0, dtype=complex))
+
+
+def _extremum(ratio: Ratio, channel: int, bounds: tuple[float, float], *, up: bool) -> float:
+    def size(x: float) -> float:
+        gain = float(np.abs(ratio(1j * np.array([x]))[0, channel]))
+        return -gain if up else gain
+
+    narrow = {"xatol": NARROW * (bounds[1] - bounds[0])}
+    found: Any = minimize_scalar(size, bounds=bounds, method="bounded", options=narrow)
+    return float(found.x)
+
+
+def _far(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
+    """Steps across the positive real axis, and those across the negative one beyond `MOST` on a side of one.
+
+    The nearest below one and the nearest above are both limits of gain.
+    """
+    positive, below = np.real(L) > 0.0, np.signbit(np.imag(L))
+    far = positive[1:] & positive[:-1]
+    with np.errstate(divide="ignore"):
+        level = np.log(np.abs(L))
+    for channel, across in enumerate((below[1:] != below[:-1]).T):
+        steps = np.flatnonzero(across & ~far[:, channel])
+        first, last = level[steps, channel], level[steps + 1, channel]
+        order = np.argsort(np.fmin(np.abs(first), np.abs(last)), kind="stable")
+        above = (first + last > 0.0)[order]
+        for side in (above, ~above):
+            far[steps[order[side][MOST:]], channel] = True
+    return far
+
+
+def _joined(*parts: Crossings) -> Crossings:
+    omega, channel, L = (
+        np.concatenate(x) for x in zip(*((p.omega, p.channel, p.L) for p in parts), strict=True)
+    )
+    return Crossings(omega, channel, L)
+
+
+def _keep(found: Crossings, which: np.ndarray) -> Crossings:
+    return Crossings(found.omega[which], found.channel[which], found.L[which])
+
+
+def _roots(
+    ratio: Ratio,
+    omega: np.ndarray,
+    L: np.ndarray,
+    value: Callable[[np.ndarray], np.ndarray],
+    none: np.ndarray | bool = False,
+) -> Crossings:
+    """Roots bracketed by neighbouring lines, found together by Chandrupatla's method (1997).
+
+    There are ``none`` at some of the steps from line to line.
+    """
+    levels = value(L)
+    line, channel = np.nonzero((np.signbit(levels[1:]) != np.signbit(levels[:-1])) & ~np.asarray(none))
+    if not len(line):
+        return Crossings(np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=complex))
+
+    def at(x: np.ndarray, k: np.ndarray) -> np.ndarray:
+        # A pole on the axis is no crossing; its gain shows it afterwards.
+        return np.nan_to_num(value(_pick(ratio, x, k)))
+
+    solve: Any = elementwise.find_root
+    root = solve(at, (omega[line], omega[line + 1]), args=(channel,)).x
+    return Crossings(root, channel, np.nan_to_num(_pick(ratio, root, channel), nan=np.inf))
+
+
+def _pick(ratio: Ratio, omega: np.ndarray, channel: np.ndarray) -> np.ndarray:
+    x, k = np.broadcast_arrays(omega, channel)
+    each = ratio(1j * x.ravel())
+    return each[np.arange(x.size), k.ravel().astype(int)].reshape(x.shape)
+
+
+def find_peaks(
+    function: Callable[[np.ndarray], np.ndarray], omega: Float[np.ndarray, " line"], value: np.ndarray
+) -> tuple[float, float]:
+    """Frequency and size of the largest value of a positive function, refined between the lines.
+
+    Peaks within a tenth of the highest line are narrowed to an eighth repeatedly until they are flat;
+    narrower intervals show rounding only, most of all beside a pole that cancels.
+    """
+    padded = np.concatenate([[-np.inf], value, [-np.inf]])
+    peaks = np.flatnonzero((value >= padded[:-2]) & (value >= padded[2:]) & (value >= 0.9 * value.max()))
+    peaks = peaks[np.argsort(-value[peaks], kind="stable")[:MOST_PEAKS]]
+    low, high = omega[np.maximum(peaks - 1, 0)], omega[np.minimum(peaks + 1, len(omega) - 1)]
+    best, place = value[peaks[0]], omega[peaks[0]]
+    share = np.linspace(0.0, 1.0, 9) ** SKEW
+    for _ in range(MOST_ROUNDS):
+        x = low[:, None] + (high - low)[:, None] * share
+        y = function(x.ravel()).reshape(x.shape)
+        rows, top = np.arange(len(x)), np.argmax(y, axis=1)
+        lead = int(np.argmax(y[rows, top]))
+        if y[lead, top[lead]] > best:
+            best, place = y[lead, top[lead]], x[lead, top[lead]]
+        left, right = np.maximum(top - 1, 0), np.minimum(top + 1, 8)
+        going = np.minimum(y[rows, left], y[rows, right]) < (1.0 - FLAT) * y[rows, top]
+        if not going.any():
+            break
+        low, high = x[rows, left][going], x[rows, right][going]
+    return float(place), float(best)

@@ -1,0 +1,174 @@
+"""Delay margin of each channel of a sampled loop.
+
+A further delay of n whole periods multiplies L(exp(j w T)) by exp(-j w n T): only frequencies of unit gain
+can become roots on the circle, and each does whenever its phase has turned to the critical point. The number
+of unstable roots thus follows for all n from that at n = 0 and from the frequencies of unit gain (Walton and
+Marshall 1987, IEE Proceedings D 134, "Direct method for TDS stability analysis", for sampled loops).
+
+A delay of a part of a period does not turn L: each mode turns at its own frequency, also beyond half the
+rate, where its image may turn the other way. So the plant is sampled anew at every part.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.optimize as opt
+from jaxtyping import Bool, Float
+
+from middeck.control.analysis.loop.feedback_loop import At, form_loop, loop_path
+from middeck.control.analysis.loop.lines import place_lines, refine_lines
+from middeck.control.analysis.margins.crossings import circle_crossings
+from middeck.control.analysis.margins.return_ratio import broken_ratio
+from middeck.control.analysis.stability.stability import decide_loop
+from middeck.control.law.compensator import Compensator
+from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.state_space.statespace import StateSpace, poles
+from middeck.values import record
+
+TURN = 0.5
+"""Phase step [rad] of the fastest light mode between delays tried: a loop of this mode alone that is unstable
+over less of a turn, 2 arccos(1/L), has a gain within 3 % of the limit."""
+LOOKED = 20
+"""Periods searched beyond the first turn of the slowest frequency of falling unit gain."""
+AT_ONCE = 2**16
+PRECISION = 1e-10
+
+
+@record(kw_only=True)
+class UnitGain:
+    """Frequencies of unit gain of a loop delayed by part of a period.
+
+    Attributes:
+        growing: Number of unstable roots without further delay.
+        angle: w T of each frequency of unit gain, ascending.
+        lag: Phase lag there that turns L to the critical point, from 0 to 2 pi.
+        falling: Whether the gain falls through one there; otherwise it rises.
+        open_end: Whether the gain is above one at half the rate: a real or complex root then grows with each
+            period.
+    """
+
+    growing: int
+    angle: Float[np.ndarray, " crossing"]
+    lag: Float[np.ndarray, " crossing"]
+    falling: Bool[np.ndarray, " crossing"]
+    open_end: bool
+
+
+def sampled_delay_limits(plant: Plant, compensator: Compensator, at: At) -> list[float]:
+    """Least additional delay [s] of each channel alone that makes the sampled loop unstable; ``inf`` if none.
+
+    The continuous plant is sampled anew with that channel delayed.
+    """
+    path, period = loop_path(plant, compensator), compensator.sampled.period_s
+    system = remove_delays(path).system
+    ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
+    limits: list[float] = []
+    for end in ends:
+        loop = form_loop(path, compensator)
+        lines = place_lines(loop, end, broken_ratio(loop, end))
+        later = (
+            np.eye(len(path.inputs))[:, None, :] if end == "inputs" else np.eye(len(path.outputs))[:, :, None]
+        )
+        for i, one in enumerate(later):
+            gain_at = functools.partial(_unit_gain, path, compensator, one * period, (end, i), lines)
+            limits.append(find_delay_limit(gain_at, system, period))
+    return limits
+
+
+def _unit_gain(
+    path: Plant,
+    compensator: Compensator,
+    period_later: np.ndarray,
+    where: tuple[At, int],
+    lines: np.ndarray,
+    part: float,
+) -> UnitGain:
+    """The loop with one channel delayed by ``part`` of ``period_later``."""
+    loop = form_loop(delay_plant(path, part * period_later), compensator)
+    end, i = where
+    ratio = broken_ratio(loop, end)
+
+    def alone(s: np.ndarray) -> np.ndarray:
+        return ratio(s)[:, [i]]
+
+    omega, L = refine_lines(alone, lines)
+    found = circle_crossings(alone, omega, L)
+    order = np.argsort(found.omega, kind="stable")
+    above = np.abs(L[:, 0]) > 1.0
+    return UnitGain(
+        growing=decide_loop(loop).growing,
+        angle=found.omega[order] * compensator.sampled.period_s,
+        lag=np.mod(np.angle(found.L[order]) + np.pi, 2.0 * np.pi),
+        falling=(np.arange(len(order)) % 2 == 0) == bool(above[0]),
+        open_end=bool(above[-1]),
+    )
+
+
+def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, period_s: float) -> float:
+    """Least additional delay [s] at which the loop is unstable; ``inf`` where none is found.
+
+    ``gain_at`` takes fractions of a period from 0 to 1.
+    """
+    gain_at = functools.cache(gain_at)  # the ends are asked for again
+    parts = np.arange(count := _steps(system, period_s)) / count
+    first = [_first_unstable(gain_at(float(part))) for part in parts]
+    k = int(np.argmin(first + parts))
+    if not np.isfinite(first[k]):
+        return np.inf
+    whole, high = int(first[k]), float(parts[k])
+    if k == 0:  # on this side of a whole number of periods the state of the one before is what is known
+        if whole == 0:
+            return 0.0
+        whole, high = whole - 1, 1.0
+    low = float(parts[k - 1])
+    tolerance = max(PRECISION * (whole + high), 1e-14)
+
+    def clearance(part: float) -> float:
+        return _clearance(gain_at(part), whole)
+
+    # At the stability limit rounding alone may separate the two ends: return the unstable one.
+    if clearance(low) <= 0.0 or clearance(high) >= 0.0:
+        return period_s * (whole + high)
+    solve: Any = opt.brentq
+    return period_s * (whole + float(solve(clearance, low, high, xtol=tolerance)))
+
+
+def _steps(system: StateSpace, period_s: float) -> int:
+    """Number of fractions of a period tried."""
+    rates = np.asarray(poles(system))
+    turning = np.abs(np.imag(rates))
+    light = turning[turning > np.abs(np.real(rates))]
+    return max(1, int(np.ceil(float(light.max(initial=0.0)) * period_s / TURN)))
+
+
+def _first_unstable(gain: UnitGain) -> float:
+    """The least whole number of periods at which roots grow."""
+    falling = gain.angle[gain.falling]
+    turn = 2.0 * np.pi / float(falling.min()) if len(falling) else 0.0
+    end = int(turn) + LOOKED
+    for start in range(0, end, AT_ONCE):
+        whole = np.arange(start, min(start + AT_ONCE, end))
+        unstable = np.flatnonzero(_growing(gain, whole) > 0)
+        if len(unstable):
+            return float(whole[unstable[0]])
+    return np.inf
+
+
+def _growing(gain: UnitGain, whole: np.ndarray) -> np.ndarray:
+    """Number of unstable roots: two more each time L turns through the critical point where its gain falls
+    through one, two fewer where it rises."""
+    passed = np.ceil((whole[:, None] * gain.angle - gain.lag) / (2.0 * np.pi))
+    pairs = passed @ np.where(gain.falling, 1.0, -1.0)
+    return gain.growing + 2.0 * pairs + whole * float(gain.open_end)
+
+
+def _clearance(gain: UnitGain, whole: int) -> float:
+    """Periods to the nearest root on the circle; negative where roots grow."""
+    turned = (whole * gain.angle - gain.lag) / (2.0 * np.pi)
+    away = np.abs(turned - np.round(turned)) * 2.0 * np.pi / gain.angle
+    sign = -1.0 if _growing(gain, np.array([whole]))[0] > 0 else 1.0
+    return sign * float(away.min(initial=1.0))

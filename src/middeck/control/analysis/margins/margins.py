@@ -1,0 +1,298 @@
+"""Gain, phase and delay margins and sensitivity peaks of each loop, the others closed, delays exact."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.analysis.loop.feedback_loop import (
+    At,
+    Compensator,
+    Plant,
+    broken_at,
+    form_loop,
+    moved_part,
+)
+from middeck.control.analysis.loop.lines import WIDEST, add_ends, place_lines, refine_lines
+from middeck.control.analysis.margins.crossings import (
+    Crossings,
+    Ratio,
+    axis_crossings,
+    circle_crossings,
+    find_peaks,
+)
+from middeck.control.analysis.margins.delay_limit import sampled_delay_limits
+from middeck.control.analysis.margins.disk import DiskMargin, disk_from_peak
+from middeck.control.analysis.margins.ends import Ends, find_ends
+from middeck.control.analysis.margins.neutral import bears_no_delay
+from middeck.control.analysis.margins.return_ratio import broken_ratio
+from middeck.control.analysis.stability.stability import LoopStability, decide_loop
+from middeck.control.analysis.text_table import align_columns
+from middeck.errors import ConfigError
+from middeck.values import record
+
+HEAD = ("broken at", "gain dB", "at Hz", "phase deg", "at Hz", "delay ms", "disk", "max |S|", "at Hz")
+
+
+@record
+class Peak:
+    """The largest gain of a function and where it lies."""
+
+    gain: float
+    frequency_hz: float
+
+
+@record(kw_only=True)
+class LoopMargins:
+    """Margins of one loop, the others closed.
+
+    Attributes:
+        channel: Where the loop is broken.
+        gain: Factors on the loop gain, above and below one, that put a pole on the axis, ascending.
+        gain_hz: Frequency [Hz] of that pole.
+        phase_rad: Lag (positive) or lead (negative) that does so at each frequency of unit gain, the smaller
+            of the two.
+        phase_hz: Frequencies of unit gain [Hz], ascending.
+        delay_s: Least additional delay that does so at each of these frequencies (possibly beyond half a
+            turn), preceded by zero where the gain stays at one or above at infinite frequency: any delay is
+            then unstable. Sampled loops give the smallest only; None where it was not requested, and where
+            the continuous plant is unknown (samples do not tell how a delay turns a mode beyond half the
+            rate).
+        sensitivity, complementary: Peaks of 1 / (1 + L) and of L / (1 + L).
+        disk: The balanced disk margin of this loop alone.
+    """
+
+    channel: str
+    gain: Float[np.ndarray, " axis"]
+    gain_hz: Float[np.ndarray, " axis"]
+    phase_rad: Float[np.ndarray, " circle"]
+    phase_hz: Float[np.ndarray, " circle"]
+    delay_s: Float[np.ndarray, " delay"] | None
+    sensitivity: Peak
+    complementary: Peak
+    disk: DiskMargin
+
+    @property
+    def broken(self) -> bool:
+        """Whether the loop is unstable: it then has crossings, and limits of zero."""
+        return self.disk.alpha == 0.0
+
+    @property
+    def gain_limits(self) -> tuple[float, float]:
+        """Nearest gain factors below and above one; 0 and ``inf`` if none, both one if unstable."""
+        if self.broken:
+            return 1.0, 1.0
+        below, above = self.gain[self.gain < 1.0], self.gain[self.gain > 1.0]
+        return float(below.max(initial=0.0)), float(above.min(initial=np.inf))
+
+    @property
+    def gain_db(self) -> float:
+        """Smaller gain margin [dB], not negative."""
+        below, above = self.gain_limits
+        down = -20.0 * np.log10(below) if below else np.inf
+        return float(min(down, 20.0 * np.log10(above)))
+
+    @property
+    def phase_limit_rad(self) -> float:
+        """Smallest phase margin [rad], lag or lead; ``inf`` where the gain is never one, 0 if unstable."""
+        return 0.0 if self.broken else float(np.abs(self.phase_rad).min(initial=np.inf))
+
+    @property
+    def delay_limit_s(self) -> float:
+        """Delay margin [s], 0 if unstable. Raises `ConfigError` where it is not known."""
+        if self.broken:
+            return 0.0
+        if self.delay_s is None:
+            raise ConfigError(
+                "the delay margin of a sampled loop is not known without its continuous plant",
+                hint="measure_margins of the continuous plant, with delays=True",
+            )
+        return float(self.delay_s.min(initial=np.inf))
+
+
+@record
+class Margins:
+    """Margins of all loops of a plant and its compensator; ``print`` shows them as a table.
+
+    The table has one row a loop: gain, phase and delay margins with their frequencies, disk margin and peak
+    of S. ``-``: no limit. ``?``: a delay margin that was not computed. The row of an unstable loop gives its
+    fastest-growing root.
+
+    Attributes:
+        stability: Stability of the loop. An unstable loop has crossings but no margins: its limits and disks
+            are zero.
+        loops: One for each channel.
+    """
+
+    stability: LoopStability
+    loops: tuple[LoopMargins, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable."""
+        return self.stability.stable
+
+    def __str__(self) -> str:
+        if not self.stable:
+            root = self.stability
+            return f"unstable: a root at {root.frequency_hz:.4g} Hz grows by {-root.margin:.3g} 1/s"
+        return align_columns([HEAD, *map(_cells, self.loops)])
+
+
+def _cells(loop: LoopMargins) -> tuple[str, ...]:
+    gain = np.argmin(np.abs(np.log(loop.gain))) if len(loop.gain) else None
+    phase = np.argmin(np.abs(loop.phase_rad)) if len(loop.phase_rad) else None
+    return (
+        loop.channel,
+        "-" if gain is None else f"{20.0 * np.log10(loop.gain[gain]):+.1f}",
+        "-" if gain is None else f"{loop.gain_hz[gain]:.4g}",
+        "-" if phase is None else f"{np.degrees(abs(loop.phase_rad[phase])):.1f}",
+        "-" if phase is None else f"{loop.phase_hz[phase]:.4g}",
+        "?" if loop.delay_s is None else "-" if not len(loop.delay_s) else f"{1e3 * loop.delay_limit_s:.3g}",
+        f"{loop.disk.alpha:.3f}",
+        f"{loop.sensitivity.gain:.3f}",
+        f"{loop.sensitivity.frequency_hz:.4g}",
+    )
+
+
+def measure_margins(
+    plant: Plant, compensator: Compensator, *, at: At = "inputs", delays: bool = True
+) -> Margins:
+    """Margins with one loop broken at a time, all others closed, delays exact.
+
+    L = -K G; a crossing is a frequency at which 1 + k L exp(-j phi) = 0 for a gain k or a phase phi alone.
+    Crossings are bracketed on lines around every pole and zero and solved to rounding; those that need a
+    change of gain beyond 80 dB are left out, and of thousands that a delay makes all but the 300 nearest to a
+    gain of one on each side. Real poles through the origin, z = -1 or infinity (direct terms, no delay) count
+    among the gains. Delays of the plant stay in the loop. The poles of an undamped loop are on the axis: its
+    phase margin is zero, and its limits of gain are where two poles meet and leave the axis.
+
+    For a sampled compensator L(exp(j w T)) includes hold and delays. Its delay margin is the least additional
+    delay of a channel with which the plant, sampled anew, gives an unstable loop
+    (`middeck.control.analysis.margins.delay_limit`): most of the work, skipped with ``delays=False``.
+
+    Raises `ConfigError` for halves that do not fit (`form_loop`).
+
+    >>> from middeck.control.law.compensator import Compensator
+    >>> from middeck.systems.plants.plant import Plant, delay_plant
+    >>> from middeck.signals.ports import Port
+    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
+    >>> force, way = Port("force", "N"), Port("way", "m")
+    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
+    ...     outputs=(way,))
+    >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
+    >>> one = measure_margins(delay_plant(integrator, 0.1), P).loops[0]
+    >>> one.gain_limits[1].__round__(9), one.phase_limit_rad.__round__(9)    # pi/(2 tau), pi/2 - tau
+    (15.707963268, 1.470796327)
+    >>> print(measure_margins(integrator, P))
+    broken at  gain dB  at Hz  phase deg  at Hz   delay ms  disk   max |S|  at Hz
+    force      -        -      90.0       0.1592  1.57e+03  2.000  1.000    477.5
+    """
+    loop = form_loop(plant, compensator)
+    stability, loop = decide_loop(loop), moved_part(loop)
+    ratio = broken_ratio(loop, at)
+    curve = refine_lines(ratio, place_lines(loop, at, ratio))
+    # The ends are real: no change of sign shows a crossing there.
+    crossings = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
+    omega, L = add_ends(loop, ratio, curve)
+    ends = find_ends(loop, at)
+    loops = [
+        _describe(name, i, (_channel(ratio, i), omega, L[:, i]), crossings, ends, stability.stable)
+        for i, name in enumerate(broken_at(loop, at))
+    ]
+    loops = [
+        dataclasses.replace(one, delay_s=_with_none(one.delay_s)) if none and stability.stable else one
+        for one, none in zip(loops, bears_no_delay(loop, at), strict=True)
+    ]
+    if loop.period_s is not None:
+        known = delays and plant.period_s is None
+        loops = [dataclasses.replace(one, delay_s=None) for one in loops]
+        loops = _with_limits(loops, plant, compensator, at, stability.stable) if known else loops
+    return Margins(stability, tuple(loops))
+
+
+def _with_limits(
+    loops: list[LoopMargins], plant: Plant, compensator: Compensator, at: At, stable: bool
+) -> list[LoopMargins]:
+    limits = sampled_delay_limits(plant, compensator, at) if stable else [0.0] * len(loops)
+    return [
+        dataclasses.replace(loop, delay_s=np.array([limit] if 0.0 < limit < np.inf else []))
+        for loop, limit in zip(loops, limits, strict=True)
+    ]
+
+
+def _with_none(delay_s: np.ndarray | None) -> np.ndarray:
+    return np.zeros(1) if delay_s is None else np.append(0.0, delay_s)
+
+
+def _channel(ratio: Ratio, i: int) -> Ratio:
+    return lambda s: ratio(s)[:, i]
+
+
+def _describe(
+    name: str,
+    i: int,
+    curve: tuple[Ratio, np.ndarray, np.ndarray],
+    crossings: tuple[Crossings, Crossings],
+    ends: Ends,
+    stable: bool,
+) -> LoopMargins:
+    axis, circle = crossings
+    real = [(w, float(-1.0 / value[i].real)) for w, value in ends if _bears_gain(value[i])]
+    gain = np.concatenate([-1.0 / np.real(axis.L[axis.channel == i]), [k for _, k in real]])
+    gain_at = np.concatenate([axis.omega[axis.channel == i], [w for w, _ in real]])
+    order = np.argsort(gain, kind="stable")
+    at, value = circle.omega[circle.channel == i], circle.L[circle.channel == i]
+    lag = np.mod(np.angle(value) + np.pi, 2.0 * np.pi)
+    turn = 2.0 * np.pi
+
+    at_peaks = [_peak(curve, one) for one in (_sensitivity, _complementary, _skewed)]
+    S, T = (Peak(gain, w / turn) for w, gain in at_peaks[:2])
+    worst, skewed = at_peaks[2]
+    return LoopMargins(
+        channel=name,
+        gain=gain[order],
+        gain_hz=gain_at[order] / turn,
+        phase_rad=np.where(lag > np.pi, lag - turn, lag),
+        phase_hz=at / turn,
+        delay_s=lag / at,
+        sensitivity=S,
+        complementary=T,
+        disk=disk_from_peak(skewed if stable else np.inf, worst),
+    )
+
+
+def _peak(
+    curve: tuple[Ratio, np.ndarray, np.ndarray], size: Callable[[np.ndarray], np.ndarray]
+) -> tuple[float, float]:
+    """Largest value of a function of one channel's ratio, and its frequency."""
+    ratio, omega, L = curve
+
+    def gain(w: np.ndarray) -> np.ndarray:
+        there = ratio(1j * w)
+        # On a pole of the ratio nothing peaks: S vanishes there, and T is one.
+        return size(np.where(np.isfinite(there), there, 0.0))
+
+    with np.errstate(divide="ignore"):  # all are infinite on a root of the loop
+        return find_peaks(gain, omega, size(L))
+
+
+def _sensitivity(L: np.ndarray) -> np.ndarray:
+    return 1.0 / np.abs(1.0 + L)
+
+
+def _complementary(L: np.ndarray) -> np.ndarray:
+    return np.abs(L) / np.abs(1.0 + L)
+
+
+def _skewed(L: np.ndarray) -> np.ndarray:
+    """|S - 1/2|, see `middeck.control.analysis.margins.disk`."""
+    return 0.5 * np.abs(1.0 - L) / np.abs(1.0 + L)
+
+
+def _bears_gain(value: complex) -> bool:
+    """Whether a real end point is a crossing within 80 dB of unit gain."""
+    return bool(1.0 / WIDEST < -value.real < WIDEST)

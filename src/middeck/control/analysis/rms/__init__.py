@@ -1,0 +1,1 @@
+"""Closed-loop responses and their rms, delays exact."""

@@ -1,0 +1,151 @@
+"""How far each mode may shift before the loop is unstable, mode by mode and in both directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.stability.stability import decide_loop, loop_poles
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.partition import partition_modes
+from middeck.errors import ConfigError
+from middeck.systems.plants.mode_blocks import part_modes
+from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.stability import none_grows
+from middeck.values import record
+
+
+@record(kw_only=True)
+class AllowedShift:
+    """Relative shifts of one mode's frequency at which the loop first becomes unstable.
+
+    Attributes:
+        mode: Its name.
+        down, up: Negative and positive; -``inf`` and ``inf`` where the loop is stable up to ``most``, both
+            zero where it is unstable without a shift.
+        down_hz, up_hz: Frequency of the pole that reaches the axis; 0 where none does.
+    """
+
+    mode: str
+    down: float
+    up: float
+    down_hz: float
+    up_hz: float
+
+
+def find_allowed_shifts(
+    plant: Plant,
+    compensator: Compensator,
+    *,
+    modes: Sequence[str] | None = None,
+    most: float = 0.2,
+    step: float = 0.0025,
+    resolution: float = 1e-8,
+    finish: Callable[[Plant], Plant] | None = None,
+) -> tuple[AllowedShift, ...]:
+    """Smallest destabilising shift of each mode alone, damping ratio kept, delays exact.
+
+    A sampled compensator meets the shifted plant sampled anew, hold and delays exact: modes beyond half the
+    rate count too.
+
+    Marches outwards in steps of ``step`` up to ``most`` with eigenvalues (delays by an approximation of high
+    order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``
+    (relative change of frequency) may be stepped over.
+
+    Args:
+        modes: None: all oscillating modes that are controllable or observable. Modes of a state space without
+            ``state_names`` are named by number and frequency (`part_modes`).
+        finish: Function from the shifted plant to the plant controlled, e.g. closing an inner loop.
+
+    Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or a step that is
+    not positive; `NumericalError` where modes without names nearly coincide (`part_modes`).
+    """
+    if not 0.0 < step <= most < 1.0:
+        raise ConfigError(f"step = {step:g}, most = {most:g}", hint="0 < step <= most < 1")
+    plant = _named(plant)
+    names = _oscillating(plant) if modes is None else tuple(modes)
+
+    def loop_at(mode: str, shift: float) -> Plant:
+        moved = shift_modes(plant, {mode: 1.0 + shift})
+        return moved if finish is None else finish(moved)
+
+    return tuple(
+        _allowed(mode, lambda x, mode=mode: loop_at(mode, x), compensator, most, step, resolution)
+        for mode in names
+    )
+
+
+def _named(plant: Plant) -> Plant:
+    """The plant itself where its modes have names, else in blocks of its own modes."""
+    named = plant.modal or plant.state_names
+    return plant if named else part_modes(plant)
+
+
+def _oscillating(plant: Plant) -> tuple[str, ...]:
+    inside = remove_delays(partition_modes(plant).active)
+    if inside.modal is not None:
+        moving = zip(inside.modal.names, inside.modal.omega, strict=True)
+        return tuple(name for name, omega in moving if omega > 0.0)
+    names, rates = name_states(inside), inside.system.A
+    blocks = {name: np.flatnonzero(np.array(names) == name) for name in dict.fromkeys(names)}
+    return tuple(
+        name
+        for name, index in blocks.items()
+        if len(index) == 2 and np.any(np.imag(np.linalg.eigvals(rates[np.ix_(index, index)])) != 0.0)
+    )
+
+
+def _allowed(
+    mode: str,
+    plant_at: Callable[[float], Plant],
+    law: Compensator,
+    most: float,
+    step: float,
+    resolution: float,
+) -> AllowedShift:
+    if not decide_loop(form_loop(plant_at(0.0), law)).stable:
+        return AllowedShift(mode=mode, down=0.0, up=0.0, down_hz=0.0, up_hz=0.0)
+    ends = [_first(plant_at, law, sign, most, step, resolution) for sign in (-1.0, 1.0)]
+    return AllowedShift(mode=mode, down=ends[0][0], up=ends[1][0], down_hz=ends[0][1], up_hz=ends[1][1])
+
+
+def _first(
+    plant_at: Callable[[float], Plant],
+    law: Compensator,
+    sign: float,
+    most: float,
+    step: float,
+    resolution: float,
+) -> tuple[float, float]:
+    """The first unstable shift in one direction, and the frequency of the pole."""
+    low = 0.0
+    for high in np.append(np.arange(step, most, step), most):
+        loop = form_loop(plant_at(sign * float(high)), law)
+        if not none_grows(loop_poles(loop), loop.period_s) and not decide_loop(loop).stable:
+            break
+        low = float(high)
+    else:
+        return sign * np.inf, 0.0
+    return _bisect(plant_at, law, sign, (low, float(high)), resolution)
+
+
+def _bisect(
+    plant_at: Callable[[float], Plant],
+    law: Compensator,
+    sign: float,
+    bracket: tuple[float, float],
+    resolution: float,
+) -> tuple[float, float]:
+    low, high = bracket
+    found = decide_loop(form_loop(plant_at(sign * high), law))
+    while high - low > resolution:
+        middle = 0.5 * (low + high)
+        outcome = decide_loop(form_loop(plant_at(sign * middle), law))
+        if outcome.stable:
+            low = middle
+        else:
+            high, found = middle, outcome
+    return sign * high, found.frequency_hz

@@ -1,0 +1,1 @@
+"""Stability with exact delays: roots found, and counted."""

@@ -1,0 +1,140 @@
+"""Roots of a loop with exact delays, from the poles of an approximation and the light modes themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex
+
+from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, Halves
+from middeck.systems.plants.plant import remove_delays
+
+LIGHT = 0.1
+"""Damping ratio below which a pole needs a good approximation at its own frequency."""
+NEWTON_STEPS = 12
+UNMOVED = 1e-9
+"""Relative shift by the loop below which a mode's root is found from its open pole, to first order."""
+CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16.0)
+"""Directions of a mean that keeps the constant term, to the 16th power of the relative radius."""
+ON_ROOT = 1e-2
+"""|f| at a root beside |f| a thousandth of the way to the next pole: within 1e-5 of that way. Beside a mode
+that the loop hardly moves |f| is rounding so near: there a tenth of the way, where Newton's method rests."""
+ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
+RESTS = 1e-7
+"""Relative distance below which the root beside an open pole counts as one already known."""
+NEAREST_AXIS = 12
+"""Roots followed to the exact delay beside those that are counted."""
+
+
+def follow_roots(
+    halves: Halves, near: np.ndarray, open_poles: np.ndarray, reach: float
+) -> tuple[Complex[np.ndarray, " root"], Complex[np.ndarray, " root"]]:
+    """Roots of the loop, from the poles ``near`` them and the light open poles; and the poles that led to
+    none.
+
+    The latter lead to no root, or lie too far left to be followed.
+    """
+    upper = near[np.imag(near) >= 0.0]
+    upper = upper[np.argsort(-np.real(upper), kind="stable")]
+    count = int(np.sum(np.real(upper) > -reach)) + NEAREST_AXIS
+    light = open_poles[is_light(open_poles) & (np.abs(open_poles) > 1e-3 * reach)]
+    # Start beside the pole, where everything is finite.
+    start = np.concatenate([upper[:count], light + 1e-6 * np.abs(light)])
+    roots, is_root = _newton(halves, start, open_poles, reach)
+    own = np.arange(len(start)) < len(upper[:count])
+    roots = _once(roots[is_root], start[is_root], own[is_root])
+    return with_conjugates(roots), with_conjugates(np.append(start[own & ~is_root], upper[count:]))
+
+
+def with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """``upper`` and real roots, followed by the conjugates of ``upper``."""
+    return np.concatenate([upper, np.conj(upper[np.imag(upper) > 0.0])])
+
+
+def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """Distinct roots; a root is kept twice where two poles of the approximation coincide."""
+    kept: list[int] = []
+    for i in range(len(roots)):
+        size = np.abs(roots[i])
+        close = ONE_ROOT if own[i] else RESTS
+        same = [k for k in kept if np.abs(roots[k] - roots[i]) <= close * size]
+        apart = [np.abs(start[k] - start[i]) > TWO_STARTS * size for k in same]
+        if not same or (own[i] and not any(apart)):
+            kept.append(i)
+    return roots[kept]
+
+
+def find_open_poles(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
+    """Poles of plant and compensator."""
+    own = remove_delays(loop.plant).system.A
+    return np.concatenate([np.linalg.eigvals(own), np.linalg.eigvals(loop.law.A)]).astype(complex)
+
+
+def is_light(poles: np.ndarray) -> np.ndarray:
+    """Upper poles that oscillate with little damping."""
+    return (np.imag(poles) > 0.0) & (np.abs(np.real(poles)) < LIGHT * np.abs(poles))
+
+
+def _newton(
+    halves: Halves, start: np.ndarray, open_poles: np.ndarray, reach: float
+) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
+    """Newton's method on f(s) times all (s - p), which has no poles: end points, and which are roots.
+
+    A mode that the loop does not move is a root of this product, though not of f (`_beside_pole`).
+    """
+    size = np.maximum(np.abs(start), 1e-3 * reach)
+    unmoved = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) <= UNMOVED * size
+    s, real = start.copy(), np.imag(start) == 0.0
+    s[unmoved] = _beside_pole(halves, s[unmoved], open_poles)
+    on_root = rests = np.zeros(len(s), dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(NEWTON_STEPS):
+            # Differences over a thousandth of the way to the next pole err by 1e-6 of the slope.
+            away = s[:, None] - open_poles
+            way = np.abs(away).min(axis=1, initial=np.inf)
+            h = 1e-3 * np.where(np.isfinite(way), way, size)
+            middle, left, right = (_determinant(halves, x) for x in (s, s - h, s + h))
+            on_root = _vanishes(middle, left, right)
+            step = middle / ((right - left) / (2.0 * h) + middle * np.sum(1.0 / away, axis=1))
+            rests = np.abs(step) <= 0.1 * ONE_ROOT * size
+            s = np.where(np.isfinite(step) & ~unmoved, s - step, s)
+            s = np.where(real, np.real(s) + 0.0j, s)
+        h = 0.1 * np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
+        rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
+    ended = np.where(np.imag(s) < 0.0, np.conj(s), s)
+    return ended, unmoved | on_root | rests
+
+
+def _beside_pole(halves: Halves, near: np.ndarray, open_poles: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """The root of f = r / (s - p) + c beside each pole p that is ``near``: p - r / c.
+
+    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. Returns
+    ``near`` unchanged where other poles are too close, and where the root belongs to another pole: a copy of
+    the mode that no port observes stays on the pole.
+    """
+    if not len(near):
+        return near
+    away = np.abs(near[:, None] - open_poles)
+    pole = open_poles[np.argmin(away, axis=1)]
+    others = np.abs(pole[:, None] - open_poles)
+    others[np.arange(len(near)), np.argmin(away, axis=1)] = np.inf
+    h = 0.1 * np.minimum(others.min(axis=1), np.abs(pole))
+    with np.errstate(all="ignore"):
+        there = _determinant(halves, (pole[:, None] + h[:, None] * CIRCLE).ravel()).reshape(-1, len(CIRCLE))
+        moved = -h * np.mean(there * CIRCLE, axis=1) / np.mean(there, axis=1)
+    clear = np.isfinite(moved) & (np.abs(moved) < 2.0 * UNMOVED * np.abs(pole))
+    clear &= 100.0 * np.abs(moved) < h
+    return np.where(clear, pole + np.where(clear, moved, 0.0), near)
+
+
+def _vanishes(middle: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    beside = np.maximum(np.abs(left), np.abs(right))
+    return np.isfinite(beside) & (np.abs(middle) <= ON_ROOT * beside)
+
+
+def _determinant(halves: Halves, s: np.ndarray) -> Complex[np.ndarray, " point"]:
+    G, K = halves(s)
+    loop = np.eye(K.shape[1]) - K @ G
+    finite = np.isfinite(loop).all(axis=(1, 2))
+    value = np.full(len(s), np.nan + 0.0j)
+    value[finite] = np.linalg.det(loop[finite])
+    return value

@@ -1,0 +1,165 @@
+"""Stability of a loop with exact delays: roots are found from an approximation and verified by counting."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex
+
+from middeck.control.analysis.loop.feedback_loop import (
+    FeedbackLoop,
+    approximate_halves,
+    close_channels,
+    evaluate_halves,
+    form_loop,
+    split_unmoved,
+)
+from middeck.control.analysis.stability.delayed_roots import find_open_poles, follow_roots, is_light
+from middeck.control.analysis.stability.root_count import clear_walls, count_more, direct_gain
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import pade_order
+from middeck.errors import NumericalError
+from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import all_decay, growth_limits, growth_rates, none_grows
+from middeck.values import record
+
+MOST_ORDER = 64
+REACH = 0.1
+"""Distance left of the axis up to which roots are counted, times the longest delay."""
+
+
+@record(kw_only=True)
+class LoopStability:
+    """Whether a loop is stable, and by how much.
+
+    Attributes:
+        stable: No root grows by more than 1e-8 rad/s, or more than rounding at high frequencies and rates.
+        pole: The root of largest real part [rad/s], imaginary part not negative; of a sampled loop log(z)/T.
+        frequency_hz: Its imaginary part.
+        margin: Minus its real part [rad/s]: the least decay, negative for growth.
+        damping: Its damping ratio.
+        growing: How many roots grow, conjugates counted.
+        decays: All roots decay by more than rounding: none stays on the axis.
+    """
+
+    stable: bool
+    pole: complex
+    frequency_hz: float
+    margin: float
+    damping: float
+    growing: int
+    decays: bool
+
+
+def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
+    """Stability with exact delays, including modes that the compensator does not move.
+
+    Loops without delays and sampled loops are decided by eigenvalues. With delays, the poles of an
+    approximation valid for all light modes start Newton's method on det(1 - K G); roots right of a line left
+    of the axis are also counted by the argument principle. Only roots at which the determinant vanishes count
+    as found; where found and counted disagree the order is raised.
+
+    Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
+    disagree at the highest order, right of every line that was tried.
+
+    >>> from middeck.control.law.compensator import Compensator
+    >>> from middeck.systems.plants.plant import Plant, delay_plant
+    >>> from middeck.signals.ports import Port
+    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
+    >>> force, way = Port("force", "N"), Port("way", "m")
+    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
+    ...     outputs=(way,))
+    >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
+    >>> [decide_stability(delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
+    [True, False]
+    """
+    return decide_loop(form_loop(plant, law))
+
+
+def decide_loop(loop: FeedbackLoop) -> LoopStability:
+    """As `decide_stability`, for a loop already formed."""
+    if not loop.plant.delayed:
+        loop, unmoved = split_unmoved(loop)
+        return _outcome(np.concatenate([loop_poles(loop), unmoved]), loop.period_s)
+    if direct_gain(loop) >= 1.0:
+        # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
+        return LoopStability(
+            stable=False,
+            pole=complex(np.inf, np.inf),
+            frequency_hz=np.inf,
+            margin=-np.inf,
+            damping=0.0,
+            growing=-1,
+            decays=False,
+        )
+    loop, unmoved = split_unmoved(loop)
+    halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
+    found, counted = 0, None
+    for order in (orders := _orders(loop, open_poles)):
+        near = loop_poles(loop, order)
+        roots, others = follow_roots(halves, near, open_poles, reach)
+        walls = clear_walls(np.real(np.concatenate([near, roots, open_poles])), reach)
+        for wall in walls if order == orders[-1] else walls[:1]:
+            more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
+            found = int(np.sum(np.real(roots) > wall))
+            counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
+            if found == counted:
+                return _outcome(np.concatenate([roots, others[np.real(others) < wall], unmoved]))
+    raise NumericalError(
+        f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
+        f"{'an unclear number' if counted is None else counted} counted",
+        hint="change the gain by a thousandth if a root lies on the axis; give one delay for each input and "
+        "output instead of one for each path; or sample the loop: its stability follows from eigenvalues",
+    )
+
+
+def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
+    """Orders to try: one accurate at the fastest light mode, then twice and four times that.
+
+    Modes too fast for `MOST_ORDER` are found from their open poles.
+    """
+    fastest = np.abs(open_poles[is_light(open_poles)]).max(initial=0.0)
+    first = min(pade_order(fastest * loop.plant.delay_s.max()), MOST_ORDER)
+    return [first, 2 * first, 4 * first]
+
+
+def _reach(loop: FeedbackLoop) -> float:
+    """Distance left of the axis [rad/s] for counting, short of the chain of roots of a direct term."""
+    direct = direct_gain(loop)
+    chain = -0.25 * np.log(direct) if direct > 0.0 else np.inf
+    return float(min(REACH, chain) / loop.plant.delay_s.max())
+
+
+def loop_poles(loop: FeedbackLoop, order: int | None = None) -> Complex[np.ndarray, " root"]:
+    """Poles of the closed loop [rad/s] with approximated delays, or of the sampled loop, for ranking."""
+    return growth_rates(close_channels(approximate_halves(loop, order)))
+
+
+def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
+    """Largest real part."""
+    return float(np.real(rates).max(initial=-np.inf))
+
+
+def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
+    if not len(roots):
+        return LoopStability(
+            stable=True,
+            pole=complex(-np.inf, 0.0),
+            frequency_hz=0.0,
+            margin=np.inf,
+            damping=1.0,
+            growing=0,
+            decays=True,
+        )
+    lead = complex(roots[np.argmax(np.real(roots))])
+    pole = complex(lead.real, abs(lead.imag))
+    damping = -pole.real / abs(pole) if 0.0 < abs(pole) < np.inf else float(pole.real < 0.0)
+    growing = int(np.sum(np.real(roots) > growth_limits(roots, period_s)))
+    return LoopStability(
+        stable=none_grows(roots, period_s),
+        pole=pole,
+        frequency_hz=pole.imag / (2.0 * np.pi),
+        margin=-pole.real,
+        damping=float(damping),
+        growing=growing,
+        decays=all_decay(roots, period_s),
+    )

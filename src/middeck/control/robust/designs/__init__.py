@@ -1,0 +1,1 @@
+"""The designs: multi-model, minimax by exchange, sensitivity-weighted, Popov."""

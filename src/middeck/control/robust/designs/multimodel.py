@@ -1,0 +1,110 @@
+"""One law of any order for several plants: fixed-order multi-model H2 (MacMartin, Hall and Bernstein 1991).
+
+The mean, or the maximum, over the models of E[z' W^2 z + rho u' R u] is minimised over the law's matrices,
+with analytic gradients. The domain is the set of laws that stabilise all models; the cost grows without bound
+at its edge, so that a descent begun inside stays inside. How to begin inside is in
+`middeck.control.robust.search.approach`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.h2.law_form import LawForm
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.partition import partition_modes
+from middeck.control.law.uncertainty import Uncertainty
+from middeck.control.lqg import LQGWeights, Shaping
+from middeck.control.robust.problem.problem import Problem, law_of, pose_problem, true_costs, whole_law
+from middeck.control.robust.problem.result import RobustCompensator
+from middeck.control.robust.search.approach import Arrival, approach, carry_on
+from middeck.control.robust.search.blend import blend
+from middeck.errors import ConfigError
+from middeck.systems.plants.plant import Plant
+from middeck.values import record
+
+Over = Literal["mean", "maximum"]
+POWERS: dict[str, tuple[float, ...]] = {"mean": (1.0,), "maximum": (4.0, 16.0, 64.0)}
+"""Successive exponents of the blend; the last one's value is within the 64th root of N of the maximum."""
+
+
+@record(kw_only=True)
+class MultiModelCompensator(RobustCompensator):
+    """A multi-model compensator with the weight (dual variable) of each model.
+
+    Attributes:
+        over: ``"mean"`` or ``"maximum"`` of the models' costs.
+        multipliers: Weight of each model's cost in the mean whose minimum this is; they add up to one. Equal
+            for the mean; the dual weights of the maximum.
+    """
+
+    over: str
+    multipliers: Float[np.ndarray, " model"]
+
+
+def design_multimodel(
+    plant: Plant,
+    weights: LQGWeights,
+    authority: float,
+    *,
+    uncertainty: Uncertainty | Sequence[Plant],
+    positions: Float[np.ndarray, "model parameter"] | None = None,
+    over: Over = "mean",
+    form: LawForm | None = None,
+    shaping: Shaping | None = None,
+    start: Compensator | None = None,
+    tolerance: float = 1e-9,
+) -> MultiModelCompensator:
+    """The law of a given form that minimises the mean or the maximum of the costs of several plants.
+
+    Args:
+        plant: The nominal plant, before ``uncertainty.finish``.
+        weights, authority: As for `design_lqg`; rho = 1/authority.
+        uncertainty: A box, or a list of the other plants, which may differ in number of states but not in
+            ports.
+        positions: Positions of the models in the box (`end_positions` unless given; also `corner_positions`).
+        over: ``"mean"`` or ``"maximum"``.
+        form: Order, stations and fixed filters; as many states as the nominal model unless given.
+        shaping: Filters at ports, integral action and correlated noise, as for `design_lqg`. Integrals come
+            as last states, beside those of ``form``; they go with no stations and no fixed filters.
+        start: A law to begin with, e.g. of a lower authority: strictly proper, of ``form`` without its
+            filters, integrals last; found if not given.
+        tolerance: The descent ends when ten steps gain less than this fraction of the cost.
+
+    Raises `NotStabilisableError` naming the modes of a plant that nothing can hold; `NumericalError` where no
+    law of that form was found that stabilises all models; how far it came is in its data; `ConfigError` for
+    weights, ports, modes or forms that do not fit.
+    """
+    if over not in POWERS:
+        raise ConfigError(f"over is {over!r}", hint="mean or maximum")
+    form = form or LawForm()
+    problem = pose_problem(plant, weights, authority, uncertainty, positions, form, shaping)
+    powers = POWERS[over]
+    arrival = approach(problem, None if start is None else law_of(start), powers[0])
+    for power in powers:
+        arrival = carry_on(problem, arrival, power, tolerance)
+    return _result(problem, arrival, over)
+
+
+def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompensator:
+    costs = true_costs(problem, arrival.law)
+    multipliers = blend(costs, POWERS[over][-1])[1]
+    part = partition_modes(problem.nominal)
+    return MultiModelCompensator(
+        dynamics=whole_law(arrival.law, problem.form),
+        inputs=measured_ports(part.active),
+        outputs=driven_ports(part.active),
+        authority=problem.authority,
+        order=len(arrival.law.A) - len(problem.shaping.integral),
+        cost=float(costs.mean() if over == "mean" else costs.max()),
+        costs=costs,
+        gradient=arrival.gradient,
+        history=arrival.history,
+        inert=part.inert,
+        over=over,
+        multipliers=multipliers / multipliers.sum(),
+    )

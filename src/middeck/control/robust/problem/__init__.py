@@ -1,0 +1,1 @@
+"""The models that a robust design is for, how they vary, and what a design returns."""

@@ -1,0 +1,1 @@
+"""Descent of the cost of several models: starts, steps, continuation."""

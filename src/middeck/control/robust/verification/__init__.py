@@ -1,0 +1,1 @@
+"""Laws on many plants: stability, rms and comparison, continuous and sampled."""

@@ -1,0 +1,17 @@
+"""Names of this room that ``middeck`` itself does not have."""
+
+from .candidates.candidate_survey import CandidateSurvey as CandidateSurvey
+from .candidates.candidates import rank_tests as rank_tests
+from .orbit.deflections import predict_deflections as predict_deflections
+from .promise.draws import LoopSpread as LoopSpread
+from .promise.plan import Ladder as Ladder
+from .promise.slip import JointSlip as JointSlip
+from .residuals.gauges import (
+    Gauge as Gauge,
+)
+from .residuals.gauges import (
+    GaugeKind as GaugeKind,
+)
+from .residuals.statics import StaticTest as StaticTest
+
+__all__: list[str]
