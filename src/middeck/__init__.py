@@ -6,10 +6,27 @@ imported when it is first used. What is asked for less often is a name of its ro
 >>> import middeck as md
 >>> md.Environment.orbit().gravity.tolist()
 [0.0, 0.0, 0.0]
+>>> md.draw_nyquist
+Traceback (most recent call last):
+AttributeError: middeck has no 'draw_nyquist'; its room has: md.plot.draw_nyquist
 """
+
+from pathlib import Path
+from typing import Any
 
 import lazy_loader
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    try:
+        return _load(name)
+    except AttributeError:
+        rooms = [room for room in __all__ if Path(__file__).with_name(room).is_dir()]
+        found = [room for room in rooms if name in _load(room).__all__]
+        if name.startswith("_") or not found:
+            raise
+    raise AttributeError(f"middeck has no {name!r}; its room has: md.{found[0]}.{name}")
