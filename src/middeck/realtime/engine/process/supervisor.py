@@ -254,6 +254,11 @@ class Supervisor:
         """Number of the trip that holds the loop in SAFE; 0 for none, and at power-up."""
         return int(self.file.status["trip"])
 
+    @property
+    def momentum(self) -> Float[np.ndarray, " output"]:
+        """What each output has stored by now, of an ended engine at its end: `Drive.stored` of the next one."""
+        return self.file.status["momentum"][: len(self.settings.drives)].copy()
+
     def send(self, kind: str, *, slot: int = 0, values: Sequence[float] = (), at: int = 0) -> int:
         """Queue a command, not before sample ``at``; its number. Commands are taken in order, but for
         "disengage", "silence" and "end": what makes safe waits for none, and an "engage" or "excite" before

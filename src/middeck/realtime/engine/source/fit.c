@@ -75,7 +75,8 @@ static const char *misfit_of_ports(const settings *set)
             return "a sensor with a range or a test that no engine runs";
     for (i = 0; i < set->outputs; ++i)
         if (!(set->lower[i] <= 0 && set->upper[i] >= 0 && set->lower[i] < set->upper[i]) || !finite(set->lower[i])
-            || !finite(set->upper[i]) || !(set->slew[i] > 0) || !(set->momentum[i] > 0))
+            || !finite(set->upper[i]) || !(set->slew[i] > 0) || !(set->momentum[i] > 0)
+            || !finite(set->stored[i]))
             return "an output with limits that no engine keeps";
     return NULL;
 }
@@ -115,6 +116,7 @@ const char *misfit_of_settings(const settings *set)
     if (!(set->period_s >= 1e-6 && set->period_s <= PERIOD_MOST_S))
         return "a period that no engine keeps: 1 us at least";
     if (!between(0, set->verify, LONGEST) || !between(0, set->ramp, LONGEST) || !between(0, set->safe_ramp, 1 << 24)
+        || !between(1, set->leave, LONGEST)
         || !between(0, set->heartbeat, LONGEST) || !between(0, set->late_ns, LONGEST) || !between(0, set->late_most, LONGEST)
         || !between(0, set->answer_ms, 1000000000) || !between(0, set->port, 65535) || !between(-1, set->processor, 1 << 20)
         || !between(0, set->priority, 99))
