@@ -54,7 +54,7 @@ class ReferenceLoop:
         self.trip, self.blamed = "", False
 
     def begin(self, engaged: bool, share: float) -> str:
-        """Rise to a share of full authority, or stand by; the engine's reason where the hold has not risen."""
+        """Rise to a share of full authority, or stand by; why not, where the hold still rises."""
         if engaged and self.hold and self.count < self.ramp:
             return REASONS["not ready"]
         self.engaged = self.law.engaged = engaged
