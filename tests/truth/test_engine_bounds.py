@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, static_package, still_article
-from middeck.errors import ConfigError
-from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive
+from engine_cases import (
+    OUTPUTS,
+    SENSORS,
+    kinds,
+    plain_settings,
+    random_package,
+    static_package,
+    still_article,
+)
+from middeck.errors import ConfigError, DataError
+from middeck.realtime.engine.interface.monitors import Monitor
+from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, Spread
+from middeck.realtime.engine.process.launch import started_settings
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.package.reference import ReferenceLaw
 from packaged_laws import PERIOD_S, ports
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -100,3 +113,67 @@ def test_a_wheel_without_what_it_has_stored_is_refused(stored):
     _, (u, _) = ports(0, SENSORS, OUTPUTS)
     with pytest.raises(ConfigError, match=r"momentum 0\.5 counted from"):
         Drive(port=u, lower=-0.5, upper=0.5, momentum=0.5, stored=stored)
+
+
+WATCHED = plain_settings(
+    monitors=(Monitor(channel="y0", band_hz=(2.0, 12.0), limit=1.0, factor=1.2),),
+    spreads=(Spread("y0", "y1", 0.1, 0.5),),
+)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda w: w["monitor"]["limit"].__setitem__(0, np.nan), "nothing exceeds"),
+        (lambda w: w["monitor"]["floor"].__setitem__(0, np.nan), "nothing exceeds"),
+        (lambda w: w["monitor"]["times"].__setitem__(0, 0), "nothing exceeds"),
+        (lambda w: w["monitor"]["forget"].__setitem__(0, 0.0), "nothing exceeds"),
+        (lambda w: w["monitor"]["band"]["g"].__setitem__((0, 0, 4), 1.0), "finite and stable"),
+        (lambda w: w["spread"]["limit"].__setitem__(0, np.nan), "without a limit"),
+        (lambda w: w["spread"]["samples"].__setitem__(0, 0), "without a limit"),
+        (lambda w: w.__setitem__("effort_share", np.nan), "an effort"),
+        (lambda w: w.__setitem__("ramp", 0), "a time"),
+        (lambda w: w.__setitem__("leave", 0), "a time"),
+        (lambda w: w["stored"].__setitem__(1, np.nan), "limits that no engine keeps"),
+    ],
+)
+def test_the_engine_itself_refuses_a_test_that_would_never_trip(monkeypatch, spoil, reason):
+    """A comparison with what is no number is never true: that watch would be off, and nobody would know."""
+
+    def spoilt(*given):
+        words = started_settings(*given)
+        spoil(words)
+        return words
+
+    monkeypatch.setattr("middeck.realtime.engine.process.supervisor.started_settings", spoilt)
+    with pytest.raises(DataError, match=reason):
+        Supervisor(WATCHED, STILL)
+
+
+def test_settings_refuse_it_first():
+    band = {"channel": "y0", "band_hz": (2.0, 12.0)}
+    for wrong in ({"floor": np.nan}, {"limit": np.nan}, {"seconds": np.inf}, {"window_s": np.inf}):
+        with pytest.raises(ConfigError, match="monitor of y0: band"):
+            Monitor(**band, **wrong)
+    low = Monitor(channel="y0", band_hz=(1e-9, 1.0), limit=1.0)
+    with pytest.raises(ConfigError, match="round to the unit circle"):
+        Supervisor(plain_settings(monitors=(low,)), STILL)
+
+
+def test_numbers_that_underflow_are_those_of_the_reference():
+    """A law that has decayed below the normal numbers: the same bits, and not a sample late in lockstep."""
+    package = random_package(states=20)
+    article = still_article(np.zeros(SENSORS), x=np.full(SENSORS, 1e-303), A=0.9 * np.eye(SENSORS))
+    with Supervisor(plain_settings(), article, ring=4000) as engine:
+        engine.load(package)
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        records = engine.run(3000)
+    law = ReferenceLaw(dataclasses.replace(package, ramp=max(package.ramp, 250)))
+    found = []
+    for y, u in zip(records["y"], records["u"], strict=True):
+        found.append(law.compute(y))
+        law.commit(u)
+    assert np.array(found).tobytes() == records["added_0"].tobytes()
+    sizes = np.abs(records["added_0"])
+    assert np.any((sizes > 0.0) & (sizes < np.finfo(float).tiny))

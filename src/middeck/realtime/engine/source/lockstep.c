@@ -16,7 +16,8 @@ static int wait_for_leave(const queue *q, const shared *f, const engine *e, pid_
     while (!asked_to_end) {
         if (e->sample < word_get(&f->asks->until) || command_is_due(q, f, e))
             return 1;
-        if (++turns < 200)
+        turns += turns < 200;
+        if (turns < 200)
             sched_yield();
         else
             nanosleep(&pause, NULL);
