@@ -22,6 +22,7 @@ from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, Spread
 from middeck.realtime.engine.process.launch import started_settings
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.reference import ReferenceLaw
+from middeck.realtime.package.section import SMALLEST
 from packaged_laws import PERIOD_S, ports
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -160,20 +161,22 @@ def test_settings_refuse_it_first():
         Supervisor(plain_settings(monitors=(low,)), STILL)
 
 
-def test_numbers_that_underflow_are_those_of_the_reference():
-    """A law that has decayed below the normal numbers: the same bits, and not a sample late in lockstep."""
+def test_what_decays_becomes_zero_before_it_leaves_the_normal_numbers():
+    """There a processor takes a hundred times as long: a quiet article would make the loop late."""
     package = random_package(states=20)
-    article = still_article(np.zeros(SENSORS), x=np.full(SENSORS, 1e-303), A=0.9 * np.eye(SENSORS))
-    with Supervisor(plain_settings(), article, ring=4000) as engine:
+    article = still_article(np.zeros(SENSORS), x=np.full(SENSORS, 1e-260), A=0.9 * np.eye(SENSORS))
+    with Supervisor(plain_settings(), article, ring=6000) as engine:
         engine.load(package)
         engine.reset()
         engine.command("engage", values=[1.0])
-        records = engine.run(3000)
+        records = engine.run(5000)
     law = ReferenceLaw(dataclasses.replace(package, ramp=max(package.ramp, 250)))
-    found = []
+    found, sizes = [], []
     for y, u in zip(records["y"], records["u"], strict=True):
         found.append(law.compute(y))
         law.commit(u)
+        sizes.append(np.abs(law.x))
     assert np.array(found).tobytes() == records["added_0"].tobytes()
-    sizes = np.abs(records["added_0"])
-    assert np.any((sizes > 0.0) & (sizes < np.finfo(float).tiny))
+    assert 0.0 < np.max(sizes) < 1e-255
+    assert np.all((np.array(sizes) == 0.0) | (np.array(sizes) >= SMALLEST[np.float64]))
+    assert not np.any(sizes[-1])

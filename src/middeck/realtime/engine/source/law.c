@@ -95,7 +95,7 @@ void law_commit(law_state *s, const law_tables *t, const real *applied)
                     s->next[i] += t->E[j * t->states + i] * missing;
         }
     for (i = 0; i < t->states; ++i)
-        s->x[i] = s->next[i];
+        s->x[i] = kept(s->next[i]);
     for (i = 0; i < t->outputs; ++i)
         s->last[i] = applied[i];
     if (s->engaged)
