@@ -17,6 +17,8 @@ from middeck.systems.state_space.statespace import SampledStateSpace
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off")
 PERIOD_S = 0.002
+ALIGNED = 64
+"""As a compiler lays a state that is static."""
 RUN = """
 int run(law_state *s, const law_real *y, law_real *u, int count);
 unsigned long size(void);
@@ -68,6 +70,14 @@ def random_law(
 
 def compile_law(package: ControllerPackage, folder: Path, *flags: str) -> Callable[[np.ndarray], np.ndarray]:
     """The law of ``package`` in C, from a reset: samples of y to samples of u."""
+    prepare = steps_in_c(package, folder, *flags)
+    return lambda y: prepare(y)().astype(float)
+
+
+def steps_in_c(
+    package: ControllerPackage, folder: Path, *flags: str
+) -> Callable[[np.ndarray], Callable[[], np.ndarray]]:
+    """For samples of y, a call that takes the steps from a reset, and does nothing else."""
     made = generate_c(package, "law")
     (folder / "law.h").write_text(made.header)
     (folder / "law.c").write_text(made.source + RUN)
@@ -81,15 +91,21 @@ def compile_law(package: ControllerPackage, folder: Path, *flags: str) -> Callab
     loaded.size.restype = ctypes.c_ulong
     real = np.float32 if package.single else np.float64
 
-    def run(y: np.ndarray) -> np.ndarray:
-        state = ctypes.create_string_buffer(loaded.size())
-        loaded.law_reset(state)
-        y = np.ascontiguousarray(y, dtype=real)
-        u = np.empty((len(y), len(package.outputs)), real)
-        loaded.run(state, ctypes.c_void_p(y.ctypes.data), ctypes.c_void_p(u.ctypes.data), len(y))
-        return u.astype(float)
+    def prepare(y: np.ndarray) -> Callable[[], np.ndarray]:
+        room = ctypes.create_string_buffer(loaded.size() + ALIGNED)
+        state = (ctypes.c_char * loaded.size()).from_buffer(room, -ctypes.addressof(room) % ALIGNED)
+        given, u = np.ascontiguousarray(y, dtype=real), np.zeros((len(y), len(package.outputs)), real)
+        places = ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(u.ctypes.data)
 
-    return run
+        def run() -> np.ndarray:
+            assert len(given) == len(u)
+            loaded.law_reset(state)
+            loaded.run(state, *places, len(u))
+            return u
+
+        return run
+
+    return prepare
 
 
 def replay(package: ControllerPackage, folder: Path, *flags: str) -> int:

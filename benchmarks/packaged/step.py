@@ -12,7 +12,7 @@ import numpy as np
 
 from measured.rows import row
 from middeck.realtime.package.build import package_law
-from packaged_laws import compile_law, random_law
+from packaged_laws import random_law, steps_in_c
 
 CASE, STEPS, REPEATS = "step, 60 states, 14 in, 5 out", 4000, 25
 BUILDS = {"portable": ("-O3",), "native": ("-O3", "-march=native")}
@@ -36,8 +36,9 @@ def rows(options: Any) -> list[dict]:
         runs = {("numpy", ""): _numpy_steps(law.sampled)}
         for form in FLOOR:
             for build, flags in BUILDS.items():
-                runs[form, build] = compile_law(package_law(law, "law", form=form), Path(folder), *flags)
-        spent = _medians(runs, y)
+                made = steps_in_c(package_law(law, "law", form=form), Path(folder), *flags)
+                runs[form, build] = made(y)
+        spent = _medians(runs)
     product = spent["numpy", ""]
     found = [row(CASE, "one stacked NumPy product", "us", product)]
     for key, level in AT_LEAST.items():
@@ -52,23 +53,23 @@ def rows(options: Any) -> list[dict]:
     return found
 
 
-def _numpy_steps(system: Any) -> Callable[[np.ndarray], Any]:
+def _numpy_steps(system: Any) -> Callable[[], Any]:
     stacked = np.block([[system.C, system.D], [system.A, system.B]])
     both = np.ones(74)
 
-    def run(y: np.ndarray) -> None:
-        for _ in range(len(y)):
+    def run() -> None:
+        for _ in range(STEPS):
             stacked @ both  # pyright: ignore[reportUnusedExpression]
 
     return run
 
 
-def _medians(runs: dict[Any, Callable[[np.ndarray], Any]], y: np.ndarray) -> dict[Any, float]:
+def _medians(runs: dict[Any, Callable[[], Any]]) -> dict[Any, float]:
     """Microseconds a step; runs take turns, so that a busy machine is busy for all."""
     spent: dict[Any, list[float]] = {key: [] for key in runs}
     for _ in range(REPEATS):
         for key, run in runs.items():
             start = time.process_time()
-            run(y)
-            spent[key].append(1e6 * (time.process_time() - start) / len(y))
+            run()
+            spent[key].append(1e6 * (time.process_time() - start) / STEPS)
     return {key: float(np.median(times)) for key, times in spent.items()}

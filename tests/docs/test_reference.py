@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pkgutil
 import re
 import sys
@@ -27,6 +28,8 @@ from middeck.files.refinements import loads as promised_loads
 from middeck.files.studies import form as study_form
 from middeck.files.studies import promise as study_promise
 from middeck.files.toml.form import Form, unit_of
+from middeck.realtime.engine.interface.shared_file import record_type
+from middeck.realtime.engine.recording.run_file import Run
 
 REFERENCE = ROOT / "docs" / "reference"
 
@@ -191,6 +194,15 @@ def _default(field) -> str:
         case str() if value:
             return f"`{value}`"
     return ""
+
+
+def test_every_field_of_a_run_is_listed():
+    text = (REFERENCE / "files.md").read_text(encoding="utf-8").split("### Runs of an engine")[1]
+    table = text.split("| field | unit | meaning |\n")[1].split("\n\n")[0].splitlines()[1:]
+    listed = [name for line in table for name in re.findall(r"`(\w+)`", line.split("|")[1])]
+    assert sorted(listed) == sorted(record_type(1, 1).names)
+    missing = {f.name for f in dataclasses.fields(Run)} & {"records", "events", "faults", "states"}
+    assert all(f"`{name}`" in text or f"Run.{name}" in text for name in missing)
 
 
 def test_every_error_and_exit_code_is_listed():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +105,36 @@ def test_a_blacklist_that_was_changed_is_refused(tmp_path):
     path.write_text("{}")
     with pytest.raises(DataError):
         load_blacklist(path)
+
+
+ADDING = """
+import sys
+from middeck.files.laws.blacklists import add_to_blacklist
+path, who = sys.argv[1:]
+print("ready", flush=True)
+sys.stdin.readline()
+for k in range(25):
+    add_to_blacklist(path, {f"{who}{k:063d}": "effort push"})
+"""
+
+
+def test_processes_that_add_to_one_blacklist_lose_no_entry(tmp_path):
+    path = tmp_path / "new" / "black.json"
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", ADDING, str(path), who], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        for who in "abc"
+    ]
+    for process in started:
+        assert process.stdout.readline() == b"ready\n"
+    for process in started:
+        process.stdin.write(b"go\n")
+        process.stdin.flush()
+    for process in started:
+        process.communicate()
+        assert process.returncode == 0
+    assert set(load_blacklist(path)) == {f"{who}{k:063d}" for who in "abc" for k in range(25)}
 
 
 @pytest.mark.usefixtures("compiler")

@@ -232,10 +232,11 @@ def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
     ]
     regions += [(places["article"], places["article_numbers"] - places["article"]), (places["asks"], 40)]
     ramp_at = layout("settings").fields["safe_ramp"][1]
+    parent_at = places["asks"] + layout("asks").fields["supervisor"][1]
     values = [0, 1, -1, 2, 63, 64, 65, 255, 1 << 31, 1 << 62, -(1 << 62), 8, 7]
     for _ in range(3000 if LONG else 40):
         data = bytearray(whole)
-        struct.pack_into("<q", data, places["asks"] + 40, 1)  # not its parent: it ends by itself
+        struct.pack_into("<q", data, parent_at, 1)  # not its parent: it ends by itself
         struct.pack_into("<q", data, places["asks"], 20)
         for _ in range(rng.integers(1, 4)):
             start, size = regions[rng.integers(len(regions))]

@@ -7,13 +7,14 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig import compiled, simulation
-from middeck.laboratory.rig.compiled import TickRows, run_compiled
+from middeck.laboratory.rig.compiled import TickRows, compile_ticks, run_compiled
 from middeck.laboratory.rig.drift import Drift
 from middeck.laboratory.rig.motors import Motor, Rotor
 from middeck.laboratory.rig.products import column_sums
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.simulation import switch_on
+from middeck.laboratory.rig.stepped import SteppedRig
 from middeck.realtime.generate import compiler
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
@@ -117,16 +118,58 @@ def test_products_sum_column_by_column(rows, columns):
         assert found == total
 
 
+def stepped(rig):
+    """Commands that the readings move, as an engine's do."""
+    made, rng = SteppedRig(rig, np.random.default_rng(3), rest_s=0.2), np.random.default_rng(4)
+    found = []
+    for push in rng.uniform(-0.5, 0.5, (SAMPLES, 2)):
+        y = made.read()
+        made.write(push - 2.0 * y[:2])
+        found.append(y)
+    return np.array(found)
+
+
 @pytest.mark.usefixtures("compiler")
-@pytest.mark.parametrize("fault", ["other machine", "no home"])
-def test_code_that_cannot_be_loaded_is_as_no_compiler(fault, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", RIGS)
+def test_a_rig_that_an_engine_drives_reads_the_same_bits(name, monkeypatch):
+    used = []
+
+    def seen(*asked):
+        used.append(compile_ticks(*asked))
+        return used[-1]
+
+    rig = RIGS[name]()
+    monkeypatch.setattr("middeck.laboratory.rig.stepped.compile_ticks", seen)
+    in_c = stepped(rig)
+    assert len(used) > 1
+    assert all(ticks is not None for ticks in used)
+    monkeypatch.setattr("middeck.laboratory.rig.stepped.compile_ticks", lambda *asked: None)
+    assert stepped(rig).tobytes() == in_c.tobytes()
+    assert np.ptp(in_c[:, 0]) > 0.0
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("fault", ["other machine", "no home", "does not compile"])
+def test_code_that_cannot_be_had_is_said_once(fault, tmp_path, monkeypatch):
     def homeless():
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     if fault == "no home":
         monkeypatch.setattr(compiler, "cache_folder", homeless)
-    monkeypatch.setattr(compiler, "_compile", lambda _, sources, flags, target: write(target, b"\x7fELF"))
+    if fault == "does not compile":
+        monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-Drun_ticks=!"))
+    else:
+        monkeypatch.setattr(compiler, "_compile", lambda _, sources, flags, target: write(target, b"\x7fELF"))
+    compiled._library.cache_clear()
+    with pytest.warns(UserWarning, match=r"ticks of rigs run in Python, about ten times slower"):
+        assert compiled._library() is None
+    assert compiled._library() is None
+    compiled._library.cache_clear()
+
+
+def test_without_a_compiler_nothing_is_said(monkeypatch):
+    monkeypatch.setattr(compiler.shutil, "which", lambda *_: None)
     compiled._library.cache_clear()
     assert compiled._library() is None
     compiled._library.cache_clear()

@@ -84,7 +84,9 @@ def test_the_law_learns_what_was_applied_of_its_command():
     package = random_package()
     with started(settings=plain_settings(hold=HOLD), package=package, waveform=wave) as engine:
         engine.command("excite", values=[0.0])
-        engine.command("engage", values=[1.0])
+        assert engine.command("engage", values=[1.0]).word == "not ready"  # the hold has not risen
+        engine.run(engine.settings.samples(engine.settings.rise_s))
+        assert engine.command("engage", values=[1.0]).done
         records = engine.run(1500)
     asked = learnt(package, records)
     assert np.array_equal(records["added_0"], asked[:, 0])
@@ -219,16 +221,20 @@ def test_no_gain_adapts_beyond_what_is_proved_of_the_package():
         assert engine.command("adapt", values=[1.0]).done
         assert engine.command("engage", slot=1, values=[1.0]).word == "not proved"
         assert engine.command("engage", slot=0, values=[0.9]).word == "not proved"  # 0.9 times 0.5
-        assert engine.set_strip("u0", "gain", 1.1).word == "not proved"
+        for word, value in (("gain", 1.1), ("limit", 0.9), ("hold", 1.0)):
+            assert engine.set_strip("u0", word, value).word == "not proved"
+        assert engine.set_strip("u0", "offset", 0.01).done
         assert engine.command("engage", slot=0, values=[1.0]).word == "not ready"  # nor is the hold at zero
         engine.run(300)
         assert engine.command("engage", slot=0, values=[1.0]).done
         engine.command("disengage")
         engine.run(300)
         assert engine.command("adapt", values=[0.0]).done
-        assert engine.set_strip("u0", "gain", 1.1).done
-        assert engine.command("adapt", values=[1.0]).word == "not proved"
-        assert engine.set_strip("u0", "gain", 1.0).done
+        for word, value, neutral in (("gain", 1.1, 1.0), ("limit", 0.9, 1.0), ("hold", 1.0, 0.0)):
+            assert engine.set_strip("u0", word, value).done
+            assert engine.command("adapt", values=[1.0]).word == "not proved"
+            assert engine.set_strip("u0", word, neutral).done
+            engine.run(300)
         assert engine.load(first, proof=proof_of(first, settings, minimum=0.45)).done
         engine.run(300)
         assert engine.command("adapt", values=[1.0]).done

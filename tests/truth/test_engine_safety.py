@@ -225,7 +225,7 @@ def test_less_authority_is_a_fade_and_no_jump():
 def test_momentum_outlives_a_reset_and_safe_adds_none():
     """A wheel does not stop because someone has pressed a key."""
     _, u = ports(0, SENSORS, OUTPUTS)
-    drives = tuple(Drive(port=port, lower=-0.5, upper=0.5, momentum=0.05) for port in u)
+    drives = tuple(Drive(port=port, lower=-0.5, upper=0.5, momentum=0.05, stored=0.0) for port in u)
     settings = held_settings(drives=drives)
     with Supervisor(settings, still_article([-10.0, 0.0, 0.0])) as engine:  # 0.2 N m from the hold
         engine.reset()

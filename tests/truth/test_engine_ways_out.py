@@ -141,7 +141,7 @@ def test_silence_is_a_ramp():
 def test_a_wheel_that_fills_in_safe_is_pushed_less_and_less():
     """x+ = x - (M - x) / n at the end: it never reaches what it may store, and nothing jumps."""
     _, u = ports(0, SENSORS, OUTPUTS)
-    drives = tuple(Drive(port=port, lower=-0.5, upper=0.5, momentum=0.5) for port in u)
+    drives = tuple(Drive(port=port, lower=-0.5, upper=0.5, momentum=0.5, stored=0.0) for port in u)
     settings = plain_settings(hold=HOLD, verify_s=0.1, drives=drives)
     with Supervisor(settings, still_article(OFF)) as engine:
         verified(engine)
@@ -159,7 +159,7 @@ def test_a_wheel_that_fills_in_safe_is_pushed_less_and_less():
 def test_a_reset_beside_a_full_wheel_does_not_jump():
     """SAFE has let the hold go in part: it rises from there, and trips where the wheel takes no more."""
     _, u = ports(0, SENSORS, OUTPUTS)
-    full = Drive(port=u[0], lower=-0.5, upper=0.5, momentum=0.5)
+    full = Drive(port=u[0], lower=-0.5, upper=0.5, momentum=0.5, stored=0.0)
     settings = plain_settings(hold=HOLD, verify_s=0.1, drives=(full, Drive(port=u[1], lower=-0.5, upper=0.5)))
     with Supervisor(settings, still_article(OFF)) as engine:
         verified(engine)

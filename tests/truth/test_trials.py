@@ -32,8 +32,9 @@ HOLD = (LoopPath(0, 1, static_gain(-0.02)),)
 def test_both_computers_find_the_same(changes):
     """In standby, at a share and at full authority, within limits and at them; the noise is the same too."""
     settings, package = plain_settings(**changes), random_package()
+    risen = Stage("standby", settings.rise_s)
     by_engine, by_reference = (
-        run_trial(package, settings, random_article(), STAGES, computer=computer)
+        run_trial(package, settings, random_article(), (risen, *STAGES), computer=computer)
         for computer in ("engine", "reference")
     )
     assert (by_engine.computer, by_reference.computer) == (ENGINE, REFERENCE)
@@ -78,8 +79,9 @@ def test_both_computers_trip_alike(changes, trip, blamed):
         tight = tuple(dataclasses.replace(s, **{changes["sensors"]: 0.03}) for s in settings.sensors)
         changes = {"sensors": tight}
     settings = plain_settings(**changes)
+    stages = Stage("standby", settings.rise_s), Stage("engage", 4.0)
     found = [
-        run_trial(random_package(), settings, random_article(), (Stage("engage", 4.0),), computer=computer)
+        run_trial(random_package(), settings, random_article(), stages, computer=computer)
         for computer in ("engine", "reference")
     ]
     for trial in found:
@@ -88,6 +90,15 @@ def test_both_computers_trip_alike(changes, trip, blamed):
     assert found[0].trip == found[1].trip
     if not trip.startswith("effort"):  # which is found in what was written
         assert found[1].u[-1].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.usefixtures("compiler")
+def test_neither_computer_engages_while_the_hold_rises():
+    settings, stages = plain_settings(hold=HOLD), (Stage("standby", 0.2), Stage("engage", 0.5))
+    for computer in ("engine", "reference"):
+        trial = run_trial(random_package(), settings, random_article(), stages, computer=computer)
+        assert trial.refused.startswith("not in this state")
+        assert np.abs(trial.u).max() < 0.5
 
 
 def test_without_a_compiler_the_reference_law_runs(monkeypatch):

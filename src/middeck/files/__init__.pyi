@@ -15,10 +15,10 @@ from .exchange.scipy_signal import (
     to_scipy as to_scipy,
 )
 from .laws.blacklists import (
-    load_blacklist as load_blacklist,
+    add_to_blacklist as add_to_blacklist,
 )
 from .laws.blacklists import (
-    write_blacklist as write_blacklist,
+    load_blacklist as load_blacklist,
 )
 from .measured.models import load_model as load_model
 from .measured.modes import write_measured_modes as write_measured_modes

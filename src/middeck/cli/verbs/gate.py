@@ -140,7 +140,7 @@ def verb(
     from middeck.cli.sweeping import all_plants
     from middeck.files.json.output import write_json
     from middeck.files.json.sealed import seal
-    from middeck.files.laws.blacklists import load_blacklist, write_blacklist
+    from middeck.files.laws.blacklists import add_to_blacklist, load_blacklist
     from middeck.files.laws.packages import load_package
     from middeck.realtime.gate.gate import examine_package
     from middeck.realtime.gate.linear_law import linear_law
@@ -168,7 +168,7 @@ def verb(
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
     if blacklist_file is not None and verdict.tripped:
-        write_blacklist(blacklist_file, {**blacklist, verdict.law: verdict.tripped})
+        add_to_blacklist(blacklist_file, {verdict.law: verdict.tripped})
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)

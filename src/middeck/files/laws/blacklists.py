@@ -8,6 +8,7 @@ from pathlib import Path
 from middeck.errors import DataError
 from middeck.files.json.output import write_json
 from middeck.files.json.sealed import read_sealed, seal
+from middeck.realtime.engine.process.locked import locked
 
 BLACKLIST = "middeck.blacklist/2"
 HASH = 64
@@ -33,6 +34,17 @@ def load_blacklist(path: str | Path) -> dict[str, str]:
 def write_blacklist(path: str | Path, reasons: Mapping[str, str]) -> None:
     """Write reasons by SHA-256 to ``path``, whole or not at all."""
     write_json(path, seal({"schema": BLACKLIST, "laws": dict(sorted(reasons.items()))}))
+
+
+def add_to_blacklist(path: str | Path, reasons: Mapping[str, str]) -> None:
+    """Add laws to those that stand in ``path`` by now: of several processes that add at once none loses one.
+
+    Raises `DataError` where ``path`` is another file, as `load_blacklist` does.
+    """
+    folder = Path(path).parent
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder):
+        write_blacklist(path, {**load_blacklist(path), **reasons})
 
 
 def _is_entry(entry: tuple[object, object]) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import warnings
 from importlib import resources
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from middeck.laboratory.rig.motors import LimitedMotors
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.state import RigState
 from middeck.laboratory.rig.tick import converter_ends
-from middeck.realtime.generate.compiler import compile_once
+from middeck.realtime.generate.compiler import NoCompilerError, compile_once
 
 Array = np.ndarray
 SIZES = "ticks states joints inputs outputs substeps feels noisy depth kept computed iterations"
@@ -62,51 +63,94 @@ class _Run(ctypes.Structure):
     )
 
 
+class CompiledTicks:
+    """A block of ticks in C: all of them, or one by one for a computer of one's own.
+
+    Raises `NumericalError` where joints' torques do not settle.
+    """
+
+    def __init__(
+        self, library: ctypes.CDLL, rig: Rig, plant: HybridPlant, ticks: TickRows, start: RigState
+    ) -> None:
+        friction = only_friction(rig.joints)
+        assert friction is not None
+        x, sliders, angles = start.x.copy(), start.joints.copy(), plant.angle @ start.x
+        parts = zip(friction, angles.tolist(), sliders.tolist(), strict=True)
+        stands = [f.resist(a, s)[0] for f, a, s in parts]
+        feels = bool(np.any(plant.answer))
+        push = np.concatenate([plant.push, plant.answer], axis=2) if feels else plant.push
+        motors = LimitedMotors(rig.bank, start.issued[-1], start.momentum)
+        sizes = (
+            len(ticks.rows), len(x), len(friction), len(rig.inputs), len(rig.outputs), len(plant.step), feels,
+            plant.noise.shape[1] > 0, plant.delay_ticks + 1, ticks.kept, len(ticks.compute),
+            balance.MOST_ITERATIONS,
+        )  # fmt: skip
+        given = (
+            plant.step.swapaxes(1, 2), plant.drive.swapaxes(1, 2), push.swapaxes(1, 2),
+            [plant.angle @ p for p in plant.push], (plant.read / rig.readout.step[:, None]).T,
+            ticks.compute.T, ticks.shift,
+            [(f.slip_torque, f.stiffness) for f in friction], motors.limits, converter_ends(rig.readout),
+            ticks.excitation, ticks.offset, ticks.noise,
+        )  # fmt: skip
+        work = np.empty(len(x) + 4 * len(friction) + len(rig.outputs))
+        moved = (
+            x, angles, sliders, np.zeros(len(friction)), stands, motors.previous, motors.momentum,
+            ticks.digital, ticks.rows, ticks.issued, work,
+        )  # fmt: skip
+        self.x, self.sliders, self._library = x, sliders, library
+        self._arrays = [np.ascontiguousarray(a, dtype=float) for a in (*given, *moved)]
+        self._run = ctypes.byref(_Run(*sizes, *(a.ctypes.data for a in self._arrays)))
+
+    def run(self) -> None:
+        """Fill the rows."""
+        self._require_settled(self._library.run_ticks(self._run))
+
+    def read(self, k: int) -> None:
+        """Fill the counts of tick ``k``."""
+        self._library.read_tick(self._run, ctypes.c_long(k))
+
+    def move(self, k: int) -> None:
+        """To the next tick, by the commands in row ``k``."""
+        self._require_settled(self._library.move_tick(self._run, ctypes.c_long(k)))
+
+    def joint_states(self) -> Array:
+        """State of every joint element in order."""
+        return self.sliders
+
+    def _require_settled(self, failed: int) -> None:
+        if failed:
+            raise NumericalError(balance.UNSETTLED, hint="more substeps in a tick")
+
+
+def compile_ticks(rig: Rig, plant: HybridPlant, ticks: TickRows, start: RigState) -> CompiledTicks | None:
+    """The block in C; None where only Python can: no compiler, or a joint with more than friction."""
+    library = None if only_friction(rig.joints) is None else _library()
+    return None if library is None else CompiledTicks(library, rig, plant, ticks, start)
+
+
 def run_compiled(
     rig: Rig, plant: HybridPlant, ticks: TickRows, start: RigState
 ) -> tuple[Array, Array] | None:
-    """Fill the rows of ``ticks``; states and joint elements at the end, None where only Python can.
-
-    That is without a compiler, and for a joint that has not friction alone. Raises `NumericalError` where
-    joints' torques do not settle.
-    """
-    friction = only_friction(rig.joints)
-    library = None if friction is None else _library()
-    if friction is None or library is None:
+    """Fill the rows of ``ticks``; states and joint elements at the end, None where only Python can."""
+    block = compile_ticks(rig, plant, ticks, start)
+    if block is None:
         return None
-    x, sliders, angles = start.x.copy(), start.joints.copy(), plant.angle @ start.x
-    stands = [f.resist(a, s)[0] for f, a, s in zip(friction, angles.tolist(), sliders.tolist(), strict=True)]
-    feels = bool(np.any(plant.answer))
-    push = np.concatenate([plant.push, plant.answer], axis=2) if feels else plant.push
-    motors = LimitedMotors(rig.bank, start.issued[-1], start.momentum)
-    sizes = (
-        len(ticks.rows), len(x), len(friction), len(rig.inputs), len(rig.outputs), len(plant.step), feels,
-        plant.noise.shape[1] > 0, plant.delay_ticks + 1, ticks.kept, len(ticks.compute),
-        balance.MOST_ITERATIONS,
-    )  # fmt: skip
-    given = (
-        plant.step.swapaxes(1, 2), plant.drive.swapaxes(1, 2), push.swapaxes(1, 2),
-        [plant.angle @ p for p in plant.push], (plant.read / rig.readout.step[:, None]).T,
-        ticks.compute.T, ticks.shift,
-        [(f.slip_torque, f.stiffness) for f in friction], motors.limits, converter_ends(rig.readout),
-        ticks.excitation, ticks.offset, ticks.noise,
-    )  # fmt: skip
-    work = np.empty(len(x) + 4 * len(friction) + len(rig.outputs))
-    moved = (
-        x, angles, sliders, np.zeros(len(friction)), stands, motors.previous, motors.momentum, ticks.digital,
-        ticks.rows, ticks.issued, work,
-    )  # fmt: skip
-    arrays = [np.ascontiguousarray(a, dtype=float) for a in (*given, *moved)]
-    if library.run_ticks(ctypes.byref(_Run(*sizes, *(a.ctypes.data for a in arrays)))):
-        raise NumericalError(balance.UNSETTLED, hint="more substeps in a tick")
-    return x, sliders
+    block.run()
+    return block.x, block.sliders
 
 
 @functools.cache
 def _library() -> ctypes.CDLL | None:
-    """The compiled loop; None where it cannot be compiled, kept or loaded."""
+    """The compiled loop; None without a compiler, and where its work fails, which is said once."""
     text = resources.files("middeck.laboratory.rig").joinpath("source", "ticks.c").read_text(encoding="utf-8")
     try:
         return ctypes.CDLL(str(compile_once("ticks", {"ticks.c": text}, flags=("-shared", "-fPIC"))))
-    except (OSError, RuntimeError, MiddeckError):  # no compiler, no home, no room, another machine's code
+    except NoCompilerError:
+        return None
+    except (OSError, RuntimeError, MiddeckError) as error:  # it does not compile, no home, no room
+        what = error.what if isinstance(error, MiddeckError) else str(error)
+        warnings.warn(
+            f"the ticks of rigs run in Python, about ten times slower, to the same bits: {what}",
+            UserWarning, stacklevel=2,
+        )  # fmt: skip
         return None

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.laboratory.rig.ageing import follow_ageing
+from middeck.laboratory.rig.compiled import TickRows, compile_ticks
 from middeck.laboratory.rig.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.simulation import BLOCK, draw_errors, pair_rows, switch_on
@@ -62,24 +63,51 @@ class SteppedRig(EngineRig):
 
     def _block(self, plant: HybridPlant, count: int, start: RigState) -> Generator[Array, Array, RigState]:
         """So many ticks, as `simulate_rig` takes them."""
-        readout, period_s = self.rig.readout, self.rig.period_s
+        readout, period_s, p = self.rig.readout, self.rig.period_s, len(self.rig.outputs)
         noise, offset, bias = draw_errors(self.rig, plant, count, self.rng, start.bias)
-        summed, sums = readout.summed, np.zeros(len(self.rig.outputs))
+        summed, sums = readout.summed, np.zeros(p)
         sums[summed] = start.computer
         adds, half = np.where(summed, period_s, 0.0), np.where(summed, 0.5 * period_s, 1.0)
-        nothing = [0.0] * len(self.rig.inputs)
-        issued = np.vstack([start.issued, np.zeros((count, len(nothing)))])
-        new, windows = issued[len(start.issued) :], pair_rows(issued)
-        tick, reading, momentum = Tick(self.rig, plant, start), np.empty(len(sums)), start.momentum
-        for k, off in enumerate((offset / readout.step).tolist()):
-            tick.read(off, reading)
-            rate = reading * readout.step - start.trim
-            command = yield sums + half * rate
-            sums = sums + adds * rate
-            tick.limit(command.tolist(), nothing, new[k])
-            momentum = momentum - new[k]
-            tick.move(windows[k], noise[k])
-        return RigState(
-            x=tick.x, computer=sums[summed], issued=issued[count:], momentum=momentum,
-            joints=tick.joint_states(), bias=bias, trim=start.trim, tick=start.tick + count,
+        nothing = np.zeros((count, len(self.rig.inputs)))
+        issued = np.vstack([start.issued, nothing])
+        new, momentum = issued[len(start.issued) :], start.momentum
+        commands = np.zeros((count, p + len(self.rig.inputs)))
+        rows = TickRows(
+            np.zeros((commands.shape[1], p)), np.zeros(commands.shape[1]), 0, nothing, offset / readout.step,
+            noise, np.empty((count + 1, p)), commands, issued,
         )  # fmt: skip
+        ticks = compile_ticks(self.rig, plant, rows, start) or _PythonTicks(self.rig, plant, rows, start)
+        for k, (reading, row, given) in enumerate(zip(rows.digital, commands[:, p:], new, strict=False)):
+            ticks.read(k)
+            rate = reading * readout.step - start.trim
+            row[:] = yield sums + half * rate
+            sums = sums + adds * rate
+            ticks.move(k)
+            momentum = momentum - given
+        return RigState(
+            x=ticks.x, computer=sums[summed], issued=issued[count:], momentum=momentum,
+            joints=ticks.joint_states(), bias=bias, trim=start.trim, tick=start.tick + count,
+        )  # fmt: skip
+
+
+class _PythonTicks:
+    """`CompiledTicks` where only Python can."""
+
+    def __init__(self, rig: Rig, plant: HybridPlant, rows: TickRows, start: RigState) -> None:
+        self.tick, self.rows, self.first = Tick(rig, plant, start), rows, len(start.issued)
+        self.offset, self.nothing = rows.offset.tolist(), [0.0] * len(rig.inputs)
+        self.commands, self.windows = rows.rows[:, len(rig.outputs) :], pair_rows(rows.issued)
+
+    def read(self, k: int) -> None:
+        self.tick.read(self.offset[k], self.rows.digital[k])
+
+    def move(self, k: int) -> None:
+        self.tick.limit(self.commands[k].tolist(), self.nothing, self.rows.issued[self.first + k])
+        self.tick.move(self.windows[k], self.rows.noise[k])
+
+    @property
+    def x(self) -> Array:
+        return self.tick.x
+
+    def joint_states(self) -> Array:
+        return self.tick.joint_states()

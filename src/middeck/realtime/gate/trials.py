@@ -131,7 +131,8 @@ def check_dry_run(
         top = np.array([max(drive.upper, -drive.lower) for drive in settings.drives])
         reach = np.array([sensor.range for sensor in settings.sensors])
         article = _noisy_article(settings, plant, trials, top, reach)
-        trial = run_trial(package, settings, article, (Stage("engage", trials.dry_s),))
+        risen = (Stage("standby", settings.rise_s),) if settings.hold else ()
+        trial = run_trial(package, settings, article, (*risen, Stage("engage", trials.dry_s)))
     except NOT_DECIDED as error:
         return GateStep(name=step, passed=False, said=f"not decided: {error.what}")
     rms = np.sqrt(np.mean(trial.y[len(trial.y) // 2 :] ** 2, axis=0)) if len(trial.y) else 0.0

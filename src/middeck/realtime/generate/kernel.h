@@ -1,35 +1,62 @@
 /* Arithmetic of a law in its one order of rounding. "real" is its type. The generated C and the engine hold this same text. */
 
+#if defined(__GNUC__) && defined(__SSE2__)
 #ifdef __AVX__
-#define TILE 24 /* rows whose sums fit the registers */
+enum { WIDTH = 32, MOST = 10 }; /* bytes of a register; registers for sums */
 #else
-#define TILE 12
+enum { WIDTH = 16, MOST = 12 };
+#endif
+enum { LANES = WIDTH / (int)sizeof(real) };
+typedef real lanes __attribute__((vector_size(WIDTH), aligned(sizeof(real)), may_alias));
+#define INLINED static inline __attribute__((always_inline))
+#else
+enum { LANES = 1, MOST = 12 };
+typedef real lanes;
+#define INLINED static inline
 #endif
 
-/* A tile of rows of out += columns v: its sums stay in registers. */
-static inline void add_tile(real *restrict out, int size, int rows, const real *restrict column, int count, const real *restrict v)
+/* A tile of rows of out += columns v, ``whole`` registers and ``rest`` rows: its sums stay in registers, which arrays of plain
+   numbers do not with every compiler. Each row is summed by itself, column by column, whatever the registers are. */
+INLINED void add_tile(real *restrict out, int whole, int rest, int rows, const real *restrict column, int count, const real *restrict v)
 {
-    real sum[TILE];
+    lanes sum[MOST];
+    real single[LANES] = {0};
     int i, j;
 
-    for (i = 0; i < size; ++i)
-        sum[i] = out[i];
-    for (j = 0; j < count; ++j, column += rows)
-        for (i = 0; i < size; ++i)
-            sum[i] += column[i] * v[j];
-    for (i = 0; i < size; ++i)
-        out[i] = sum[i];
+    for (i = 0; i < whole; ++i)
+        sum[i] = ((const lanes *)out)[i];
+    for (i = 0; i < rest; ++i)
+        single[i] = out[whole * LANES + i];
+    for (j = 0; j < count; ++j, column += rows) {
+        for (i = 0; i < whole; ++i)
+            sum[i] += ((const lanes *)column)[i] * v[j];
+        for (i = 0; i < rest; ++i)
+            single[i] += column[whole * LANES + i] * v[j];
+    }
+    for (i = 0; i < whole; ++i)
+        ((lanes *)out)[i] = sum[i];
+    for (i = 0; i < rest; ++i)
+        out[whole * LANES + i] = single[i];
 }
 
 /* out += columns v, in the order of the columns. */
-static inline void add_columns(real *restrict out, int rows, const real *restrict columns, int count, const real *restrict v)
+INLINED void add_columns(real *restrict out, int rows, const real *restrict columns, int count, const real *restrict v)
 {
+    const int left = rows % (MOST * LANES);
     int first;
 
-    for (first = 0; first + TILE <= rows; first += TILE)
-        add_tile(out + first, TILE, rows, columns + first, count, v);
-    if (first < rows)
-        add_tile(out + first, rows % TILE, rows, columns + first, count, v);
+    for (first = 0; first < rows - left; first += MOST * LANES)
+        add_tile(out + first, MOST, 0, rows, columns + first, count, v);
+    if (left > 0)
+        add_tile(out + first, left / LANES, left % LANES, rows, columns + first, count, v);
+}
+
+/* Below this a state is zero: products of it would leave the normal numbers, where a processor takes a hundred times as long. */
+#define SMALLEST ((real)(sizeof(real) == 4 ? 0x1p-100 : 0x1p-900))
+
+static inline real kept(real v)
+{
+    return (v < SMALLEST) & (v > -SMALLEST) ? 0 : v;
 }
 
 /* The last finite value within the range; how many inputs were not finite or beyond it. */
@@ -58,8 +85,8 @@ static inline real through_section(const real *g, real *s, real value)
 {
     real out = g[0] * value + s[0];
 
-    s[0] = (g[1] * value - g[3] * out) + s[1];
-    s[1] = g[2] * value - g[4] * out;
+    s[0] = kept((g[1] * value - g[3] * out) + s[1]);
+    s[1] = kept(g[2] * value - g[4] * out);
     return out;
 }
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.package import ControllerPackage, largest
-from middeck.realtime.package.section import Section
+from middeck.realtime.package.section import SMALLEST, Section
 
 Array = np.ndarray
 
@@ -73,7 +73,7 @@ class ReferenceLaw:
             for column, missing in zip(columns, applied - self.wanted, strict=core.drives):
                 if missing != 0.0:
                     x = x + column * missing
-            self.x, self.last = x, applied
+            self.x, self.last = np.where(np.abs(x) < SMALLEST[self.real], self.real(0.0), x), applied
         if self.engaged:
             self.level = min(self.level + 1, self.package.ramp)
         else:
@@ -116,14 +116,18 @@ class SectionState:
 
     def __init__(self, section: Section, real: type[np.floating] = np.float64) -> None:
         self.b, self.a = section.b.astype(real), section.a.astype(real)
-        self.s1 = self.s2 = real(0.0)
+        self.s1 = self.s2 = self.zero = real(0.0)
+        self.smallest = real(SMALLEST[real])
 
     def step(self, value: np.floating) -> np.floating:
         """Its output for the next value."""
         out = self.b[0] * value + self.s1
-        self.s1 = (self.b[1] * value - self.a[0] * out) + self.s2
-        self.s2 = self.b[2] * value - self.a[1] * out
+        self.s1 = self._kept((self.b[1] * value - self.a[0] * out) + self.s2)
+        self.s2 = self._kept(self.b[2] * value - self.a[1] * out)
         return out
+
+    def _kept(self, value: np.floating) -> np.floating:
+        return self.zero if abs(value) < self.smallest else value
 
 
 def _advance_of(core: Core, real: type[np.floating]) -> Callable[[Array, Array], tuple[Array, Array]]:

@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.section import Section
+from middeck.realtime.package.section import SMALLEST, Section
 from middeck.values import record
 
 UNIT = 2.0**-24
 """Half a unit in the last place of one."""
-LEAST = 2.0**-149
-"""The smallest number: what a product below the normal ones may err by."""
+LEAST = SMALLEST[np.float32]
+"""What a sum may err by where it is taken as zero; a product below the normal numbers errs by far less."""
 
 Array = np.ndarray
 

@@ -8,6 +8,10 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.values import record
 
+SMALLEST: dict[type[np.floating], float] = {np.float64: 2.0**-900, np.float32: 2.0**-100}
+"""Below this a state of a law or section is zero: products of it would leave the normal numbers, where a
+processor takes a hundred times as long."""
+
 
 @record
 class Section:

@@ -163,22 +163,34 @@ static int move(const Run *r, const double *window, const double *noise)
     return 1;
 }
 
+/* The counts of a tick, behind the computer's states. */
+void read_tick(const Run *r, long k)
+{
+    read_sensors(r, k, r->digital + k * (r->kept + r->outputs) + r->kept, r->work);
+}
+
+/* The motors and the continuous part, for the commands of a row: zero, or 1 where the joints' torques do not settle. */
+int move_tick(const Run *r, long k)
+{
+    const double *command = r->rows + k * r->computed + r->kept + r->outputs;
+    double *window = r->issued + k * r->inputs; /* the command that acts first; then comes the next */
+    drive_motors(r, command, r->excitation + k * r->inputs, window + r->depth * r->inputs);
+    return !move(r, window, r->noise + k * r->states);
+}
+
 /* Zero, or 1 where the joints' torques do not settle. */
 int run_ticks(const Run *r)
 {
     const long wide = r->kept + r->outputs;
     for (long k = 0; k < r->ticks; k++) {
         double *now = r->digital + k * wide, *row = r->rows + k * r->computed;
-        double *window = r->issued + k * r->inputs; /* the command that acts first; then comes the next */
-        read_sensors(r, k, now + r->kept, r->work);
+        read_tick(r, k);
         product(row, r->compute, now, r->computed, wide);
         for (long i = 0; i < r->computed; i++)
             row[i] -= r->shift[i];
         for (long i = 0; i < r->kept; i++)
             now[wide + i] = row[i];
-        drive_motors(r, row + r->kept + r->outputs, r->excitation + k * r->inputs,
-                     window + r->depth * r->inputs);
-        if (!move(r, window, r->noise + k * r->states))
+        if (move_tick(r, k))
             return 1;
     }
     return 0;

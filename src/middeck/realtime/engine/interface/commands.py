@@ -15,7 +15,7 @@ REASONS = {
     "unknown command": "no such command",
     "wrong slot": "no such slot",
     "not loaded": "the slot holds no checked package",
-    "not ready": "not in this state: SAFE needs a reset first, an adaptive gain a hold that has risen",
+    "not ready": "not in this state: SAFE needs a reset first, a compensator a hold that has risen",
     "wrong trip": "the reset names another trip than the one that holds the loop",
     "still unhealthy": "a sensor is still out of order",
     "busy": "the slot runs, or the excitation plays",

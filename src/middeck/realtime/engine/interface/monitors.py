@@ -41,12 +41,13 @@ class Monitor:
 
     def __post_init__(self) -> None:
         low, high = self.band_hz
-        sound = 0.0 <= low < high and self.limit > 0.0 and self.seconds > 0.0 and self.window_s > 0.0
-        if not sound or not (self.factor == 0.0 or self.factor > 1.0) or self.times < 1 or self.floor < 0.0:
+        lasts = all(0.0 < time < math.inf for time in (self.seconds, self.window_s))
+        sound = 0.0 <= low < high and self.limit > 0.0 and lasts and self.floor >= 0.0
+        if not sound or not (self.factor == 0.0 or self.factor > 1.0) or self.times < 1:
             raise ConfigError(
                 f"monitor of {self.channel}: band {low} to {high} Hz, limit {self.limit}, "
-                f"factor {self.factor}",
-                hint="0 <= low < high, positive limit and times, a factor above one or zero",
+                f"factor {self.factor}, floor {self.floor}, {self.seconds} s, windows of {self.window_s} s",
+                hint="0 <= low < high, positive limit, finite positive times, a factor above one or zero",
             )
 
     def sections(self, period_s: float) -> np.ndarray:
@@ -65,6 +66,11 @@ class Monitor:
             rows = np.vstack([_butterworth(high, "lowpass"), PASSES])
         else:
             rows = np.vstack([PASSES, PASSES])
+        if not np.all((np.abs(rows[:, 5]) < 1.0) & (np.abs(rows[:, 4]) < 1.0 + rows[:, 5])):
+            raise ConfigError(
+                f"monitor of {self.channel}: poles of its band {self.band_hz} Hz round to the unit circle",
+                hint=f"edges not so far below the sampling rate of {1.0 / period_s:g} Hz",
+            )
         return rows[:, [0, 1, 2, 4, 5]]
 
     def encode(self, words: np.ndarray, channel: int, period_s: float) -> None:

@@ -68,7 +68,9 @@ class Drive:
         lower, upper: Limits, which contain zero.
         slew_rate: Most that it changes in a second.
         momentum: Magnitude of its integral that trips where more is asked for: what a torque wheel may store.
-            It is counted from power-up, a reset does not forget it, and in SAFE nothing adds to it.
+            A reset does not forget it, and in SAFE nothing adds to it.
+        stored: That integral when the engine starts, from the wheel's speed or from `Supervisor.momentum` of
+            the engine before: an engine cannot know it. Required where ``momentum`` is finite.
     """
 
     port: Port
@@ -76,6 +78,7 @@ class Drive:
     upper: float
     slew_rate: float = math.inf
     momentum: float = math.inf
+    stored: float | None = None
 
     def __post_init__(self) -> None:
         _require(
@@ -87,6 +90,11 @@ class Drive:
             self.slew_rate > 0.0 and self.momentum > 0.0,
             f"output {self.port.name}: slew rate {self.slew_rate}, momentum {self.momentum}",
             "> 0",
+        )
+        _require(
+            self.momentum == math.inf if self.stored is None else abs(self.stored) <= LARGEST,
+            f"output {self.port.name}: momentum {self.momentum} counted from {self.stored}",
+            "stored: what the wheel holds at the start, 0.0 for one at rest",
         )
 
 
@@ -116,6 +124,8 @@ class EngineSettings:
             that forgets with this time; 0 s for no test.
         verify_s: Time of holding, alone and without a trip, after which the hold is verified.
         ramp_s: Least time of a fade; `LEAST_RAMP` samples at least.
+        leave_s: Longest time in which a compensator that leaves fades out, whatever its own ramp; twice
+            ``ramp_s`` at least.
         safe_ramp_s: From the command at a trip to the hold or to zero.
         heartbeat_s: Silence of the supervisor that trips; 0 for no test.
         late_s, late_most: Lateness that counts, and how many samples in a row may be late.
@@ -136,6 +146,7 @@ class EngineSettings:
     effort_share: float = 0.6
     verify_s: float = 2.0
     ramp_s: float = 0.5
+    leave_s: float = 5.0
     safe_ramp_s: float = 0.02
     heartbeat_s: float = 0.2
     late_s: float = 0.0005
@@ -190,7 +201,16 @@ class EngineSettings:
             )
 
     def _check_times(self) -> None:
-        names = ("effort_s", "verify_s", "ramp_s", "safe_ramp_s", "heartbeat_s", "late_s", "answer_s")
+        names = (
+            "effort_s",
+            "verify_s",
+            "ramp_s",
+            "leave_s",
+            "safe_ramp_s",
+            "heartbeat_s",
+            "late_s",
+            "answer_s",
+        )
         for name in names:
             value = getattr(self, name)
             _require(0.0 <= value <= LONGEST_S, f"{name} of {value} s", f"0 to {LONGEST_S:g} s")
@@ -211,6 +231,11 @@ class EngineSettings:
     def all_monitors(self) -> tuple[Monitor, ...]:
         """``monitors``, then that of the adaptive gain."""
         return (*self.monitors, *([] if self.adaptive is None else [self.adaptive.monitor]))
+
+    @property
+    def rise_s(self) -> float:
+        """From a reset to the whole hold, beside which a compensator may engage."""
+        return max(self.ramp_s, LEAST_RAMP * self.period_s)
 
     def samples(self, seconds: float) -> int:
         """``seconds`` in whole samples, rounded up."""
@@ -238,7 +263,7 @@ def hash_hold(settings: EngineSettings) -> str:
 def time_to_rest(settings: EngineSettings) -> float:
     """Longest time [s] in which SAFE, the fall of the hold and the slew limits bring all outputs to zero."""
     turn = max((drive.upper - drive.lower) / drive.slew_rate for drive in settings.drives)
-    return settings.safe_ramp_s + max(settings.ramp_s, LEAST_RAMP * settings.period_s) + turn
+    return settings.safe_ramp_s + settings.rise_s + turn
 
 
 def encode_settings(settings: EngineSettings) -> np.ndarray:
@@ -279,7 +304,7 @@ def _encode_limits(words: np.ndarray, settings: EngineSettings) -> None:
     for k, drive in enumerate(settings.drives):
         words["lower"][k], words["upper"][k] = drive.lower, drive.upper
         words["slew"][k] = drive.slew_rate * settings.period_s
-        words["momentum"][k] = drive.momentum
+        words["momentum"][k], words["stored"][k] = drive.momentum, drive.stored or 0.0
 
 
 def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
@@ -294,6 +319,7 @@ def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
     words["effort_share"] = settings.effort_share
     words["verify"] = settings.samples(settings.verify_s)
     words["ramp"] = max(settings.samples(settings.ramp_s), LEAST_RAMP)
+    words["leave"] = max(settings.samples(settings.leave_s), 2 * int(words["ramp"]))
     words["safe_ramp"] = settings.samples(settings.safe_ramp_s)
     words["heartbeat"] = settings.samples(settings.heartbeat_s)
     words["late_ns"], words["late_most"] = round(1e9 * settings.late_s), settings.late_most

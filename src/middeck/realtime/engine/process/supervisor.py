@@ -46,6 +46,7 @@ from middeck.realtime.engine.process.launch import (
     no_article,
     started_settings,
 )
+from middeck.realtime.engine.process.locked import locked
 from middeck.realtime.engine.recording.recorder import Recorder
 from middeck.realtime.engine.recording.run_head import run_head
 from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
@@ -57,6 +58,7 @@ POLL_S = 5e-5
 BEAT_S = 0.05
 PATIENCE_S = 60.0
 PATIENCE_AT_END_S = 5.0
+LOOK_S = 0.01
 KEPT, KEPT_FREE = 16, {"disengage": 1, "silence": 1, "end": 0}
 """Places of the queue that a command leaves free: those that make safe find one where the rest wait."""
 
@@ -107,28 +109,32 @@ class Supervisor:
         program: Path | None,
         banned: bytes,
     ) -> None:
-        settings = self.settings
+        settings, program = self.settings, program or build_engine()
         where = folder or Path(
             self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
         )
-        _require_no_engine(where / "engine.shared")
         article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else no_article()
         played = (
             np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
         )
-        self.file = make_shared_file(
-            where / "engine.shared",
-            started_settings(settings, rig, self.real_time),
-            article,
-            numbers,
-            played,
-            banned,
-            ring=ring,
-            pretrip=max(1, settings.samples(pretrip_s)),
-        )
-        self._sign()
+        with locked(where):
+            _require_no_engine(where / "engine.shared")
+            self.file = make_shared_file(
+                where / "engine.shared",
+                started_settings(settings, rig, self.real_time),
+                article,
+                numbers,
+                played,
+                banned,
+                ring=ring,
+                pretrip=max(1, settings.samples(pretrip_s)),
+            )
+            self._sign()
+            self._launch(program)
+
+    def _launch(self, program: Path) -> None:
         self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
-            [str(program or build_engine()), str(self.file.path.resolve())],
+            [str(program), str(self.file.path.resolve())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
             stderr=subprocess.PIPE,
@@ -141,7 +147,8 @@ class Supervisor:
             raise
 
     def _sign(self) -> None:
-        """Say who supervises: a process, and when it began."""
+        """Say who supervises: a process, and when it began; it keeps no records yet."""
+        self.file.asks["keeps"] = 0
         self.file.asks["supervisor_born"] = when_born(os.getpid())
         self.file.asks["supervisor"] = os.getpid()
 
@@ -156,16 +163,19 @@ class Supervisor:
         file = open_shared_file(path)
         if not is_run_by(settings, file.settings):
             raise ConfigError("is run with other settings", where=str(path), hint="those it was started with")
-        other = int(file.asks["supervisor"])
-        if other != os.getpid() and when_born(other) == int(file.asks["supervisor_born"]) > 0:
-            raise ConfigError(
-                f"has a supervisor that lives, process {other}", where=str(path), hint="end that one first"
-            )
         made = cls.__new__(cls)
         made._begin(settings, bool(file.settings["clock"]))
         made.file = file
         made.process = AdoptedEngine(file)
-        made._sign()
+        with locked(path.parent):
+            other = int(file.asks["supervisor"])
+            if other != os.getpid() and when_born(other) == int(file.asks["supervisor_born"]) > 0:
+                raise ConfigError(
+                    f"has a supervisor that lives, process {other}",
+                    where=str(path),
+                    hint="end that one first",
+                )
+            made._sign()
         made.beat()
         return made
 
@@ -174,6 +184,7 @@ class Supervisor:
         self.file: SharedFile
         self.recorder: Recorder | None = None
         self.seen_events = self._said = 0
+        self._runs_on = real_time
         self._left = contextlib.ExitStack()
 
     def __enter__(self) -> Supervisor:
@@ -188,7 +199,7 @@ class Supervisor:
         """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
         if self.process.poll() is None:
             try:
-                self.process.wait(self._patience_at_end() if kind_of_end(self) else 0.0)
+                self._wait_for_end(self._patience_at_end() if kind_of_end(self) else 0.0)
             except (subprocess.TimeoutExpired, TimeoutError):
                 self._end_in_safe()
         self.process.wait()
@@ -201,9 +212,20 @@ class Supervisor:
         """An engine that takes no command is told by a signal, else killed."""
         self.process.send_signal(signal.SIGTERM)
         try:
-            self.process.wait(self._patience_at_end())
+            self._wait_for_end(self._patience_at_end())
         except (subprocess.TimeoutExpired, TimeoutError):
             self.process.kill()
+
+    def _wait_for_end(self, patience_s: float) -> None:
+        """Meanwhile its records are kept: the ring may be shorter than the way out."""
+        until, self._runs_on = time.monotonic() + patience_s, True
+        while time.monotonic() < until:
+            with contextlib.suppress(subprocess.TimeoutExpired, TimeoutError):
+                self.process.wait(LOOK_S)
+                return
+            if self.recorder is not None:
+                self._take()
+        self.process.wait(0.0)
 
     def _patience_at_end(self) -> float:
         rest = time_to_rest(self.settings) if self.real_time else self.settings.answer_s
@@ -226,6 +248,7 @@ class Supervisor:
         )
         if resume:
             self.file.asks["taken"] = self.recorder.last
+        self.file.asks["keeps"] = 1
         self._take()
         if self.file.status["frozen"]:
             self.recorder.add_pretrip(self.pretrip())
@@ -235,6 +258,7 @@ class Supervisor:
         """Record what has not been read yet, and end the file; without a recorder nothing happens."""
         if self.recorder is not None:
             self._take()
+            self.file.asks["keeps"] = 0
             self.recorder.close()
             self._say_faults()
             self.recorder = None
@@ -253,6 +277,11 @@ class Supervisor:
     def trip(self) -> int:
         """Number of the trip that holds the loop in SAFE; 0 for none, and at power-up."""
         return int(self.file.status["trip"])
+
+    @property
+    def momentum(self) -> Float[np.ndarray, " output"]:
+        """What each output has stored by now: `Drive.stored` of an engine that follows this one."""
+        return self.file.status["momentum"][: len(self.settings.drives)].copy()
 
     def send(self, kind: str, *, slot: int = 0, values: Sequence[float] = (), at: int = 0) -> int:
         """Queue a command, not before sample ``at``; its number. Commands are taken in order, but for
@@ -359,7 +388,7 @@ class Supervisor:
         begin = max(first, last - len(ring))
         found = ring[np.arange(begin, last) % len(ring)]
         # The engine may be in the midst of the record after the last that it has told of.
-        safe = self.sample - len(ring) + (2 if self.real_time else 0)
+        safe = self.sample - len(ring) + (2 if self._runs_on else 0)
         kept = found[max(0, safe - begin) :]
         whole = kept["sequence"] == np.arange(last - len(kept), last) + 1
         kept = kept[len(whole) - int(np.argmin(whole[::-1])) :] if not whole.all() else kept

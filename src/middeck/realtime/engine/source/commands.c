@@ -90,6 +90,7 @@ static enum answer stand_by(engine *e, slot *s)
     if (!s->running) {
         law_reset(&s->law, &s->p.law);
         s->law.engaged = 0;
+        s->law.within = (long)e->set.leave;
         s->running = 1;
     }
     s->leaving = 0;
@@ -108,8 +109,8 @@ static enum answer engage(engine *e, slot *s, real share)
         return OUT_OF_RANGE;
     if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set, share))
         return NOT_PROVED;
-    if (e->adaptive_on && e->set.paths && e->hold_level < e->set.ramp)
-        return NOT_READY; /* it is proved beside the whole hold */
+    if (e->set.paths && e->hold_level < e->set.ramp)
+        return NOT_READY; /* it is judged beside the whole hold */
     found = stand_by(e, s);
     if (found != DONE)
         return found;
@@ -205,7 +206,7 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
     if (output < 0 || output >= e->set.outputs || !(value[1] - value[1] == 0))
         return OUT_OF_RANGE;
     s = &e->strips[output];
-    if (value[0] == STRIP_GAIN && value[1] != 1 && e->adaptive_on)
+    if (e->adaptive_on && ((value[0] == STRIP_HOLD && value[1] != 0) || ((value[0] == STRIP_GAIN || value[0] == STRIP_LIMIT) && value[1] != 1)))
         return NOT_PROVED;
     if (value[0] == STRIP_GAIN && fabs(value[1]) <= 10)
         s->gain_to = value[1];
@@ -220,7 +221,13 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
     return DONE;
 }
 
-/* Only beside a package of which it is proved, and then only such a one engages; no strip has a gain besides. */
+/* Whether a strip lets through all that it is given, shifted at most. */
+static int passes_all(const strip *s)
+{
+    return s->gain == 1 && s->gain_to == 1 && s->limit == 1 && s->limit_to == 1 && !s->hold && s->held_share == 0;
+}
+
+/* Only beside a package of which it is proved, and then only such a one engages; no strip has a gain, limit or hold besides. */
 static enum answer adapt(engine *e, int on)
 {
     int i, k, covered = 0, plain = 1;
@@ -228,7 +235,7 @@ static enum answer adapt(engine *e, int on)
     for (k = 0; k < SLOTS; ++k)
         covered |= e->slots[k].loaded && proof_covers(&e->slots[k].proof, &e->set, 1);
     for (i = 0; i < e->set.outputs; ++i)
-        plain &= e->strips[i].gain == 1 && e->strips[i].gain_to == 1;
+        plain &= passes_all(&e->strips[i]);
     if (e->set.adaptive.monitor < 0)
         return NOT_ADAPTIVE;
     if (e->state != SAFE && e->state != READY) /* else its gain would jump */

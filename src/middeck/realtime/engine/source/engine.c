@@ -36,7 +36,7 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     e->cause.kind = POWER_UP;
     e->since_trip = set->safe_ramp;
     e->gain = 1;
-    monitors_start(&e->monitors);
+    monitors_start(&e->monitors, set);
     e->outward.begun = 1;
     outward_forget(&e->outward);
     e->take_over = RAMPS * set->safe_ramp;

@@ -27,6 +27,12 @@ static int all_finite(const real *v, size_t count)
     return 1;
 }
 
+/* Whether something can exceed it; infinity is for no test. */
+static int is_limit(real v)
+{
+    return v >= 0;
+}
+
 /* Both poles inside the unit circle: the triangle of a1 and a2. */
 static int is_stable(const real *g)
 {
@@ -75,7 +81,8 @@ static const char *misfit_of_ports(const settings *set)
             return "a sensor with a range or a test that no engine runs";
     for (i = 0; i < set->outputs; ++i)
         if (!(set->lower[i] <= 0 && set->upper[i] >= 0 && set->lower[i] < set->upper[i]) || !finite(set->lower[i])
-            || !finite(set->upper[i]) || !(set->slew[i] > 0) || !(set->momentum[i] > 0))
+            || !finite(set->upper[i]) || !(set->slew[i] > 0) || !(set->momentum[i] > 0)
+            || !finite(set->stored[i]))
             return "an output with limits that no engine keeps";
     return NULL;
 }
@@ -87,19 +94,25 @@ static const char *misfit_of_tests(const settings *set)
     if (!between(0, set->spreads, SPREADS) || !between(0, set->monitors, MONITORS) || !between(0, set->paths, SECTIONS))
         return "more spreads, monitors or paths than an engine has";
     for (k = 0; k < set->spreads; ++k)
-        if (!between(0, set->spread[k].first, set->inputs - 1) || !between(0, set->spread[k].second, set->inputs - 1))
-            return "a spread of what is no sensor";
+        if (!between(0, set->spread[k].first, set->inputs - 1) || !between(0, set->spread[k].second, set->inputs - 1)
+            || !is_limit(set->spread[k].limit) || !between(1, set->spread[k].samples, LONGEST))
+            return "a spread of what is no sensor, or without a limit or a time";
     for (k = 0; k < set->monitors; ++k)
         if (!between(0, set->monitor[k].channel, set->inputs + set->outputs - 1) || !between(1, set->monitor[k].window, LONGEST)
-            || !all_finite(set->monitor[k].band[0].g, 10) || !finite(set->monitor[k].forget))
-            return "a monitor of no channel, without a window or with a band that is not finite";
+            || !all_finite(set->monitor[k].band[0].g, 10) || !is_stable(set->monitor[k].band[0].g) || !is_stable(set->monitor[k].band[1].g)
+            || !(set->monitor[k].forget > 0 && set->monitor[k].forget <= 1) || !is_limit(set->monitor[k].limit) || !is_limit(set->monitor[k].floor)
+            || !is_limit(set->monitor[k].factor) || !between(set->monitor[k].factor > 0, set->monitor[k].times, LONGEST))
+            return "a monitor of no channel, without a window, with a band that is not finite and stable, or with limits that nothing exceeds";
+    if (!(set->effort_forget >= 0 && set->effort_forget <= 1) || !is_limit(set->effort_share))
+        return "an effort that nothing exceeds";
     for (k = 0; k < set->paths; ++k)
         if (!between(0, set->path[k].sensor, set->inputs - 1) || !between(0, set->path[k].output, set->outputs - 1)
             || !all_finite(set->path[k].s.g, 5) || !is_stable(set->path[k].s.g))
             return "a hold from no sensor, to no output or with a section that is not finite or not stable";
     if (!between(-1, set->adaptive.monitor, set->monitors - 1))
         return "an adaptive gain without its monitor";
-    if (!(set->adaptive.least >= 0 && set->adaptive.least <= set->adaptive.most) || !finite(set->adaptive.most) || !(set->adaptive.rate >= 0))
+    if (!(set->adaptive.least >= 0 && set->adaptive.least <= set->adaptive.most) || !finite(set->adaptive.most) || !(set->adaptive.rate >= 0)
+        || !is_limit(set->adaptive.quiet) || !is_limit(set->adaptive.loud))
         return "an adaptive gain with bounds or a rate that no engine keeps";
     return NULL;
 }
@@ -114,7 +127,8 @@ const char *misfit_of_settings(const settings *set)
         return "a clock or a rig that no engine has";
     if (!(set->period_s >= 1e-6 && set->period_s <= PERIOD_MOST_S))
         return "a period that no engine keeps: 1 us at least";
-    if (!between(0, set->verify, LONGEST) || !between(0, set->ramp, LONGEST) || !between(0, set->safe_ramp, 1 << 24)
+    if (!between(0, set->verify, LONGEST) || !between(1, set->ramp, LONGEST) || !between(0, set->safe_ramp, 1 << 24)
+        || !between(1, set->leave, LONGEST)
         || !between(0, set->heartbeat, LONGEST) || !between(0, set->late_ns, LONGEST) || !between(0, set->late_most, LONGEST)
         || !between(0, set->answer_ms, 1000000000) || !between(0, set->port, 65535) || !between(-1, set->processor, 1 << 20)
         || !between(0, set->priority, 99))

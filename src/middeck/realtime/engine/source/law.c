@@ -41,6 +41,7 @@ void law_reset(law_state *s, const law_tables *t)
     s->level = 0;
     s->top = t->ramp;
     s->engaged = 1;
+    s->within = s->owed = 0;
 }
 
 real law_fade(const law_state *s, const law_tables *t)
@@ -68,6 +69,19 @@ void law_compute(law_state *s, const law_tables *t, const real *y, real gain, re
     }
 }
 
+/* Levels by which a law that leaves falls in this sample: one, or so many that a longer ramp ends within what is allowed. */
+static long fall(law_state *s, const law_tables *t)
+{
+    long steps;
+
+    if (s->within == 0 || t->ramp <= s->within)
+        return s->level > 0;
+    s->owed += t->ramp;
+    steps = s->owed / s->within;
+    s->owed %= s->within;
+    return steps < s->level ? steps : s->level;
+}
+
 void law_commit(law_state *s, const law_tables *t, const real *applied)
 {
     int i, j;
@@ -81,11 +95,11 @@ void law_commit(law_state *s, const law_tables *t, const real *applied)
                     s->next[i] += t->E[j * t->states + i] * missing;
         }
     for (i = 0; i < t->states; ++i)
-        s->x[i] = s->next[i];
+        s->x[i] = kept(s->next[i]);
     for (i = 0; i < t->outputs; ++i)
         s->last[i] = applied[i];
     if (s->engaged)
         s->level += (s->level < s->top) - (s->level > s->top);
     else
-        s->level -= s->level > 0;
+        s->level -= fall(s, t);
 }

@@ -23,6 +23,7 @@ typedef struct {
     real held[CHANNELS], wanted[CHANNELS], last[CHANNELS];
     long level, top; /* of the ramp; top: where it stops rising */
     int engaged;
+    long within, owed; /* most samples of a fall from full authority, 0 for those of the ramp; what it owes of a step */
 } law_state;
 
 void law_reset(law_state *s, const law_tables *t);

@@ -16,7 +16,8 @@ static int wait_for_leave(const queue *q, const shared *f, const engine *e, pid_
     while (!asked_to_end) {
         if (e->sample < word_get(&f->asks->until) || command_is_due(q, f, e))
             return 1;
-        if (++turns < 200)
+        turns += turns < 200;
+        if (turns < 200)
             sched_yield();
         else
             nanosleep(&pause, NULL);
@@ -26,13 +27,30 @@ static int wait_for_leave(const queue *q, const shared *f, const engine *e, pid_
     return 0;
 }
 
-/* As far as the rig still answers. */
-static void end_in_safe(shared *f, engine *e, rig *r, watch *w)
+/* Until half of the ring has been read, where records are kept by a supervisor that lives; 0 where it takes too long. */
+static int wait_for_place(const shared *f, const engine *e, pid_t parent)
 {
+    const struct timespec pause = {0, 50000};
+    int turns;
+
+    for (turns = 0; turns < 40000 && word_get(&f->asks->keeps) && getppid() == parent; ++turns) {
+        if (word_get(&f->asks->taken) >= e->sample - f->at.ring_count / 2)
+            return 1;
+        nanosleep(&pause, NULL);
+    }
+    return 0;
+}
+
+/* As far as the rig still answers. */
+static void end_in_safe(shared *f, engine *e, rig *r, watch *w, pid_t parent)
+{
+    int waits = 1;
+
     engine_end(e);
     while (!engine_at_rest(e) && !w->lost) {
         circumstances c = {0};
 
+        waits = waits && wait_for_place(f, e, parent);
         one_sample(f, e, r, w, &c);
     }
 }
@@ -53,5 +71,5 @@ void run_in_lockstep(shared *f, engine *e, rig *r)
         if (e->sample < word_get(&f->asks->until))
             one_sample(f, e, r, &w, &c);
     }
-    end_in_safe(f, e, r, &w);
+    end_in_safe(f, e, r, &w, parent);
 }

@@ -5,9 +5,10 @@
 
 #include "kernel.h"
 
-void monitors_start(monitor_states *m)
+void monitors_start(monitor_states *m, const settings *set)
 {
     memset(m, 0, sizeof *m);
+    memcpy(m->momentum, set->stored, sizeof m->momentum);
     monitors_forget(m);
 }
 

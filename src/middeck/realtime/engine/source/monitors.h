@@ -16,7 +16,7 @@ typedef struct {
     real momentum[CHANNELS];
 } monitor_states;
 
-void monitors_start(monitor_states *m);
+void monitors_start(monitor_states *m, const settings *set);
 
 /* Forget what has grown and how long limits have been reached; filters, power and momentum stay. */
 void monitors_forget(monitor_states *m);

@@ -68,6 +68,7 @@ void publish_status(shared *f, const engine *e)
     s->trip = e->trip;
     s->trips = e->trips;
     s->hold_verified = e->hold_verified;
+    memcpy(s->momentum, e->monitors.momentum, (size_t)e->set.outputs * sizeof *s->momentum);
     s->frozen = is_frozen(e);
     for (k = 0; k < SLOTS; ++k) {
         s->loaded[k] = e->slots[k].loaded;

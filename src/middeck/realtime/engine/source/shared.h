@@ -12,7 +12,7 @@
 typedef double real;
 typedef int64_t whole;
 
-enum { MAGIC = 0x4b44524d, FORMAT = 1 };
+enum { MAGIC = 0x4b44524d, FORMAT = 2 };
 enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 1024, NAME = 64, FAULTS = 16 };
 
 enum clock_kind { LOCKSTEP, REAL_TIME };
@@ -93,10 +93,12 @@ typedef struct {
     real effort_forget;   /* share of the last sample in the running mean square of an output's share of its limit; 0 for no test */
     real effort_share;    /* rms of that share that trips */
     real momentum[CHANNELS]; /* magnitude of an output's integral beyond which no further push is allowed */
+    real stored[CHANNELS];   /* of that integral at the start */
     whole paths;
     hold_path path[SECTIONS];
     whole verify;      /* samples of quiet holding after which the hold is verified; 0: never */
     whole ramp;        /* least samples of a fade, and of a strip's change */
+    whole leave;       /* most samples in which a law that leaves fades out, whatever its own ramp */
     whole safe_ramp;   /* samples to zero, or from the last command to the hold */
     whole heartbeat;   /* samples of silence that trip; 0 for no test */
     whole late_ns;     /* lateness that counts */
@@ -157,6 +159,7 @@ typedef struct {
     whole stop;      /* asks: any change is a STOP; anybody may add one */
     whole written;   /* commands given */
     whole taken;     /* records read */
+    whole keeps;     /* whether they are kept: on its way out a lockstep engine overwrites none of them unread */
     whole supervisor; /* its process: a lockstep engine ends with it */
     whole supervisor_born; /* when that began, in ticks of the system */
 } asks;
@@ -169,6 +172,7 @@ typedef struct {
     whole alive; /* changes with every sample */
     whole late, worst_late_ns, worst_step_ns, lost, missed; /* lost: records overwritten before they were read; missed: samples that did not come */
     whole hold_verified, frozen, frozen_at;
+    real momentum[CHANNELS]; /* what each output has stored */
     whole loaded[SLOTS];
     unsigned char slot_hash[SLOTS][32];
     whole blacklisted;

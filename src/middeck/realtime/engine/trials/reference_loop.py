@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.realtime.engine.interface.commands import REASONS
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, EngineSettings
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.reference import ReferenceLaw, SectionState
@@ -52,10 +53,13 @@ class ReferenceLoop:
         self.top, self.engaged, self.count = 0, False, 0
         self.trip, self.blamed = "", False
 
-    def begin(self, engaged: bool, share: float) -> None:
-        """Rise to a share of full authority, or stand by."""
+    def begin(self, engaged: bool, share: float) -> str:
+        """Rise to a share of full authority, or stand by; why not, where the hold still rises."""
+        if engaged and self.hold and self.count < self.ramp:
+            return REASONS["not ready"]
         self.engaged = self.law.engaged = engaged
         self.top = math.ceil(share * self.law.package.ramp)
+        return ""
 
     def sample(self, y: Float[np.ndarray, " sensor"]) -> Float[np.ndarray, " output"]:
         """The outputs for the sensors ``y``."""

@@ -144,9 +144,10 @@ def _by_reference(
 ) -> Trial:
     loop = ReferenceLoop(package, settings)
     rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    refused = ""
     try:
         for stage in stages:
-            loop.begin(stage.word == "engage", stage.share)
+            refused = refused or loop.begin(stage.word == "engage", stage.share)
             for _ in range(settings.samples(stage.seconds)):
                 y = rig.read()
                 u = loop.sample(y)
@@ -166,7 +167,9 @@ def _by_reference(
         np.array(part) if rows else np.zeros(empty)
         for part, empty in zip(zip(*rows, strict=True) if rows else shape, shape, strict=True)
     )
-    return Trial(computer=REFERENCE, y=y, u=u, wanted=wanted, refused="", trip=loop.trip, blamed=loop.blamed)
+    return Trial(
+        computer=REFERENCE, y=y, u=u, wanted=wanted, refused=refused, trip=loop.trip, blamed=loop.blamed
+    )
 
 
 def _in_python(rig: AnyRig, settings: EngineSettings) -> EngineRig:

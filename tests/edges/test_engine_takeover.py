@@ -1,0 +1,116 @@
+"""Who takes an engine over, or starts one in a folder, does so alone; a way out is recorded to its end."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package, still_article
+from middeck.realtime.engine.interface.shared_file import open_shared_file
+from middeck.realtime.engine.process.adopted import AdoptedEngine
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.recording.run_file import read_run
+from middeck.realtime.package.section import LoopPath, static_gain
+
+pytestmark = pytest.mark.usefixtures("compiler")
+RACING = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from engine_cases import plain_settings, random_article
+from middeck.errors import ConfigError
+from middeck.realtime.engine.process import supervisor
+
+folder, looked = Path(sys.argv[1]), supervisor.{look}
+
+def look_long(*asked):
+    found = looked(*asked)
+    time.sleep(0.1)
+    return found
+
+supervisor.{look} = look_long
+settings = plain_settings(late_s=1e3)
+print("ready", flush=True)
+sys.stdin.readline()
+try:
+    {act}
+    print("alone", flush=True)
+except ConfigError as error:
+    print(error.what, flush=True)
+sys.stdin.readline()
+"""
+START = "engine = supervisor.Supervisor(settings, random_article(), folder=folder, real_time=True)"
+ATTACH = "engine = supervisor.Supervisor.attach(folder / 'engine.shared', settings)"
+
+
+def race(folder, look, act, count=2):
+    """What each process says that acts at the same time; all of them live until all have said it."""
+    script = RACING.format(tests=str(__file__).rsplit("/", 2)[0], look=look, act=act)
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", script, str(folder)],
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        for _ in range(count)
+    ]
+    try:
+        for process in started:
+            assert process.stdout.readline() == "ready\n"
+        for process in started:
+            process.stdin.write("go\n")
+            process.stdin.flush()
+        return [process.stdout.readline().strip() for process in started]
+    finally:
+        for process in started:
+            process.kill()
+            process.communicate()
+
+
+def test_of_several_that_start_or_take_over_one_does(tmp_path):
+    """Each is slow between its look and what follows from it."""
+    try:
+        said = race(tmp_path, "_require_no_engine", START)
+        assert said.count("alone") == 1
+        assert sum(what.startswith("an engine runs there") for what in said) == 1
+        said = race(tmp_path, "when_born", ATTACH)  # who started it has been killed
+        assert said.count("alone") == 1
+        assert sum(what.startswith("has a supervisor that lives") for what in said) == 1
+    finally:
+        AdoptedEngine(open_shared_file(tmp_path / "engine.shared")).kill()
+
+
+@pytest.mark.parametrize(("real_time", "ring", "ramp_s"), [(False, 300, 8.0), (True, 64, 0.6)])
+def test_all_of_a_way_out_that_is_longer_than_the_ring_is_recorded(tmp_path, real_time, ring, ramp_s):
+    hold = (LoopPath(0, 0, static_gain(-0.4)), LoopPath(1, 1, static_gain(-0.4)))
+    settings = plain_settings(hold=hold, verify_s=0.1, late_s=1e3, ramp_s=ramp_s)
+    article = still_article(np.full(SENSORS, 0.5))
+    with Supervisor(settings, article, real_time=real_time, ring=ring) as engine:
+        engine.reset()
+        engine.record(tmp_path / "run.mdr")
+        for _ in range(2):
+            engine.run(settings.samples(0.6 * ramp_s), keep=False)
+        assert engine.file.status["hold_verified"]
+    run = read_run(tmp_path / "run.mdr")
+    assert not run.faults
+    assert np.array_equal(run.records["sequence"], 1 + np.arange(engine.sample))
+    u = run.records["u"]
+    assert len(u) >= settings.samples(2.2 * ramp_s)
+    assert np.abs(np.diff(u, axis=0)).max() <= 1.5 / settings.samples(ramp_s) * 0.2 + 1e-15
+    assert u[-1].tolist() == [0.0] * OUTPUTS
+
+
+def test_who_reads_no_record_is_not_waited_for(tmp_path):
+    """Without a recorder the end overwrites what nobody has read; its last records can be read."""
+    settings = plain_settings(ramp_s=8.0, safe_ramp_s=8.0)
+    with Supervisor(settings, still_article(np.full(SENSORS, 0.5)), ring=300) as engine:
+        assert engine.load(static_package(np.full((OUTPUTS, SENSORS), 0.2))).done
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        engine.run(400, keep=False)
+    assert engine.sample > 4000
+    assert int(engine.file.ring["sequence"].max()) == engine.sample
