@@ -10,7 +10,7 @@ from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.article.sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.deck.entries import Entry
-from middeck.files.nastran.members.members import RODS, Bar, own_axes
+from middeck.files.nastran.members.members import RODS, Bar
 
 Tables = list[dict[str, Any]]
 
@@ -49,7 +49,7 @@ def pin_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, 
                 continue
             name = _pin_name(bar, k)
             x, y, z = end * basis.units.length
-            axes = own_axes(bar.ends[1] - bar.ends[0], bar.up)
+            axes = bar.element_axes
             nodes.append({"name": name, "x_m": x, "y_m": y, "z_m": z})
             links.append(
                 {

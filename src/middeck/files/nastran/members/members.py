@@ -43,10 +43,17 @@ class Bar(NamedTuple):
     section: BarSection
 
     def released(self, end: int) -> str:
-        """Components in its own axes that an end does not pass on (PA, PB), but those that hold the bar."""
+        """Components in `element_axes` that an end does not pass on (PA, PB), but those that hold the bar."""
         if self.entry.name in RODS:
             return ""
         return _loose(f"{self.entry['pa'] or ''}", f"{self.entry['pb'] or ''}")[end]
+
+    @property
+    def element_axes(self) -> np.ndarray:
+        """Columns: the coordinates of its pins, own axes before they turned to principal ones."""
+        x, y, z = own_axes(self.ends[1] - self.ends[0], self.up).T
+        c, s = np.cos(self.section.angle), np.sin(self.section.angle)
+        return np.column_stack([x, c * y - s * z, s * y + c * z])
 
     @property
     def length(self) -> float:
