@@ -39,6 +39,12 @@ Examples:
     help="Mass of the members: middeck's own, that of NX Nastran 9 for COUPMASS, or halves at their ends.  "
     "[default: consistent]",
 )
+@click.option(
+    "--subcase",
+    type=int,
+    metavar="NUMBER",
+    help="Case control's subcase that holds and loads the deck; needed where subcases differ.",
+)
 @options.written(
     "-o", "--output", "target", endings=options.ARTICLES, metavar="ARTICLE", help="Write the article."
 )
@@ -54,6 +60,7 @@ def verb(
     deck: str,
     units: str | None,
     mass_formulation: str | None,
+    subcase: int | None,
     target: str | None,
     held_target: str | None,
     overrides: tuple[str, ...],
@@ -66,7 +73,7 @@ def verb(
     has no part in the modes is left out, listed and counted; what has, and cannot be converted, is an error
     with file, line, card and field. Superelements whose matrices are in OUTPUT4 or punched become components,
     in NPZ files beside the article. Without --units their likeliest set is named, and nothing is written.
-    --set takes units and mass_formulation.
+    --set takes units, mass_formulation and subcase.
     """
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
@@ -77,7 +84,7 @@ def verb(
 
     if target and held_target and Path(target).resolve() == Path(held_target).resolve():
         raise click.UsageError("--output and --environment name one file")
-    given = {"units": units, "mass_formulation": mass_formulation}
+    given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase}
     chosen = settle(ConvertSettings, given, overrides)
     name = article_name(deck)
     if has_superelements(deck):
@@ -86,9 +93,9 @@ def verb(
         known = parse_units(chosen.units)
         # The files of components go by the name of the article, so that two articles share a folder.
         name = name if target is None else Path(target).stem
-        source, parts = read_assembly(deck, known, name)
+        source, parts = read_assembly(deck, known, name, chosen.subcase)
     else:
-        source, parts = read_deck(deck), {}
+        source, parts = read_deck(deck, chosen.subcase), {}
         if chosen.units is None:
             raise _no_units(source)
         known = parse_units(chosen.units)
@@ -105,6 +112,7 @@ def verb(
         "components": list(made.components),
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": chosen.mass_formulation,
+        "subcase": chosen.subcase,
         "cards": source.cards,
         "read": made.read,
         "converted": made.converted,

@@ -14,7 +14,7 @@ from middeck.files.nastran.members.sections_of_bars import BarSection, Sections
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.member_axes import default_up
 
-RODS = ("CROD", "CONROD")
+RODS = ("CROD", "CTUBE", "CONROD")
 NAMES = ("CBAR", "CBEAM", *RODS)
 OFFT = re.compile("[GB][GO][GO]")
 FLAGS = {"0": None, "1": "GGG", "2": "GGG"}  # older: 1 for an orientation by vector, 2 by grid
