@@ -57,7 +57,7 @@ def test_a_held_assembly_is_that_of_its_matrices_with_rows_struck_out(tmp_path, 
     for name in ("inboard.asm", "outboard.asm", "inboard.pch", "outboard.pch", "inboard.op4", "outboard.op4"):
         shutil.copy(DATA / name, tmp_path)
     text = (DATA / "assemble.dat").read_text()
-    held = text.replace("BEGIN BULK", "SPC = 7\nBEGIN BULK", 1).replace("$RBE2", "SPC1,7,123456,3\n$RBE2", 1)
+    held = text.replace("METHOD = 1", "METHOD = 1\nSPC = 7", 1).replace("$RBE2", "SPC1,7,123456,3\n$RBE2", 1)
     assert held.count("SPC") == text.count("SPC") + 2
     (tmp_path / "held.dat").write_text(held)
     ask = ("convert", tmp_path / "held.dat", "--units", "mm-kg-s-mN", "-o", tmp_path / "a.toml")

@@ -165,10 +165,18 @@ offset_m = [0.0, 0.2, 0.0]
 name = "turn"
 frame = "a"
 axis = [1, 0, 0]
+[[sensor]]
+name = "laser"
+kind = "displacement"
+frame = "arm"
+axis = [0, 0, 2]
+offset_m = [0.1, 0.0, 0.0]
 """
     structure = load(tmp_path, text)
-    feel, turn = structure.sensors[-2:]
-    assert (feel.kind, turn.kind) == (SensorKind.ACCELEROMETER, SensorKind.ANGLE)
+    feel, turn, laser = structure.sensors[-3:]
+    kinds = (SensorKind.ACCELEROMETER, SensorKind.ANGLE, SensorKind.DISPLACEMENT)
+    assert (feel.kind, turn.kind, laser.kind) == kinds
+    assert (laser.axis.tolist(), laser.offset.tolist(), laser.axis_frame) == ([0, 0, 1], [0.1, 0, 0], "")
     assert feel.axis is not None
     assert (feel.axis.tolist(), feel.offset.tolist()) == ([0, 1, 0], [0.1, 0, 0])
     push = structure.actuators[-1]
@@ -240,6 +248,12 @@ axis = [1, 0, 0]
             '[[sensor]]\nname = "s"\nkind = "accelerometer"\nframe = "a"\naxis = [1, 0, 0]\naxis_frame = "b"',
             "sensor.0.axis_frame",
             "fixed to its own frame",
+            6,
+        ),
+        (
+            '[[sensor]]\nname = "s"\nkind = "displacement"\nframe = "a"\naxis = [1, 0, 0]\naxis_frame = "a"',
+            "sensor.0.axis_frame",
+            "an axis of the world",
             6,
         ),
         (

@@ -180,6 +180,22 @@ def test_only_selected_constraints_of_many_points_are_converted(tmp_path):
             convert(write(tmp_path, wrong, case=["MPC = 5"]))
 
 
+def test_one_subcase_of_several_that_differ(tmp_path):
+    """A subcase overrides what stands before the first; sums of subcases hold nothing."""
+    cards = ["SPC1,5,4,1", "SPC1,6,123,1", "FORCE,7,1,,1.,1.,0.,0.", "FORCE,8,1,,1.,1.,0.,0."]
+    case = ["SPC = 5", "LOAD = 7", "SUBCASE 1", "SUBCASE = 12", "SPC = 6", "LOAD = 8", "SUBCOM 20", "SPC = 9"]
+    path = write(tmp_path, *cards, case=case)
+    for number, held, loads in ((1, ("", "x"), ["load7"]), (12, ("xyz", ""), ["load8"])):
+        made = convert_deck(read_deck(path, number), parse_units("m-kg-s-N"), "consistent", "deck")
+        assert [(c["along"], c["about"]) for c in made.environment["clamp"] if c["node"] == "g1"] == [held]
+        assert [case["name"] for case in made.document["load_case"]] == loads
+    with pytest.raises(ConfigError, match=r"no subcase 3\n.*it has 1, 12"):
+        read_deck(path, 3)
+    (tmp_path / "bulk").mkdir()
+    with pytest.raises(ConfigError, match=r"no subcase 1\n.*it has none"):
+        read_deck(write(tmp_path / "bulk", *cards), 1)
+
+
 def test_only_selected_clamps_are_converted(tmp_path):
     """PS holds in any case; SPC where case control selects it, once, at grids of its own."""
     cards = ["SPC1,5,4,1", "SPC1,6,13,1,THRU,4", "GRID,8,,0.,9.,,,2"]
@@ -191,7 +207,9 @@ def test_only_selected_clamps_are_converted(tmp_path):
     assert found == {"g1": ("", "x"), "g2": ("xyz", "xyz")}
     for case, words in (
         (["SPC = 6"], "GRID 3: its components 13 are held and depend on grid 2 too"),
-        (["SUBCASE 1", "SPC = 5", "SUBCASE 2", "SPC = 6"], r"sets \[5, 6\] are selected"),
+        (["SUBCASE 1", "SPC = 5", "SUBCASE 2", "SPC = 6"], r"different ones, 5 in 1, 6 in 2"),
+        (["SUBCASE 1", "MPC = 5", "SUBCASE 2"], r"different ones, 5 in 1, none in 2"),
+        (["SPC = 5", "SUBCASE 1", "SPC = 6", "SUBCASE 2"], r"different ones, 6 in 1, 5 in 2"),
         (["SPC = ONE"], "'ONE' is not the number of a set"),
         (["STATSUB = 1"], "without it the modes would be others"),
     ):

@@ -57,6 +57,19 @@ def test_a_body_on_a_coupled_bushing_has_the_frequencies_of_its_matrices(seed: i
     assert set(modes.kind) == {"suspension"}
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_what_a_bushing_leaves_free_gets_no_stiffness_from_its_axes(seed: int) -> None:
+    """A body on one spring in any direction: k (n' u)^2 and five motions of 0 Hz."""
+    rng = np.random.default_rng([31, seed])
+    K, axes, parts = np.diag([5e5, 0, 0, 0, 0, 0]), rotation_exp(rng.standard_normal(3)), lump(rng)
+    modes = solve_modes(solve_equilibrium(parts, tied(K, axes)))
+    assert np.count_nonzero(modes.omega) == 1
+    b, n = parts.nodes[0].body, axes[:, 0]
+    across = np.cross(b.cg, n)
+    compliance = 1.0 / b.mass + across @ np.linalg.solve(b.inertia, across)
+    np.testing.assert_allclose(modes.omega[-1] ** 2, 5e5 * compliance, rtol=1e-9)
+
+
 def test_a_bushing_is_linear_in_the_rotation_vector_to_any_turn() -> None:
     rng = np.random.default_rng(7)
     K = np.diag([1e3, 1e3, 1e3, 2.0, 3.0, 4.0])

@@ -8,6 +8,23 @@ import pytest
 import middeck as md
 
 G, LENGTH = 9.80665, 1.3
+BENT = """rho_A_kg_per_m = 0.1
+[[node]]
+name = "top"
+x_m = 0.0
+[[node]]
+name = "bob"
+x_m = 1.3
+mass_kg = 1.0
+[[strut]]
+section = "rod"
+from = "top"
+to = "bob"
+elements = 1
+[[load_case]]
+name = "push"
+load = [{{frame = "bob", force_n = [-{load}, 0.0, 0.0]}}]
+"""
 ROD = """schema = 1
 name = "rods"
 [section.rod]
@@ -88,3 +105,15 @@ tension_n = {tension}
 """
     found = lowest(tmp_path, parts, 0.0, HELD.format("left"), HELD.format("right"), TURNS.format("middle"))
     assert found == pytest.approx(np.sqrt(tension * (1.0 / a + 1.0 / b) / mass) / (2.0 * np.pi), rel=1e-9)
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.98, True), (1.02, False)])
+def test_a_rod_with_bending_stiffness_buckles_as_a_beam(tmp_path, share, stable):
+    """One element with a cubic line: 2.4860 E I / L^2 beside Euler's 2.4674 (Przemieniecki 1968, 15.3)."""
+    text = ROD + BENT.format(load=share * 2.4860 * 100.0 / LENGTH**2)
+    for key, value in (("GJ", 80.0), ("EI_y", 300.0), ("EI_z", 100.0)):
+        text = text.replace(f"{key}_nm2 = 0.0", f"{key}_nm2 = {value}")
+    (tmp_path / "rods.toml").write_text(text)
+    (tmp_path / "held.toml").write_text(WORLD.format(0.0, HELD.format("top")))
+    setup = md.load_setup(tmp_path / "rods.toml", tmp_path / "held.toml")
+    assert md.solve_equilibrium(*setup, "push").stable == stable

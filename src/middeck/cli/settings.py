@@ -58,6 +58,7 @@ class ConvertSettings(Form):
 
     units: str | None = None
     mass_formulation: Literal["consistent", "coupled", "lumped"] = "consistent"
+    subcase: Annotated[int, whole(1, 99_999_999)] | None = None
 
 
 class ImpactSettings(Form):

@@ -18,7 +18,7 @@ from middeck.laboratory.rig.motors import Motor
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.sensors import Sensor
 from middeck.laboratory.settings import RigSettings
-from middeck.structure.model.article import Actuator, JointState, Structure
+from middeck.structure.model.article import Actuator, JointState, SensorKind, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.plants.port_rows import RATE
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -148,6 +148,10 @@ def _motor(equilibrium: Equilibrium, name: str, settings: RigSettings) -> Motor:
 def _sensor(structure: Structure, name: str, settings: RigSettings, gains: Mapping[str, float]) -> Sensor:
     gain = gains.get(name.removesuffix(RATE), 1.0)
     known = {s.name: s for s in structure.sensors}
+    own = known.get(name, known.get(name.removesuffix(RATE)))
+    if own is not None and own.kind is SensorKind.DISPLACEMENT:
+        what = f"sensor {own.name!r} reads a displacement, and the rig has gyros and encoders alone"
+        raise ConfigError(what, hint="leave it out of the rig; plants and their designs have it")
     if name not in known and name.removesuffix(RATE) in known:
         return dataclasses.replace(settings.gyro, gain=gain, summed=False)
     if name not in known:

@@ -40,6 +40,12 @@ Examples:
     help="Mass of the members: middeck's own, that of NX Nastran 9 for COUPMASS, or halves at their ends.  "
     "[default: consistent]",
 )
+@click.option(
+    "--subcase",
+    type=int,
+    metavar="NUMBER",
+    help="Case control's subcase that holds and loads the deck; needed where subcases differ.",
+)
 @options.written(
     "-o", "--output", "target", endings=options.ARTICLES, metavar="ARTICLE", help="Write the article."
 )
@@ -55,6 +61,7 @@ def verb(
     deck: str,
     units: str | None,
     mass_formulation: str | None,
+    subcase: int | None,
     target: str | None,
     held_target: str | None,
     overrides: tuple[str, ...],
@@ -67,7 +74,7 @@ def verb(
     has no part in the modes is left out, listed and counted; what has, and cannot be converted, is an error
     with file, line, card and field. Superelements whose matrices are in OUTPUT4 or punched become components,
     in NPZ files beside the article. Without --units their likeliest set is named, and nothing is written.
-    --set takes units and mass_formulation.
+    --set takes units, mass_formulation and subcase.
     """
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
@@ -75,9 +82,9 @@ def verb(
 
     if target and held_target and Path(target).resolve() == Path(held_target).resolve():
         raise click.UsageError("--output and --environment name one file")
-    given = {"units": units, "mass_formulation": mass_formulation}
+    given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase}
     chosen = settle(ConvertSettings, given, overrides)
-    source, known, name, parts = _read(deck, chosen.units, target)
+    source, known, name, parts = _read(deck, chosen.units, chosen.subcase, target)
     made = convert_deck(source, known, chosen.mass_formulation, name, parts)
     if target and made.holds and not held_target:
         raise _not_held(source.path)
@@ -91,6 +98,7 @@ def verb(
         "components": list(made.components),
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": chosen.mass_formulation,
+        "subcase": chosen.subcase,
         "cards": source.cards,
         "read": made.read,
         "converted": made.converted,
@@ -102,7 +110,9 @@ def verb(
     show(as_json, document, *_blocks(document), *summary_lines(numbers), *measure_lines(numbers))
 
 
-def _read(deck: str, units: str | None, target: str | None) -> tuple[Deck, Units, str, dict[str, Component]]:
+def _read(
+    deck: str, units: str | None, subcase: int | None, target: str | None
+) -> tuple[Deck, Units, str, dict[str, Component]]:
     """The deck, its units, the name of the article, and the components of its superelements."""
     from middeck.files.nastran.components.assembly import has_superelements, read_assembly
     from middeck.files.nastran.deck.deck import read_deck
@@ -115,9 +125,9 @@ def _read(deck: str, units: str | None, target: str | None) -> tuple[Deck, Units
         known = parse_units(units)
         # The files of components go by the name of the article, so that two articles share a folder.
         name = name if target is None else Path(target).stem
-        source, parts = read_assembly(deck, known, name)
+        source, parts = read_assembly(deck, known, name, subcase)
         return source, known, name, parts
-    source = read_deck(deck)
+    source = read_deck(deck, subcase)
     if units is None:
         raise _no_units(source)
     return source, parse_units(units), name, {}

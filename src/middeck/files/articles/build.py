@@ -92,8 +92,8 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
 
 
 def _sensor(form: forms.SensorForm) -> Sensor:
-    axis_frame = (form.axis_frame or form.frame) if form.axis else ""
     kind = SensorKind(form.kind)
+    axis_frame = "" if form.axis is None or form.kind == "displacement" else form.axis_frame or form.frame
     return Sensor(
         name=form.name,
         frame=form.frame,

@@ -38,7 +38,7 @@ STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")
 SHEAR_KEYS = ("GA_y_n", "GA_z_n")
 INERTIA_KEYS = ("rho_A_kg_per_m", "rho_I_y_kg_m", "rho_I_z_kg_m")
 GENERAL_KEYS = (*STIFFNESS_KEYS, *SHEAR_KEYS, *INERTIA_KEYS[1:])
-AT_POINT = {"force": "a force", "accelerometer": "an accelerometer"}
+AT_POINT = {"force": "a force", "accelerometer": "an accelerometer", "displacement": "a displacement"}
 FORMS = {"node": NodeForm, "gimbal": GimbalForm, "revolute": RevoluteForm}
 # Tables of bodies: how keys of their inertia begin, and how names of their frames end.
 BODIES = (("node", "", ""), ("revolute", "", ""), ("gimbal", "stage_", "_x"), ("gimbal", "payload_", "_z"))
@@ -406,7 +406,7 @@ def _wheels(data: Table) -> Iterator[Finding]:
 
 
 def _ports(data: Table) -> Iterator[Finding]:
-    """A force or an accelerometer stands at a point and has an axis there; a torque or an angle does not."""
+    """A force, an accelerometer or a displacement has a point and an axis; a torque or an angle does not."""
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
             kind = t.get("kind")
@@ -415,6 +415,9 @@ def _ports(data: Table) -> Iterator[Finding]:
             if kind not in AT_POINT and "offset_m" in t:
                 message = "a torque or an angle is the same all over its frame: it has no offset"
                 yield finding((table, i, "offset_m"), message, t["offset_m"])
+            if kind == "displacement" and "axis_frame" in t:
+                message = "a displacement is along an axis of the world, which stands still"
+                yield finding((table, i, "axis_frame"), message, t["axis_frame"], hint="leave it out")
             if kind == "accelerometer" and t.get("axis_frame", t.get("frame")) != t.get("frame"):
                 message = "an accelerometer's axis is fixed to its own frame"
                 yield finding((table, i, "axis_frame"), message, t["axis_frame"], hint="leave it out")

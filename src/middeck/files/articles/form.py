@@ -237,14 +237,15 @@ class ActuatorForm(Form):
 class SensorForm(Form):
     """An inertial rotation of a frame about an axis of ``axis_frame``; without an axis, a joint's angle.
 
-    Or an accelerometer at a point of the frame, along an axis of it.
+    Or an accelerometer at a point of the frame, along an axis of it; or the displacement of such a point
+    along an axis of the world.
     """
 
     name: Name
     frame: str
     axis: Vector | None = None
     axis_frame: str | None = None
-    kind: Literal["angle", "accelerometer"] = "angle"
+    kind: Literal["angle", "accelerometer", "displacement"] = "angle"
     offset_m: Vector = ORIGIN
 
 

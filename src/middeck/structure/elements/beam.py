@@ -47,7 +47,7 @@ class BeamProperties:
         length: Undeformed length [m].
         stiffness: On (stretch, y1, z1, y2, z2, twist), see `section_stiffness`.
         bow: Mean squared slope of the centre line against its chord, a quadratic form in (y1, z1, y2, z2);
-            zero where it goes straight between the ends.
+            zero in a plane where a rod has no stiffness to bend it, and it goes straight between the ends.
         slant: Shear strains that (extension, twist, curvatures) bring at no shear force, with opposite sign.
         tension: Axial force [N] as drawn.
         EA, GJ, EI_y, EI_z: Diagonal of the section's stiffness.
@@ -73,7 +73,7 @@ class BeamProperties:
     mass_centre_y: Inexact[np.ndarray, " element"]
     mass_centre_z: Inexact[np.ndarray, " element"]
     lumped: Inexact[np.ndarray, "element 2"]  # shares of the mass, along and across, lumped at the ends
-    straight: Bool[np.ndarray, " element"]  # whether line and mass go straight between the ends
+    straight: Bool[np.ndarray, " element"]  # whether the mass goes straight between the ends
 
 
 def beam_properties(
@@ -96,10 +96,11 @@ def beam_properties(
     names = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z", "mass_centre_y", "mass_centre_z")
     forms = section_forms(tuple(distinct.values()))
     element = element_forms(SectionForms(*(part[which] for part in forms)), lengths)
+    bows = ~straight[:, None] | np.column_stack([column("EI_y"), column("EI_z")] * 2).astype(bool)
     return BeamProperties(
         length=lengths,
         stiffness=element.stiffness,
-        bow=np.where(straight[:, None, None], 0.0, element.bow),
+        bow=element.bow * (bows[:, :, None] & bows[:, None, :]),
         slant=forms.P[which],
         tension=np.zeros(len(lengths)) if tension is None else tension,
         **{name: column(name) for name in names},
@@ -199,9 +200,8 @@ def beam_weight(
 
         mean = (x1 + x2)/2 + L/12 (t1 - q1) - L/20 (t1.e - q1.e) e,
 
-    so that the tension inside an element varies linearly, as it does under weight. Where the mass goes
-    straight between the ends, so does the line. A mass centre off the line adds the mean of its arms at both
-    ends.
+    so that the tension inside an element varies linearly, as it does under weight. The mass of a rod goes
+    straight between the ends. A mass centre off the line adds the mean of its arms at both ends.
     """
     n = len(beams.length)
     W = (beams.rho_A * beams.length)[:, None] * gravity

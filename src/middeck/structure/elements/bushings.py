@@ -26,6 +26,8 @@ Array = np.ndarray
 NEAR, TERMS = 0.05, 12
 # And up to here of 2, an angle of pi, where the vector has two directions; what lies beyond has its factor.
 MOST = 2.0 - 1e-9
+# Of a stiffness whose diagonal is one: what its six numbers leave of one that is not there.
+NOTHING = 1e-13
 SHIFT_A, TURN_A, SHIFT_B, TURN_B = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 
 
@@ -34,7 +36,8 @@ class BushingState(NamedTuple):
 
     The Hessian is ``material``, slope' ``stiffness`` slope, plus ``geometric``, which is linear in the
     ``force`` on the ``strain``; ``excess`` is what their own force adds to the gradient where another has
-    taken its place. ``angle`` [rad] is that of the relative turn, which `MOST` does not bound.
+    taken its place. ``stiffness`` is in the bushing's own ``axes``, which stand twice on the diagonal;
+    ``angle`` [rad] is that of the relative turn, which `MOST` does not bound.
     """
 
     energy: Inexact[np.ndarray, " bushing"]
@@ -46,16 +49,21 @@ class BushingState(NamedTuple):
     geometric: Inexact[np.ndarray, "bushing 12 12"]
     slope: Inexact[np.ndarray, "bushing 6 12"]
     stiffness: Inexact[np.ndarray, "bushing 6 6"]
+    axes: Inexact[np.ndarray, "bushing 6 6"]
     angle: Float[np.ndarray, " bushing"]
 
     def squares(self, motion: Inexact[np.ndarray, "bushing 12 mode"]) -> Inexact[np.ndarray, "mode mode"]:
-        """``material`` applied to motions of the poses, as squared strains: rounding is that of a strain."""
-        strain = self.slope @ motion
-        return np.einsum("bim,bin->mn", strain, self.stiffness @ strain)
+        """``material`` applied to motions of the poses, as squared strains: rounding is that of a strain.
+
+        Nothing of a motion enters that the bushing leaves free, however its axes lie.
+        """
+        strain = _roots(self.stiffness) @ (np.swapaxes(self.axes, 1, 2) @ (self.slope @ motion))
+        return np.einsum("bim,bin->mn", strain, strain)
 
     def predicted(self, motion: Inexact[np.ndarray, "bushing 12"]) -> Inexact[np.ndarray, "bushing 6"]:
         """Forces after a ``motion`` of the poses, to first order."""
-        return _apply(self.stiffness, self.strain + _apply(self.slope, motion))
+        strain = _apply(np.swapaxes(self.axes, 1, 2), self.strain + _apply(self.slope, motion))
+        return _apply(self.axes, _apply(self.stiffness, strain))
 
     def of(self, rows: Int[np.ndarray, " some"]) -> BushingState:
         """The state of some of the bushings."""
@@ -78,7 +86,10 @@ class BushingState(NamedTuple):
 
 # What most articles have: their state need not be computed in every assembly.
 NO_BUSHINGS = BushingState(
-    *(np.zeros((0, *size)) for size in ((), *[(6,)] * 2, *[(12,)] * 2, *[(12, 12)] * 2, (6, 12), (6, 6), ()))
+    *(
+        np.zeros((0, *size))
+        for size in ((), *[(6,)] * 2, *[(12,)] * 2, *[(12, 12)] * 2, (6, 12), *[(6, 6)] * 2, ())
+    )
 )
 
 
@@ -113,9 +124,19 @@ def bushing_state(
         material=down @ K @ moved.slope,
         geometric=moved.second_order(force),
         slope=moved.slope,
-        stiffness=K,
+        stiffness=stiffness,
+        axes=own,
         angle=moved.phi.angle,
     )
+
+
+def _roots(stiffness: Float[np.ndarray, "bushing 6 6"]) -> Float[np.ndarray, "bushing 6 6"]:
+    """F of the stiffness F' F; what an eigenvalue below `NOTHING` of it stands for is free."""
+    unit = np.sqrt(np.diagonal(stiffness, axis1=1, axis2=2))
+    over = unit[:, :, None] * unit[:, None, :]
+    size, turn = np.linalg.eigh(np.divide(stiffness, over, out=np.zeros_like(over), where=over > 0.0))
+    size = np.where(size > NOTHING, size, 0.0)
+    return np.sqrt(size)[:, :, None] * np.swapaxes(turn, 1, 2) * unit[:, None, :]
 
 
 class RelativeMotion(NamedTuple):

@@ -260,6 +260,7 @@ class SensorKind(Enum):
 
     ANGLE = "angle"  # rotation [rad] about an axis, or a joint's angle; and its rate
     ACCELEROMETER = "accelerometer"  # specific force [m/s^2] at a point along an axis of its frame
+    DISPLACEMENT = "displacement"  # shift [m] of a point along a line in W, from the ground; and its rate
 
 
 @record(kw_only=True)
@@ -267,6 +268,9 @@ class Sensor:
     """A small inertial rotation of ``frame`` about an axis of frame ``axis_frame``, or a joint angle.
 
     ``axis`` is None for a joint angle. Every angle also delivers its rate, named ``<name>_rate``.
+
+    A displacement is that of the point at ``offset`` on ``frame``, as a laser on the ground measures it:
+    along ``axis`` in W, which stands still, so that it has no ``axis_frame``. It delivers its rate too.
 
     An accelerometer stands at ``offset`` from the origin of ``frame`` and reads n . (a - g), the acceleration
     less gravity along its own axis n, which is fixed to ``frame`` and tilts with it.
@@ -280,19 +284,22 @@ class Sensor:
     offset: Inexact[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        stands = self.kind is SensorKind.ACCELEROMETER
+        stands = self.kind is not SensorKind.ANGLE
         _check_point(f"sensor {self.name!r}", stands, self.axis, self.offset)
         if stands and self.axis_frame not in ("", self.frame):
-            raise ConfigError(
-                f"sensor {self.name!r}: an accelerometer's axis is fixed to its own frame {self.frame!r}",
-                hint="leave axis_frame out",
-            )
+            fixed = {
+                SensorKind.ACCELEROMETER: f"an accelerometer's axis is fixed to its own frame {self.frame!r}",
+                SensorKind.DISPLACEMENT: "a displacement's axis stands still in the world",
+            }
+            raise ConfigError(f"sensor {self.name!r}: {fixed[self.kind]}", hint="leave axis_frame out")
 
 
 def _check_point(port: str, at_point: bool, axis: np.ndarray | None, offset: np.ndarray) -> None:
-    """A force or an accelerometer needs an axis; of a rotation it does not matter where."""
+    """A force, an accelerometer or a displacement needs an axis; of a rotation it does not matter where."""
     if at_point and axis is None:
-        raise ConfigError(f"{port}: a force or an accelerometer needs an axis", hint="a unit vector")
+        raise ConfigError(
+            f"{port}: a force, an accelerometer or a displacement needs an axis", hint="a unit vector"
+        )
     if not at_point and np.any(offset):
         raise ConfigError(
             f"{port}: a torque or an angle has no offset, it is the same all over its frame",

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from middeck.structure.modes.kinds import HELD, kinds_by_rank, undecided
 from middeck.structure.rest.equilibrium import Equilibrium
 
+SHOWN = 6
 CURE = "keep the two apart by a softer suspension (bounce_hz, cable_length) or a stiffer article"
 
 
@@ -19,31 +20,33 @@ def kind_warnings(
     rigid_share: Float[np.ndarray, " mode"],
     strain_share: Float[np.ndarray, " mode"],
 ) -> tuple[str, ...]:
-    """One sentence for each such mode: its frequency, what depends on its kind, and what to do."""
+    """One sentence for all such modes: their frequencies, what depends on their kind, and what to do."""
     damping = equilibrium.model.structure.damping
     ranked = kinds_by_rank(equilibrium, kind) if damping.by_rank else kind
     doubted = set(undecided(rigid_share, strain_share).tolist()) | {
         m for m in range(len(kind)) if ranked[m] != kind[m]
     }
-    shares = [
-        (f"its strain share is {s:.0%}", f"{r:.0%}") for s, r in zip(strain_share, rigid_share, strict=True)
-    ]
+    if not doubted:
+        return ()
+    ratio = {k: damping.suspension if k in HELD else damping.flexible for k in set(ranked)}
+    loosely = "suspension" if equilibrium.model.held is None else "rigid motion"
     said: list[str] = []
     for m in sorted(doubted):
-        strain, rigid = shares[m]
         called = f"mode {m} {name[m]!r} at {omega[m] / (2.0 * np.pi):.4g} Hz"
-        if damping.by_rank:
-            ratio = damping.suspension if ranked[m] in HELD else damping.flexible
-            said.append(
-                f"{called} is damped as {ranked[m]} by rank, but {strain} and {rigid} of its motion is "
-                f"rigid, which makes it {kind[m]}: its ratio {ratio:g} may be that of the wrong kind, and "
-                f'its peak wrong in height; damping.rule = "shares" weighs both ratios by energy'
-            )
-        else:
-            loosely = "suspension" if equilibrium.model.held is None else "rigid motion"
-            said.append(
-                f"{called} is part {loosely}, part flexible: {rigid} of its motion is rigid, and {strain}; "
-                f"it counts as {kind[m]}, but its name, damping ratio and partner in orbit are uncertain; "
-                f"{CURE}, or give it its own ratio ([damping.mode])"
-            )
-    return tuple(said)
+        shares = f"its strain share is {strain_share[m]:.0%} and {rigid_share[m]:.0%} of its motion is rigid"
+        said.append(
+            f"{called} is damped as {ranked[m]} ({ratio[ranked[m]]:g}) by rank, but {shares}, which makes it "
+            f"{kind[m]}"
+            if damping.by_rank
+            else f"{called} is part {loosely}, part flexible: {shares}, so that it counts as {kind[m]}"
+        )
+    listed = "; ".join(said[:SHOWN]) + (f"; and {len(said) - SHOWN} more modes" if len(said) > SHOWN else "")
+    if damping.by_rank:
+        return (
+            f"{listed}. A ratio of the wrong kind makes a peak wrong in height; "
+            'damping.rule = "shares" weighs both ratios by energy',
+        )
+    return (
+        f"{listed}. Name, damping ratio and partner in orbit of such a mode are uncertain; {CURE}, or give "
+        "it its own ratio ([damping.mode])",
+    )

@@ -1,6 +1,7 @@
 """Rows of named actuators and sensors in the coordinates, at rest.
 
-Sensor and actuator axes turn with their bodies. An accelerometer reads n . (a - g) along an axis n that is
+Sensor and actuator axes turn with their bodies, but for that of a displacement, which is a line in W: n . dx
+of its point. An accelerometer reads n . (a - g) along an axis n that is
 fixed to its frame; about rest, with the small rotation theta of the frame,
 
     n . a - (theta x n) . g = n . a - theta . (n x g) :
@@ -70,7 +71,8 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
 
 
 def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
-    """Rows of the sensors ``names``: angles [rad], travels [m], rates of both ``<name>_rate``, accelerations.
+    """Rows of the sensors ``names``: angles [rad], travels and displacements [m], accelerations; and rates of
+    all but these, ``<name>_rate``.
 
     Raises `ConfigError` for an unknown name; an accelerometer has no rate.
     """
@@ -85,6 +87,8 @@ def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
             n = _world_axis(equilibrium, sensor.frame, sensor.axis)
             acceleration[i] = n @ moves[i, :3]
             row = -np.cross(n, equilibrium.environment.gravity) @ moves[i, 3:]
+        elif sensor.kind is SensorKind.DISPLACEMENT:
+            row = sensor.axis @ moves[i, :3]
         else:
             row = _world_axis(equilibrium, sensor.axis_frame or sensor.frame, sensor.axis) @ moves[i, 3:]
         (rate if is_rate else position)[i] = row
@@ -96,7 +100,8 @@ def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
 def _unit(equilibrium: Equilibrium, sensor: Sensor) -> str:
     if sensor.kind is SensorKind.ACCELEROMETER:
         return "m/s^2"
-    return "m" if _slides(equilibrium, sensor) else "rad"
+    straight = sensor.kind is SensorKind.DISPLACEMENT or _slides(equilibrium, sensor)
+    return "m" if straight else "rad"
 
 
 def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
@@ -113,7 +118,7 @@ def accelerometer_offset(equilibrium: Equilibrium, name: str) -> float:
     """
     sensor, _ = _find_sensor(equilibrium, name)
     if sensor.kind is not SensorKind.ACCELEROMETER or sensor.axis is None:
-        raise ConfigError(f"sensor {name!r} is no accelerometer", hint="an angle reads zero at rest")
+        raise ConfigError(f"sensor {name!r} is no accelerometer", hint="what others read is zero at rest")
     n = _world_axis(equilibrium, sensor.frame, sensor.axis)
     return 0.0 - float(n @ equilibrium.environment.gravity)  # never a negative zero
 

@@ -285,9 +285,9 @@ def _links(structure: Structure) -> Iterator[Parameter]:
 
 
 def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterator[Parameter]:
-    """Where it is matters to a force and to an accelerometer only."""
+    """Where it is matters to neither a torque nor an angle."""
     for i, port in enumerate(ports):
-        stands = port.kind in (ActuatorKind.FORCE, SensorKind.ACCELEROMETER)
+        stands = port.kind not in (ActuatorKind.TORQUE, SensorKind.ANGLE)
         fields = {"axis": "", "offset": "m"} if stands else {"axis": ""}
         yield from _fields(f"{kind}.{port.name}", port, ("structure", group, i), fields)
 

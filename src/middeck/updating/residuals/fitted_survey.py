@@ -164,7 +164,8 @@ def _scale(
 
 def _together(sensor: Sensor, actuator: Actuator) -> bool:
     """Whether the force works on the motion that the sensor reads."""
-    if sensor.frame != actuator.frame or actuator.kind is ActuatorKind.FORCE:
+    turning = sensor.kind is SensorKind.ANGLE and actuator.kind is ActuatorKind.TORQUE
+    if sensor.frame != actuator.frame or not turning:
         return False
     if sensor.axis is None or actuator.axis is None:
         return sensor.axis is actuator.axis

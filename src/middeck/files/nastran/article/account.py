@@ -10,7 +10,6 @@ from middeck.files.nastran.deck.deck import asked_formulation
 from middeck.files.nastran.deck.formats import DIVIDING
 from middeck.files.nastran.deck.units import doubt_modulus
 from middeck.files.nastran.masses_and_springs.scalars import MASSES
-from middeck.files.nastran.members.members import NAMES
 
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
@@ -69,7 +68,7 @@ def _why_idle(card: str) -> str:
     return next(found, "no part in stiffness and mass")
 
 
-def note_doubts(basis: Basis) -> list[str]:
+def note_doubts(basis: Basis, parts: Parts) -> list[str]:
     """What case control selects in vain, what is missing, and what the deck's own program does otherwise."""
     entries, deck, selection = basis.entries, basis.deck, basis.deck.selection
     notes: list[str] = []
@@ -88,7 +87,7 @@ def note_doubts(basis: Basis) -> list[str]:
         if doubt := doubt_modulus(basis.units, card["e"] or 0.0):
             notes.append(f"{card.label} has {doubt}: are the units {basis.units.name}?")
     asked = asked_formulation(deck)
-    if asked != basis.formulation and entries.of(*NAMES):
+    if asked != basis.formulation and any(bar.section.has_mass for bar in parts.bars):
         notes.append(
             f"the deck's own program would give its bars {asked} mass (PARAM COUPMASS), "
             f"the article has {basis.formulation} mass: with {asked} it compares with that program"

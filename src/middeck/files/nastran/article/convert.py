@@ -87,7 +87,7 @@ def convert_deck(
     left_out: list[LeftOut] = []
     standing = find_standing(basis, parts, list(components.values()), left_out)
     check_whole(basis, parts, standing)
-    sets = LoadSets(deck, basis.places, standing.carriers, standing.kept)
+    sets = LoadSets(basis, parts, standing)
     faults: list[Fault] = []
     cases = sets.cases(units, faults)
     raise_some(faults)
@@ -130,7 +130,7 @@ def convert_deck(
         read={card: len(found) for card, found in deck.entries.by_name.items()},
         converted=converted,
         left_out=tuple(left_out),
-        notes=(*note_doubts(basis), *tapers, *scalars, *unheld, *rotors, *gravity),
+        notes=(*note_doubts(basis, parts), *tapers, *scalars, *unheld, *rotors, *gravity),
         environment=_filled(environment),
         components=components,
     )

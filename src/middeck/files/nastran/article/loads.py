@@ -1,14 +1,14 @@
-"""Forces and moments of a deck as load cases of the article, one for each load set, and its gravity."""
+"""Loads of a deck as load cases of the article, one for each load set, and its gravity."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import Places
-from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.article.member_loads import member_load
+from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.formats import OTHER_LOADS
 from middeck.files.nastran.deck.numbers import integer, real
@@ -17,16 +17,19 @@ from middeck.files.toml.faults import Fault
 from middeck.structure.model.connectivity import some_names
 
 DIRECT = ("FORCE", "MOMENT")
+TAKEN = (*DIRECT, "PLOAD1", "GRAV")
 ALIKE = 1e-6  # of gravity: fields of eight columns
 
 
 class LoadSets:
     """The load sets of a deck; one is converted as a whole or not at all."""
 
-    def __init__(self, deck: Deck, places: Places, carriers: Mapping[int, int], kept: set[int]) -> None:
-        self.places, self.carriers, self.kept = places, carriers, kept
+    def __init__(self, basis: Basis, parts: Parts, standing: Standing) -> None:
+        self.basis, self.standing, self.places = basis, standing, basis.places
+        deck = basis.deck
+        self.bars = {bar.entry.id: bar for bar in parts.bars}
         self.direct: dict[int, list[Entry]] = {}
-        self.entries = deck.entries.of(*DIRECT, "GRAV", *OTHER_LOADS)
+        self.entries = deck.entries.of(*TAKEN, *OTHER_LOADS)
         for entry in self.entries:
             self.direct.setdefault(entry.id, []).append(entry)
         self.sums = deck.entries.numbered("LOAD")
@@ -37,7 +40,7 @@ class LoadSets:
     def cases(self, units: Units, faults: list[Fault]) -> list[dict[str, Any]]:
         """Load cases ``load7`` of the sets that case control selects, of all if it selects none.
 
-        Sets with loads other than forces, moments and gravity go to ``refused``.
+        Sets with loads other than forces, moments, those of PLOAD1 and gravity go to ``refused``.
         """
         found: list[dict[str, Any]] = []
         chosen = None if self.chosen is None else self.chosen & {*self.direct, *self.sums}
@@ -49,12 +52,17 @@ class LoadSets:
                 self.refused.append((f"load set {sid}", 1, "not selected by case control"))
                 continue
             parts = self._parts(sid, faults)
-            other = next((entry.name for _, entry in parts if entry.name not in (*DIRECT, "GRAV")), None)
+            other = next((entry.name for _, entry in parts if entry.name not in TAKEN), None)
             if other is not None:
                 self.refused.append((f"load set {sid}", 1, f"it has {other}, which is no point load"))
                 continue
             falls = [self._acceleration(f, entry, faults) for f, entry in parts if entry.name == "GRAV"]
             loads = [self._load(f, entry, units, faults) for f, entry in parts if entry.name in DIRECT]
+            try:
+                loads += [t for f, entry in parts if entry.name == "PLOAD1" for t in self._along(f, entry)]
+            except ValueError as error:
+                self.refused.append((f"load set {sid}", 1, f"{error}"))
+                continue
             if loads or not falls:
                 found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
             if loads or sid not in summed:
@@ -138,10 +146,16 @@ class LoadSets:
             return np.zeros(3)
         return factor * entry["a"] * (system.axes @ np.array([entry["n1"], entry["n2"], entry["n3"]]))
 
+    def _along(self, factor: float, entry: Entry) -> list[dict[str, Any]]:
+        bar = self.bars.get(entry["eid"])
+        if bar is None:
+            raise ValueError(f"{entry.label} loads element {entry['eid']}, which is no bar or beam")
+        return member_load(entry, bar, factor, self.basis, self.standing)
+
     def _load(self, factor: float, entry: Entry, units: Units, faults: list[Fault]) -> dict[str, Any]:
         grid, cid = entry["g"], entry["cid"]
-        carrier = self.carriers.get(grid, grid)
-        if carrier not in self.kept:
+        carrier = self.standing.carrier(grid)
+        if carrier not in self.standing.kept:
             faults.append(entry.fault(f"nothing stands on grid {grid}, or it is not there", "g"))
         elif cid not in self.places.systems:
             faults.append(entry.fault(f"there is no coordinate system {cid}", "cid"))

@@ -10,7 +10,7 @@ from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.article.sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.deck.entries import Entry
-from middeck.files.nastran.members.members import RODS, Bar, own_axes
+from middeck.files.nastran.members.members import RODS, Bar
 
 Tables = list[dict[str, Any]]
 
@@ -28,8 +28,7 @@ def strut_tables(
             made[section] = article_sections(
                 bar.section, rod, basis.units, basis.mass_unit, basis.formulation
             )
-        along = _along(section, made[section])
-        struts.append(_strut(bar, standing) | along | _ends(basis, bar, standing))
+        struts.append(_along(section, made[section]) | _strut(basis, bar, standing))
     sections = {
         name: table
         for section, found in made.items()
@@ -49,7 +48,7 @@ def pin_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, 
                 continue
             name = _pin_name(bar, k)
             x, y, z = end * basis.units.length
-            axes = own_axes(bar.ends[1] - bar.ends[0], bar.up)
+            axes = bar.element_axes
             nodes.append({"name": name, "x_m": x, "y_m": y, "z_m": z})
             links.append(
                 {
@@ -87,27 +86,22 @@ def _along(section: str, made: ArticleSections) -> dict[str, Any]:
     return {"section": names[0], "elements": count, "stations": stations}
 
 
-def _strut(bar: Bar, standing: Standing) -> dict[str, Any]:
-    return {
-        "name": _strut_name(bar),
-        "from": f"g{standing.carrier(bar.grids[0])}",
-        "to": f"g{standing.carrier(bar.grids[1])}",
-        "up": bar.up / np.linalg.norm(bar.up),
-    }
+def end_frame(basis: Basis, bar: Bar, end: int, standing: Standing) -> tuple[str, np.ndarray]:
+    """The frame that an end of a strut is fixed to, a node of its own if pinned, and where on it."""
+    if bar.released(end):
+        return _pin_name(bar, end), np.zeros(3)
+    carrier = standing.carrier(bar.grids[end])
+    return f"g{carrier}", bar.ends[end] - basis.places.grids[carrier]
 
 
-def _ends(basis: Basis, bar: Bar, standing: Standing) -> dict[str, Any]:
-    """What is particular of a strut's ends: pinned to a node of their own, or off the node."""
-    found: dict[str, Any] = {}
+def _strut(basis: Basis, bar: Bar, standing: Standing) -> dict[str, Any]:
+    ends = [end_frame(basis, bar, k, standing) for k in (0, 1)]
+    table = {"name": _strut_name(bar), "from": ends[0][0], "to": ends[1][0]}
+    table["up"] = bar.up / np.linalg.norm(bar.up)
     if bar.entry.name in RODS:
-        found["elements"] = 1  # two rods in line are a mechanism
-    for k, (side, grid, end) in enumerate(zip(("from", "to"), bar.grids, bar.ends, strict=True)):
-        offset = end - basis.places.grids[standing.carrier(grid)]
-        if bar.released(k):
-            found[side] = _pin_name(bar, k)
-        elif np.any(offset):
-            found[f"{side}_offset_m"] = offset * basis.units.length
-    return found
+        table["elements"] = 1  # two rods in line are a mechanism
+    offsets = zip(("from_offset_m", "to_offset_m"), ends, strict=True)
+    return table | {key: offset * basis.units.length for key, (_, offset) in offsets if np.any(offset)}
 
 
 def _strut_name(bar: Bar) -> str:

@@ -33,7 +33,7 @@ _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*['\"]?([^'\",]+)['\"]?[^\n]*?UNIT\
 OWN = ("SEBULK", "SECONCT")
 # What a superelement's own section may hold beside idle cards: all else would change it.
 SETS = tuple(f"{kind}SET{end}" for kind in "ABCQ" for end in ("", "1"))
-PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH", "PMASS", "MAT1")
+PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBUSH", "PMASS", "MAT1")
 WITHIN = frozenset(("EXTRN", "DMIG", "SPOINT", "PARAM", "EIGR", "EIGRL", *GEOMETRY, *SETS, *PROPERTIES))
 # Of the size: grids that are joined by place.
 NEAR = 1e-5
@@ -48,7 +48,9 @@ def has_superelements(path: str | Path) -> bool:
         return False
 
 
-def read_assembly(path: str | Path, units: Units, name: str) -> tuple[Deck, dict[str, Component]]:
+def read_assembly(
+    path: str | Path, units: Units, name: str, subcase: int | None = None
+) -> tuple[Deck, dict[str, Component]]:
     """What stands beside the superelements of a deck, for `convert_deck`, and these by files to be written.
 
     Matrices come from the OUTPUT4 files that ASSIGN INPUTT4 names (SEBULK EXTOP4), or from DMIG (EXTERNAL).
@@ -78,7 +80,7 @@ def read_assembly(path: str | Path, units: Units, name: str) -> tuple[Deck, dict
         raise_some([_fault(first, f"superelement {loose[0]} is joined by no SEBULK of the bulk data")])
     cend = next((i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head))
     cards = [card for card in bulk.main if card.name not in OWN]
-    selection = read_selection(bulk.head[cend + 1 :])
+    selection = read_selection(bulk.head[cend + 1 :], subcase)
     missing = tuple(bulk.missing)
     return Deck(str(path), selection, read_entries(cards), missing, not bulk.head, len(bulk.main)), parts
 

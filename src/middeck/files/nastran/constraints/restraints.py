@@ -27,11 +27,6 @@ def read_restraints(
         ps = default if entry["ps"] is None else entry["ps"]
         if ps:
             found.setdefault(entry.id, set()).update(ps)
-    line = deck.selection.lines.get("SPC")
-    if line and len(deck.selection.sets["SPC"]) > 1:
-        what = f"sets {sorted(deck.selection.sets['SPC'])} are selected, each in a subcase"
-        hint = "one set, and a conversion for each"
-        faults.append(Fault(file=line[1], line=line[2], key="SPC", message=what, hint=hint))
     for entry in deck.selected("SPC"):
         for key, grid, components in _terms(entry, places, faults):
             if grid in scalars:

@@ -1,4 +1,4 @@
-"""What case control selects: sets of constraints and loads, and matrices, in any subcase."""
+"""What case control selects: sets of constraints and loads, and matrices, in one subcase or in all alike."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from middeck.errors import ConfigError
 from middeck.files.nastran.deck.numbers import integer
 from middeck.files.nastran.deck.sections import Line
 from middeck.files.toml.faults import Fault, raise_faults
@@ -14,6 +15,11 @@ from middeck.files.toml.faults import Fault, raise_faults
 _COMMAND = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?(?:\s*=\s*|\s+)(.*?)\s*$")
 _SETS = frozenset(("SPC", "MPC", "LOAD", "METHOD", "METH", "SUPORT1", "NSM"))
 _MATRICES = frozenset(("K2GG", "M2GG", "K2PP", "M2PP", "B2PP", "B2GG", "A2GG", "K42GG"))
+_SUBCASE = re.compile(r"\s*(SUBCASE|SYM|REPCASE|SUBCOM|SUBSEQ|SYMCOM)\s*=?\s*(\d*)\s*(?:=|$)")
+# Sums of subcases before them, which select nothing of the model.
+_SUMS = frozenset(("SUBCOM", "SUBSEQ", "SYMCOM"))
+# What may differ between subcases: a load set is a load case, and how to solve is no part of a model.
+_FREE = frozenset(("LOAD", "METHOD", "METH"))
 # Commands after which modes are those of another structure: a preload, a transfer function.
 _OTHERS = frozenset(("STATSUB", "TFL"))
 
@@ -31,22 +37,74 @@ class Selection(NamedTuple):
         return number in self.sets.get(command, ())
 
 
-def read_selection(lines: Iterable[Line]) -> Selection:
+class _Choice(NamedTuple):
+    """The line and the value of a command."""
+
+    line: Line
+    value: int | str
+
+
+def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selection:
     """The commands of case control that modes depend on; all others are passed over.
 
-    Raises `ConfigError` for a set that is no number, a preload (STATSUB) and a transfer function (TFL).
+    Those of ``subcase``, or of all where they agree but for loads. Raises `ConfigError` for a set that is no
+    number, a preload (STATSUB), a transfer function (TFL), a subcase that is not there, and subcases that
+    differ.
     """
+    parts = _parts(lines)
+    common, own = parts.pop(None), parts
+    if subcase is not None and subcase not in own:
+        raise ConfigError(
+            f"there is no subcase {subcase}", where="case control", hint=f"it has {_listed(own)}"
+        )
+    kept = own if subcase is None else {subcase: own[subcase]}
+    faults: list[Fault] = []
+    defaults = _choices(common, faults)
+    cases = {name: defaults | _choices(some, faults) for name, some in kept.items()} or {0: defaults}
+    raise_faults(faults)
+    raise_faults(_unlike(cases))
     sets: dict[str, frozenset[int]] = {}
     matrices: dict[str, str] = {}
     where: dict[str, Line] = {}
-    params: list[Line] = []
-    faults: list[Fault] = []
+    for command, (line, value) in (item for case in cases.values() for item in case.items()):
+        where.setdefault(command, line)
+        if isinstance(value, int):
+            sets[command] = sets.get(command, frozenset()) | {value}
+        else:
+            matrices[command] = value
+    params = [line for some in (common, *kept.values()) for line in some if _is_param(line)]
+    return Selection(sets, matrices, where, tuple(params))
+
+
+def _parts(lines: Iterable[Line]) -> dict[int | None, list[Line]]:
+    """Lines before the first subcase, under None, and those of each."""
+    parts: dict[int | None, list[Line]] = {None: []}
+    at: list[Line] = parts[None]
     for line in lines:
-        text = line[0].upper()
-        if re.match(r"\s*PARAM\s*[, ]", text):
-            params.append(line)
-            continue
-        found = _COMMAND.match(text)
+        found = _SUBCASE.match(line[0].upper())
+        if found is None:
+            at.append(line)
+        elif found[1] in _SUMS:
+            at = []
+        else:
+            at = parts.setdefault(int(found[2] or 0), [])
+    return {name: some for name, some in parts.items() if name is None or not any(map(_is_super, some))}
+
+
+def _is_super(line: Line) -> bool:
+    """Whether a subcase is that of a superelement, whose matrices are made elsewhere."""
+    return bool(re.match(r"\s*SUPER\s*=\s*(?!0\s*$)", line[0].upper()))
+
+
+def _is_param(line: Line) -> bool:
+    return bool(re.match(r"\s*PARAM\s*[, ]", line[0].upper()))
+
+
+def _choices(lines: Iterable[Line], faults: list[Fault]) -> dict[str, _Choice]:
+    """What some lines select, by command."""
+    out: dict[str, _Choice] = {}
+    for line in lines:
+        found = None if _is_param(line) else _COMMAND.match(line[0].upper())
         if found is None:
             continue
         command, value = found.groups()
@@ -55,18 +113,32 @@ def read_selection(lines: Iterable[Line]) -> Selection:
             if number is None or number < 0:
                 faults.append(_fault(line, command, f"{value!r} is not the number of a set"))
             else:
-                sets[command] = sets.get(command, frozenset()) | {number}
-                where.setdefault(command, line)
+                out[command] = _Choice(line, number)
         elif command in _OTHERS:
             faults.append(
                 _fault(line, command, "not converted yet, and without it the modes would be others")
             )
         elif command in _MATRICES:
-            matrices[command] = value
-            where.setdefault(command, line)
-    raise_faults(faults)
-    return Selection(sets, matrices, where, tuple(params))
+            out[command] = _Choice(line, value)
+    return out
 
 
-def _fault(line: Line, command: str, message: str) -> Fault:
-    return Fault(file=line[1], line=line[2], key=command, message=message)
+def _unlike(cases: dict[int | None, dict[str, _Choice]]) -> list[Fault]:
+    """A fault for each command that selects one thing in a subcase and another, or nothing, in the next."""
+    faults: list[Fault] = []
+    for command in dict.fromkeys(c for case in cases.values() for c in case if c not in _FREE):
+        chosen = {name: case.get(command) for name, case in cases.items()}
+        if len({c and c.value for c in chosen.values()}) > 1:
+            first = next(c for c in chosen.values() if c is not None)
+            said = ", ".join(f"{c.value if c else 'none'} in {name}" for name, c in chosen.items())
+            message = f"subcases select different ones, {said}: each is another structure"
+            faults.append(_fault(first.line, command, message, f"name one with --subcase: {_listed(cases)}"))
+    return faults
+
+
+def _listed(cases: Iterable[int | None]) -> str:
+    return ", ".join(f"{name}" for name in cases) or "none"
+
+
+def _fault(line: Line, command: str, message: str, hint: str = "") -> Fault:
+    return Fault(file=line[1], line=line[2], key=command, message=message, hint=hint)

@@ -43,8 +43,8 @@ class Deck(NamedTuple):
         return [entry for entry in self.entries.of(*CHOSEN[command]) if entry.id in wanted]
 
 
-def read_deck(path: str | Path) -> Deck:
-    """Read a Nastran deck with all that it includes.
+def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
+    """Read a Nastran deck with all that it includes, as case control has it in one ``subcase``, or in all.
 
     Raises `ConfigError` with what is wrong, by file, line, card and field.
     """
@@ -58,7 +58,7 @@ def read_deck(path: str | Path) -> Deck:
         entries = read_entries(cards)
     return Deck(
         str(path),
-        read_selection(sections.case),
+        read_selection(sections.case, subcase),
         entries,
         sections.missing,
         not sections.case and not sections.executive,

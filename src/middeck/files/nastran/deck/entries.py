@@ -36,10 +36,11 @@ SHOWN = 20  # faults in one report
 # Names that share one space of numbers. Programs accept masses with the number of another element.
 SPACES = {
     "GRID": "grid",
-    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CONROD", "CELAS1", "CELAS2", "CELAS3", "CELAS4"), "element"),
+    **dict.fromkeys(("CBAR", "CBEAM", "CROD", "CTUBE", "CONROD"), "element"),
+    **dict.fromkeys(("CELAS1", "CELAS2", "CELAS3", "CELAS4"), "element"),
     **dict.fromkeys(("CBUSH", "RBE1", "RBE2", "RBE3", "RBAR"), "element"),
     **dict.fromkeys(("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4"), "mass element"),
-    **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PELAS", "PBUSH"), "property"),
+    **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBUSH"), "property"),
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
     **{
         name: name

@@ -21,7 +21,6 @@ _BAR_ENDS = (
 OTHER_LOADS = (
     *(
         "PLOAD",
-        "PLOAD1",
         "PLOAD2",
         "PLOAD4",
         "PLOADX1",
@@ -46,12 +45,14 @@ FORMATS: dict[str, str] = {
     "CBEAM": f"eid:n pid:n= {_BAR_ENDS} sa:i=0 sb:i=0",
     "BEAMOR": "- pid:n= - - x1:g= x2:r= x3:r= offt:a=",
     "CROD": "eid:n pid:n= ga:n gb:n",
+    "CTUBE": "eid:n pid:n= ga:n gb:n",
     "CONROD": "eid:n ga:n gb:n mid:n a:r j:r=0 c:r=0 nsm:r=0",
     "PBAR": "pid:n mid:n a:r=0 i1:r=0 i2:r=0 j:r=0 nsm:r=0 - * * * * * * * * k1:r= k2:r= i12:r=0",
     "PBARL": "pid:n mid:n group:a= type:t - - - - +dims:a",
     "PBEAM": "pid:n mid:n a:r i1:r i2:r i12:r=0 j:r=0 nsm:r=0 +rest:a",
     "PBEAML": "pid:n mid:n group:a= type:t - - - - +dims:a",
     "PROD": "pid:n mid:n a:r j:r=0 c:r=0 nsm:r=0",
+    "PTUBE": "pid:n mid:n od:r t:r= nsm:r=0 od2:r=",
     "MAT1": "mid:n e:r= g:r= nu:r= rho:r=0 a:r=0 tref:r=0 ge:r=0 st:r=0 sc:r=0 ss:r=0 mcsid:i=0",
     "CONM1": "eid:n g:n cid:i=0 " + " ".join(f"m{i}{j}:r=0" for i in range(1, 7) for j in range(1, i + 1)),
     "CONM2": "eid:n g:n cid:i=0 m:r=0 x1:r=0 x2:r=0 x3:r=0 - i11:r=0 i21:r=0 i22:r=0 i31:r=0 i32:r=0 i33:r=0",
@@ -81,6 +82,7 @@ FORMATS: dict[str, str] = {
     "GRAV": "sid:n cid:i=0 a:r n1:r=0 n2:r=0 n3:r=0 mb:i=0",
     "FORCE": _FORCE,
     "MOMENT": _FORCE,
+    "PLOAD1": "sid:n eid:n type:t scale:t x1:r p1:r x2:r= p2:r=",
     "LOAD": "sid:n s:r +rest:a",
     "DMIG": "name:t +rest:a",
     "PARAM": "name:t v1:a +rest:a",
@@ -97,7 +99,7 @@ CPYRA CRAC2D CRAC3D CSHELL CPLSTS3 CPLSTS4 CTRAX3 CQUADX4
 """
 CONTINUA = frozenset(_CONTINUA.split())
 _NOT_YET = """
-CBEND CTUBE CGAP CWELD CFAST CSEAM CBUSH1D CBUSH2D
+CBEND CGAP CWELD CFAST CSEAM CBUSH1D CBUSH2D
 RROD RTRPLT RSPLINE RSSCON RJOINT GENEL SEBULK SECONCT CBEAM3 CONVM CAABSF CHACAB CHACBR NSML NSML1
 """
 NOT_YET = frozenset(_NOT_YET.split())
@@ -128,7 +130,7 @@ QHBDY QVECT CONV PCONV RADBC RADM RADSET VIEW VIEW3D BCONP BLSEG BFRIC BCBODY BC
 BSURF BSURFS BCTSET BCTPARM BGSET BGPARM NLPARM NLPCI NLPARMT MATT1 MATT2 MATT3 MATT8 MATT9 MAT2 MAT3
 MAT4 MAT5 MAT8 MAT9 MAT10 MAT11 MATS1 MATHE MATHP MATEP MATF CREEP PSHELL PCOMP PCOMPG PSOLID PLSOLID
 PSHEAR PLPLANE PDAMP PDAMPT PDAMP5 CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 PVISC PBUSH1D PBUSHT PELAST PGAP
-PTUBE PWELD PFAST PBEND PBRSECT PBMSECT PSEAM RANDPS RANDT1 RCROSS OUTPUT OUTRCV SESUP MODTRAK
+PWELD PFAST PBEND PBRSECT PBMSECT PSEAM RANDPS RANDT1 RCROSS OUTPUT OUTRCV SESUP MODTRAK
 ECHOON ECHOOFF TF NOLIN1 NOLIN2 NOLIN3 NOLIN4 EPOINT MDLPRM SWLDPRM POINT OMIT OMIT1 USET USET1 SEUSET
 SEUSET1 SEQSET SEQSET1 SEBSET SEBSET1 SECSET SECSET1 PLOTEL PLOTEL4 PLOTEL6 MONPNT1 MONPNT2 MONPNT3
 HYBDAMP DAMPING UXVEC CSSCHD ACMODL MATPOOL TOPVAR BEADVAR ROTORG RSPINR RSPINT RGYRO UNBALNC CVISC

@@ -14,7 +14,7 @@ from middeck.files.nastran.members.sections_of_bars import BarSection, Sections
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.member_axes import default_up
 
-RODS = ("CROD", "CONROD")
+RODS = ("CROD", "CTUBE", "CONROD")
 NAMES = ("CBAR", "CBEAM", *RODS)
 OFFT = re.compile("[GB][GO][GO]")
 FLAGS = {"0": None, "1": "GGG", "2": "GGG"}  # older: 1 for an orientation by vector, 2 by grid
@@ -43,10 +43,17 @@ class Bar(NamedTuple):
     section: BarSection
 
     def released(self, end: int) -> str:
-        """Components in its own axes that an end does not pass on (PA, PB), but those that hold the bar."""
+        """Components in `element_axes` that an end does not pass on (PA, PB), but those that hold the bar."""
         if self.entry.name in RODS:
             return ""
         return _loose(f"{self.entry['pa'] or ''}", f"{self.entry['pb'] or ''}")[end]
+
+    @property
+    def element_axes(self) -> np.ndarray:
+        """Columns: the coordinates of its pins, own axes before they turned to principal ones."""
+        x, y, z = own_axes(self.ends[1] - self.ends[0], self.up).T
+        c, s = np.cos(self.section.angle), np.sin(self.section.angle)
+        return np.column_stack([x, c * y - s * z, s * y + c * z])
 
     @property
     def length(self) -> float:

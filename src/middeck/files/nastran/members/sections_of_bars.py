@@ -44,6 +44,11 @@ class BarSection(NamedTuple):
         return len(self.stations.cuts) > 1
 
     @property
+    def has_mass(self) -> bool:
+        """Whether a member of it has mass of its own."""
+        return self.material.rho > 0.0 or any(cut.nsm > 0.0 for _, cut in self.stations.cuts)
+
+    @property
     def knots(self) -> np.ndarray:
         """Fractions of the length of all stations."""
         return np.array([at for at, _ in self.stations.cuts])
@@ -59,10 +64,15 @@ class Sections:
 
     def __init__(self, entries: Entries, faults: list[Fault]) -> None:
         self.materials = entries.numbered("MAT1")
-        self.properties = entries.numbered("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD")
+        self.properties = entries.numbered("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
         self.faults = faults
         self.done: dict[tuple[str, int], BarSection | None] = {}
-        self.read_as = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",)}
+        self.read_as = {
+            "CBAR": ("PBAR", "PBARL"),
+            "CBEAM": ("PBEAM", "PBEAML"),
+            "CROD": ("PROD",),
+            "CTUBE": ("PTUBE",),
+        }
 
     def of(self, element: Entry) -> BarSection | None:
         """The section of ``element``; None where a fault stands in its place."""
@@ -142,7 +152,21 @@ def _stations(entry: Entry) -> Stations:
         factors = (0.0, 0.0) if i12 != 0.0 else (entry["k1"] or 0.0, entry["k2"] or 0.0)
         cut = Cut(entry["a"], entry["i1"], entry["i2"], i12, entry["j"], entry["nsm"])
         return Stations(((0.0, cut),), *factors)
-    return Stations(((0.0, Cut(entry["a"], 0.0, 0.0, 0.0, entry["j"], entry["nsm"])),), 0.0, 0.0)
+    area, twist = _tube(entry) if entry.name == "PTUBE" else (entry["a"], entry["j"])
+    return Stations(((0.0, Cut(area, 0.0, 0.0, 0.0, twist, entry["nsm"])),), 0.0, 0.0)
+
+
+def _tube(entry: Entry) -> tuple[float, float]:
+    """Area and torsion constant of a PTUBE, solid without a thickness; raises `ValueError` for no tube."""
+    outer, wall = entry["od"], entry["t"] or 0.5 * entry["od"]
+    if not 0.0 < wall <= 0.5 * outer:
+        raise ValueError(
+            f"no tube has diameter {outer:g} and thickness {wall:g}: at most half of it, both > 0"
+        )
+    if entry["od2"] not in (None, 0.0, outer):
+        raise ValueError("a tube whose diameter changes (OD2) is not converted: give its mean, or two tubes")
+    inner = outer - 2.0 * wall
+    return 0.25 * math.pi * (outer**2 - inner**2), math.pi * (outer**4 - inner**4) / 32.0
 
 
 def principal_angle(stations: Stations) -> float:
