@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.h2.closed_cost import Law
+from middeck.control.h2.closed_cost import Law, closed_matrices
+from middeck.control.h2.generalized_plant import generalize
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.many_loops import close_many, decide_many, measure_many
 from middeck.errors import ConfigError
+from middeck.signals.ports import Port
+from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.plants.plant import Plant, delay_plant, group_ports
 from middeck.systems.poles.stability import is_stable
+from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from repeats import repeats
 
@@ -69,6 +76,69 @@ def test_rms_against_fractions():
         x = _exact_covariance(a, b)
         square = sum(Fraction(c[0, i]) * Fraction(c[0, j]) * x[4 * i + j] for i in range(4) for j in range(4))
         assert abs(float(square) ** 0.5 / rms[0] - 1.0) < 1e-11
+
+
+@pytest.mark.parametrize("seed", repeats(range(12), quick=2))
+@pytest.mark.parametrize("mixed", [True, False])
+@pytest.mark.parametrize("share", [1e-7, 1e-5, 1e-3])
+def test_the_error_of_a_small_output_is_said(share, mixed, seed):
+    """A mode that another hardly drives; its rms is lost in the rounding of a basis that mixes both."""
+    rng = np.random.default_rng(seed)
+    omega, zeta = 10.0 ** rng.uniform(-1.0, 1.0, 2), rng.uniform(0.002, 0.05, 2)
+    A, B, C = np.zeros((5, 4, 4)), np.zeros((5, 4, 1)), np.zeros((5, 2, 4))
+    A[:, [0, 2], [1, 3]] = drawn = omega * (1.0 + 0.03 * rng.standard_normal((5, 2)))
+    A[:, [1, 3], [0, 2]], A[:, [1, 3], [1, 3]], A[:, 3, 0] = -drawn, -2.0 * zeta * drawn, share
+    B[:, 1], C[:, [0, 1], [0, 2]] = 1.0, 1.0
+    if mixed:
+        T = np.eye(4) + 0.3 * rng.standard_normal((4, 4))
+        A, B, C = T @ A @ np.linalg.inv(T), T @ B, C @ np.linalg.inv(T)
+    found = measure_many(A, B, C)
+    true = np.array([_exact_rms(a, b, c) for a, b, c in zip(A[:2], B[:2], C[:2], strict=True)])
+    assert (np.abs(found.rms[:2] / true - 1.0) <= found.error[:2] + 1e-14).all()
+    assert found.error[:, 0].max() < 1e-9
+    if not mixed:
+        assert found.error.max() < 1e-4
+
+
+def _exact_rms(a, b, c):
+    x, n = _exact_covariance(a, b), range(len(a))
+    square = [sum(Fraction(r[i]) * Fraction(r[j]) * x[len(a) * i + j] for i in n for j in n) for r in c]
+    return np.sqrt([float(s) for s in square])
+
+
+def test_loops_with_delays_are_not_decided_alone():
+    """An approximated delay is far from normal: in fitting units the powers of its loop hardly grow."""
+    force, place = Port("force", "N"), Port("place", "m")
+    omega, shape = np.array([1.0, 3.0, 9.0, 30.0, 60.0]), np.array([[1.0, 0.6, 0.8, 0.7, 0.5]])
+    weights = LQGWeights(
+        output=np.ones(1), input=np.ones(1), disturbed=("force",), process=np.eye(1), sensor=np.array([1e-8])
+    )
+    models = []
+    for factor in 1.0 + 0.01 * np.random.default_rng(5).uniform(-1.0, 1.0, (6, 5)):
+        modal = ModalSystem(
+            omega=omega * factor,
+            zeta=np.full(5, 0.01),
+            psi=shape.T,
+            phi=shape,
+            phi_rate=0.0 * shape,
+            names=tuple("abcde"),
+        )
+        plant = Plant(dynamics=modal, inputs=(force,), outputs=(place,))
+        plant = group_ports(plant, w=("force",), u=("force",), z=("place",), y=("place",))
+        models.append(approximate_delays(delay_plant(plant, 0.01), 20))
+    law = design_lqg(models[0], weights, 1e5).system
+    stack = [generalize(m, weights, 1.0) for m in models]
+    A, B, C = (
+        np.array(x) for x in zip(*(closed_matrices(m, Law(law.A, law.B, law.C)) for m in stack), strict=True)
+    )
+    found = measure_many(A, B, C)
+    assert not found.alone.any()
+    np.testing.assert_array_equal(found.stable, [_single(a) for a in A])
+    held = found.stable
+    assert held.any()
+    for a, b, c, rms in zip(A[held], B[held], C[held], found.rms[held], strict=True):
+        X = sla.solve_continuous_lyapunov(a, -b @ b.T)
+        np.testing.assert_allclose(rms, np.sqrt(np.diag(c @ X @ c.T)), rtol=1e-6)
 
 
 def _exact_covariance(a, b):

@@ -85,7 +85,7 @@ def test_a_load_on_a_pinned_end_goes_to_the_pin(tmp_path):
     _, article, held = converted(
         tmp_path,
         [
-            "GRID,1", f"GRID,2,,{L},0.,0.", "CBAR,1,1,1,2,0.,1.,0.\n,6", f"PBAR,1,1,2.-4,3.-8,2.-8,3.-8",
+            "GRID,1", f"GRID,2,,{L},0.,0.", "CBAR,1,1,1,2,0.,1.,0.\n,6", "PBAR,1,1,2.-4,3.-8,2.-8,3.-8",
             "SPC1,1,123456,1", "SPC1,1,13456,2", "PLOAD1,5,1,FYE,FR,0.,.001,1.,.001",
         ],
     )  # fmt: skip
@@ -109,7 +109,7 @@ def test_a_load_that_is_not_converted_leaves_its_set_out(tmp_path, row, words):
         "GRID,1",
         "GRID,2,,1.,0.,0.",
         "CBAR,1,1,1,2,0.,1.,0.",
-        f"PBAR,1,1,2.-4,3.-8,2.-8,3.-8",
+        "PBAR,1,1,2.-4,3.-8,2.-8,3.-8",
         "SPC1,1,123456,1",
     ]
     made, *_ = converted(tmp_path, [*rows, row])

@@ -7,45 +7,55 @@ than the iterations of an eigenvalue. A norm of a power below one proves stabili
 of states growth; what is not proved, or whose residual is too large, is decided loop by loop, as one loop
 alone is.
 
-No loop waits for another: one that is decided leaves the stack. X itself is not needed to the end: where a
-power P is small, c X c' = sum c P^j Y P'^j c' with the Y so far, and a few rows c P^j are cheap. Rows v and
+X is summed where a loop is proved stable, from the powers kept until then. It is not needed to the end: where
+a power P is small, c X c' = sum c P^j Y P'^j c' with the Y so far, and a few rows c P^j are cheap. Rows v and
 v A of fixed v tell the residual v (A X + X A' + B B') v' in the same way.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Bool, Float
 
 from middeck.control.h2.closed_cost import Law
-from middeck.control.robust.verification.batch import row_rms
+from middeck.control.riccati.lyapunov import solve_lyapunov
+from middeck.control.robust.verification.single_loop import EPS, TOLERATED, measure_one, relative_error
 from middeck.errors import ConfigError
-from middeck.systems.poles.stability import GROWTH_LIMIT, all_decay, growth_rates, none_grows
+from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.systems.state_space.balancing import balance
-from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
-AT_ONCE = 32
-"""Loops together: their matrices of 60 states stay in the cache."""
+AT_ONCE = 16
+"""Loops of 60 states together: their matrices stay in the cache."""
 SQUARINGS = 24
 """A pole that decays by 1e-6 of p or more is proved stable."""
-SMALL = 0.1
-"""Norm of a power of M below one: its third power proves stability, its eighth adds nothing to X."""
-LAST = 3
-"""Doublings of rows that make that eighth."""
+SMALL = 0.3
+"""Norm of a power of M below one: it proves stability, and few terms are left of X."""
+WAITS = 0.02
+"""Norm down to which a loop waits for others: to part their powers takes as long as two squarings."""
+SHIFT = 1e-6
+"""Decay of the first loop, over its size, that is lent to it for its units."""
+FEW = 3
+"""Loops for which no better units are sought than balanced ones."""
+UNITS = 2
+"""Times that units are sought anew."""
+LEFT = 1e-16
+"""Square of the norm of the power from which on the terms of X are left out."""
 PROBES = 3
 """Vectors v of the residual."""
-GROWN = 1e3
-"""Trace of a power of M, over the number of states, far above one."""
+GROWN = 2.0
+"""Trace of a power of M, over the number of states: above one, an eigenvalue is."""
 LOST = 1e140
 """Norm of a power of M beyond which its square may overflow."""
 DOUBT = 0.1
 """Growth by rounding, over all squarings, up to which a proof is one."""
 TRUSTED = 1e-11
 """Relative residual up to which X is used."""
+WELL = 1e6
+"""Condition of a block up to which the inverse of the whole is made from its own."""
 
 
 @record(kw_only=True)
@@ -56,6 +66,8 @@ class ManyLoops:
         stable: As `middeck.systems.poles.stability.is_stable` decides each.
         rms: Of each output under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
             pole does not decay.
+        error: Of each rms, relative, about: |A X + X A' + B B'| trace(O) / (2 rms^2) with the observability
+            Gramian O of this output, and the rounding of c X c'. From one on no digit is known.
         residual: |A X + X A' + B B'| / (2 |A| |X| + |B B'|), Frobenius norms, the first as `PROBES` vectors
             see it; ``nan`` where the rms is infinite.
         alone: Loops that were decided one by one.
@@ -63,6 +75,7 @@ class ManyLoops:
 
     stable: Bool[np.ndarray, " loop"]
     rms: Float[np.ndarray, "loop output"]
+    error: Float[np.ndarray, "loop output"]
     residual: Float[np.ndarray, " loop"]
     alone: Bool[np.ndarray, " loop"]
 
@@ -103,23 +116,25 @@ def measure_many(
     """
     _check(A, B, C)
     count, n = A.shape[:2]
-    stable, rms, residual = np.ones(count, bool), np.zeros((count, C.shape[1])), np.zeros(count)
-    alone = np.zeros(count, bool)
+    stable, alone = np.ones(count, bool), np.zeros(count, bool)
+    rms, error, residual = np.zeros((count, C.shape[1])), np.zeros((count, C.shape[1])), np.zeros(count)
     if not count or not n:
-        return ManyLoops(stable=stable, rms=rms, residual=residual, alone=alone)
-    # One scaling by powers of two for all, from the first loop: exact, whatever the others are.
-    scale = balance(A[0])[1]
-    turned = scale / scale[:, None]
-    pole = _middle(np.linalg.eigvals(A[0]))
-    for first in range(0, count, AT_ONCE):
-        part = slice(first, first + AT_ONCE)
-        F, G, H = A[part] * turned, B[part] / scale[:, None], C[part] * scale
-        found = _squared(F, G, H, pole)
-        alone[part] = ~found.grown & ~(found.proved & (found.residual <= TRUSTED))
-        rms[part], residual[part], stable[part] = found.rms, found.residual, ~found.grown
+        return ManyLoops(stable=stable, rms=rms, error=error, residual=residual, alone=alone)
+    scale = _units(A[0]) if count > FEW else balance(A[0])[1]
+    turned, way = scale / scale[:, None], _shared(A, scale)
+    at_once = int(np.clip(AT_ONCE * (60 / n) ** 2, 1, min(AT_ONCE, count)))
+    room, F = np.empty((4 + way.most, at_once, n, n)), np.empty((at_once, n, n))
+    for first in range(0, count, at_once):
+        part = slice(first, first + at_once)
+        few = np.multiply(A[part], turned, out=F[: len(A[part])])
+        found = _squared(few, B[part] / scale[:, None], C[part] * scale, way, room)
+        known = (found.residual <= TRUSTED) & ((found.error <= TOLERATED) | (found.rms == 0.0)).all(axis=1)
+        alone[part] = ~found.grown & ~(found.proved & known)
+        rms[part], error[part], residual[part] = found.rms, found.error, found.residual
+        stable[part] = ~found.grown
     for i in np.flatnonzero(alone):
-        stable[i], rms[i], residual[i] = _one(A[i], B[i], C[i])
-    return ManyLoops(stable=stable, rms=rms, residual=residual, alone=alone)
+        stable[i], rms[i], error[i], residual[i] = measure_one(A[i], B[i], C[i])
+    return ManyLoops(stable=stable, rms=rms, error=error, residual=residual, alone=alone)
 
 
 def _check(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
@@ -130,6 +145,25 @@ def _check(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
         raise ConfigError(f"stacks of {shapes}", hint="A (loop, n, n), B (loop, n, w), C (loop, z, n)")
     if not all(np.isfinite(M).all() for M in stacks.values()):
         raise ConfigError("a stack of loops holds a number that is not finite")
+
+
+def _units(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, " state"]:
+    """Units of the states, powers of two, in which powers of M hardly grow before they fall.
+
+    Each state is as much excited as it is seen, if noise and sensor are those of the units: the sum of
+    |M^i|^2, twice the trace of either Gramian over p, is least there. From the first loop for all: exact.
+    """
+    F, unit = balance(A)
+    growth = float(np.real(np.linalg.eigvals(F)).max())
+    F -= max(0.0, growth + SHIFT * float(np.linalg.norm(F, 2))) * np.eye(len(F))
+    for _ in range(UNITS):
+        excited, seen = (np.diag(solve_lyapunov(M, np.eye(len(F)))) for M in (F.T, F))
+        with np.errstate(all="ignore"):
+            own = np.exp2(np.round(np.log2(excited / seen) / 4.0))
+        if not (np.isfinite(own) & (own > 0.0)).all():
+            break
+        F, unit = F * (own / own[:, None]), unit * own
+    return unit
 
 
 def _middle(poles: np.ndarray) -> float:
@@ -145,79 +179,167 @@ def _middle(poles: np.ndarray) -> float:
     return float(tried[np.argmax(gain.min(axis=1))])
 
 
+class _Way(NamedTuple):
+    """What all loops share: p, the most squarings, (A - p I)^-1 of their last states alone, and probes.
+
+    The last states are those whose block of A is that of the first loop in all, as a compensator's.
+    """
+
+    pole: float
+    most: int
+    last: np.ndarray
+    probes: np.ndarray
+
+
+def _shared(A: np.ndarray, scale: np.ndarray) -> _Way:
+    n, pole = A.shape[1], _middle(np.linalg.eigvals(A[0]))
+    most = int(np.clip(np.log2(pole / GROWTH_LIMIT) - 3.0, 0, SQUARINGS))
+    unlike = np.argwhere((A[0] != A).any(axis=0)).min(axis=1)
+    first = max(int(unlike.max(initial=-1)) + 1, n // 2)
+    block = (A[0] * (scale / scale[:, None]))[first:, first:] - pole * np.eye(n - first)
+    apart = bool(len(block)) and np.linalg.cond(block) < WELL
+    return _Way(pole, most, np.linalg.inv(block) if apart else np.zeros((0, 0)), _probes(n))
+
+
+class _Level(NamedTuple):
+    """A power of M for the loops ``at``, in rising order."""
+
+    at: np.ndarray
+    power: np.ndarray
+
+    def of(self, some: np.ndarray) -> np.ndarray:
+        return self.power if len(some) == len(self.at) else self.power[np.searchsorted(self.at, some)]
+
+
 class _Found(NamedTuple):
-    """Which loops are proved stable and which to grow; of the proved, rms and relative residuals."""
+    """Which loops are proved stable and which to grow; of the proved, rms, their errors, and residuals."""
 
     proved: np.ndarray
     grown: np.ndarray
     rms: np.ndarray
+    error: np.ndarray
     residual: np.ndarray
 
 
-def _squared(A: np.ndarray, B: np.ndarray, C: np.ndarray, p: float) -> _Found:
-    count, n, eps = *A.shape[:2], float(np.finfo(float).eps)
+def _squared(A: np.ndarray, B: np.ndarray, C: np.ndarray, way: _Way, room: np.ndarray) -> _Found:
+    """``room`` holds a matrix for each power and three more, so that no memory is asked for in the loop."""
+    count, n = A.shape[:2]
     proved, grown = np.zeros((2, count), bool)
-    found = _Found(proved, grown, np.full((count, C.shape[1]), np.inf), np.full(count, np.nan))
-    shifted = A - p * np.eye(n)
+    rms, error = np.full((2, *C.shape[:2]), np.inf)
+    found = _Found(proved, grown, rms, error, np.full(count, np.nan))
+    inverse, feigned = room[0, :count], np.zeros(count)
     try:
-        inverse = np.linalg.inv(shifted)
+        feigned = _invert(A, way, inverse, room[1, :count])
     except np.linalg.LinAlgError:  # a pole at p
         return found
-    feigned, left = eps * _size(shifted) * _size(inverse), np.arange(count)
-    power, peak = np.eye(n) + 2.0 * p * inverse, np.ones(count)
-    columns, total = np.sqrt(2.0 * p) * (inverse @ B), None
-    most = int(np.clip(np.log2(p / GROWTH_LIMIT) - 3.0, 0, SQUARINGS))
+    ends = np.sqrt(2.0 * way.pole) * (inverse @ B), np.sqrt(2.0 * way.pole) * (C @ inverse)
+    power = np.multiply(inverse, 2.0 * way.pole, out=room[3, :count])
+    power[:, range(n), range(n)] += 1.0
+    left, peak, levels = np.arange(count), np.ones(count), list[_Level]()
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(most + 1):
-            size = _size(power)
+        for k in range(way.most + 1):
+            levels.append(_Level(left, power))
+            size, trace = _size(power), np.abs(np.trace(power, axis1=1, axis2=2))
             peak = np.fmax(peak, size)
-            trace = np.abs(np.einsum("lii->l", power))
-            kept = (size >= SMALL) & (trace <= GROWN * n) & (size < LOST)
-            if not kept.all():
-                grows = (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
-                falls = ~grows & (size < SMALL)
-                grown[left[grows]] = True
-                proved[left[falls]] = (feigned * peak**2 * 3.0 * 2.0**k < DOUBT)[falls]
-                at, sums = left[falls], _gram(columns[falls]) if total is None else total[falls]
-                found.rms[at], found.residual[at] = _finish(power[falls], sums, A[at], B[at], C[at])
+            grows = (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
+            falls = size < SMALL
+            if not (falls | grows).all() and size.min() > WAITS:
+                falls[:] = False
+            if (falls | grows | ~(size < LOST)).any():
+                grown[left[grows]], at = True, left[falls]
+                proved[at] = (feigned * peak**2 * 3.0 * 2.0**k < DOUBT)[falls]
+                if len(at):
+                    own = [M if len(at) == count else M[at] for M in (A, B, C, *ends)]
+                    some = _measure([level.of(at) for level in levels], own, way, room)
+                    rms[at], error[at], found.residual[at] = some
                 kept = ~(grows | falls) & (size < LOST)
-                left = left[kept]
-                power, columns, feigned, peak = (x[kept] for x in (power, columns, feigned, peak))
-                total = None if total is None else total[kept]
-            if not len(left) or k == most:
+                left, power, feigned, peak = (x[kept] for x in (left, power, feigned, peak))
+            if not len(left) or k == way.most:
                 break
-            if total is None and columns.shape[2] <= n:
-                columns = np.concatenate([columns, power @ columns], axis=2)
-            else:
-                total = _gram(columns) if total is None else total
-                total += power @ total @ _turned(power)
-            power = power @ power
+            power = np.matmul(power, power, out=room[4 + k, : len(left)])
     return found
 
 
-def _finish(
-    power: np.ndarray, total: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rms and residual from the sum of the terms so far and the small power that comes after them."""
-    count, n, outputs = len(A), A.shape[1], C.shape[1]
-    if not (count and B.shape[2]):
-        return np.zeros((count, outputs)), np.zeros(count)
-    probes = np.broadcast_to(_probes(n), (count, PROBES, n))
-    rows = np.concatenate([C, probes, probes @ A], axis=1)
-    wide = rows.shape[1]
-    for step in range(LAST):
-        power = power @ power if step else power
-        rows = np.concatenate([rows, rows @ power], axis=1)
-    by_power = count, 2**LAST, wide, n
-    half, rows = (rows @ total).reshape(by_power), rows.reshape(by_power)
+def _invert(A: np.ndarray, way: _Way, out: np.ndarray, work: np.ndarray) -> Float[np.ndarray, " loop"]:
+    """``out`` = (A - p I)^-1; by how much rounding has changed M, as `PROBES` vectors see it, twice."""
+    n = A.shape[1]
+    np.copyto(work, A)
+    work[:, range(n), range(n)] -= way.pole
+    if len(way.last):
+        _invert_parts(work, way.last, out)
+    else:
+        np.copyto(out, np.linalg.inv(work))
+    columns = way.probes.T
+    gap = out @ (work @ (out @ columns) - columns)
+    return EPS * n + 4.0 * way.pole * _size(gap) / np.sqrt(PROBES)
+
+
+def _invert_parts(S: np.ndarray, last: np.ndarray, out: np.ndarray) -> None:
+    """``out`` = S^-1 by the Schur complement of the last block, whose inverse is ``last``."""
+    first = S.shape[1] - len(last)
+    own, rest = slice(None, first), slice(first, None)
+    across, down = S[:, own, rest] @ last, last @ S[:, rest, own]
+    inverse = np.linalg.inv(S[:, own, own] - across @ S[:, rest, own])
+    out[:, own, own] = inverse
+    np.matmul(-inverse, across, out=out[:, own, rest])
+    np.matmul(-down, inverse, out=out[:, rest, own])
+    np.matmul(down, -out[:, own, rest], out=out[:, rest, rest])
+    out[:, rest, rest] += last
+
+
+def _measure(
+    powers: list[np.ndarray], own: Sequence[np.ndarray], way: _Way, room: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rms, their relative errors and the residual, from the powers of M down to a small one.
+
+    ``own``: A, B, C, (2 p)^1/2 (A - p I)^-1 B and (2 p)^1/2 C (A - p I)^-1 of each loop.
+    """
+    A, B, C, columns, seen = own
+    (count, n), outputs = A.shape[:2], C.shape[1]
+    if not B.shape[2]:
+        return np.zeros((count, outputs)), np.zeros((count, outputs)), np.zeros(count)
+    total = _summed(powers[:-1], columns, room)
+    terms = int(np.ceil(np.log(LEFT) / (2.0 * np.log(_size(powers[-1]).max(initial=EPS)))))
+    rows, last = np.empty((count, terms, outputs + 2 * PROBES, n)), outputs + PROBES
+    rows[:, 0, :outputs], rows[:, 0, outputs:last], rows[:, 0, last:] = C, way.probes, way.probes @ A
+    for j in range(1, terms):
+        np.matmul(rows[:, j - 1], powers[-1], out=rows[:, j])
+    half = (rows.reshape(count, -1, n) @ total).reshape(rows.shape)
     square = np.einsum("lpij,lpij->li", half[:, :, :outputs], rows[:, :, :outputs])
-    last = outputs + PROBES
     gap = 2.0 * np.einsum("lpij,lpij->li", half[:, :, outputs:last], rows[:, :, last:])
-    driven = probes @ B
-    gap += np.einsum("lij,lij->li", driven, driven)
-    whole = 2.0 * _size(A) * _size(total) + _size(B.swapaxes(1, 2) @ B)
-    residual = np.divide(_size(gap), whole, out=np.zeros(count), where=whole != 0.0)
-    return np.sqrt(np.maximum(square, 0.0)), residual
+    driven, size = way.probes @ B, _size(total)
+    gap = _size(gap + np.vecdot(driven, driven))
+    whole = 2.0 * _size(A) * size + _size(B.swapaxes(1, 2) @ B)
+    wrong = gap[:, None] * _reach(powers, seen) + EPS * np.vecdot(C, C) * size[:, None]
+    residual = np.divide(gap, whole, out=np.zeros(count), where=whole != 0.0)
+    return np.sqrt(np.maximum(square, 0.0)), relative_error(wrong, square), residual
+
+
+def _summed(powers: list[np.ndarray], columns: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """Sum of M^i Y Y' M'^i over i below 2^len(powers): columns M^i Y while these are few, then X itself."""
+    count, n, w = columns.shape
+    few = max(0, min(len(powers), int(np.log2(n / w)) + 1))
+    wide = np.empty((count, n, w * 2**few))
+    wide[:, :, :w] = columns
+    for power in powers[:few]:
+        np.matmul(power, wide[:, :, :w], out=wide[:, :, w : 2 * w])
+        w *= 2
+    total, half, more = room[:3, :count]
+    np.matmul(wide, wide.swapaxes(1, 2), out=total)
+    for power in powers[few:]:
+        np.matmul(power, total, out=half)
+        np.matmul(half, power.swapaxes(1, 2), out=more)
+        total += more
+    return total
+
+
+def _reach(powers: list[np.ndarray], rows: np.ndarray) -> Float[np.ndarray, "loop output"]:
+    """About the sum of |c M^i|^2 over all i, of each row c, from every third power."""
+    total = np.vecdot(rows, rows)
+    for k in range(0, len(powers), 3):
+        moved = rows @ powers[k]
+        total += 7.0 * 2.0**k * np.vecdot(moved, moved)
+    return total
 
 
 def _probes(n: int) -> Float[np.ndarray, "probe state"]:
@@ -230,29 +352,3 @@ def _size(M: np.ndarray) -> Float[np.ndarray, " loop"]:
     """Frobenius norms."""
     flat = M.reshape(len(M), -1)
     return np.sqrt(np.vecdot(flat, flat))
-
-
-def _gram(M: np.ndarray) -> np.ndarray:
-    return M @ _turned(M)
-
-
-def _turned(M: np.ndarray) -> np.ndarray:
-    """Transposed in memory: BLAS is slower on a view."""
-    return np.ascontiguousarray(np.swapaxes(M, 1, 2))
-
-
-def _one(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[bool, np.ndarray, float]:
-    """One loop alone."""
-    rates = growth_rates(StateSpace(A, B, C, np.zeros((len(C), B.shape[1]))))
-    if not all_decay(rates):
-        return none_grows(rates), np.full(len(C), np.inf), np.nan
-    if not B.shape[1]:
-        return True, np.zeros(len(C)), 0.0
-    balanced, scale = balance(A)
-    G = B / scale[:, None]
-    Q = G @ G.T
-    X = np.asarray(sla.solve_continuous_lyapunov(balanced, -Q))
-    gap, sizes = balanced @ X, [float(np.linalg.norm(M)) for M in (balanced, X, Q)]
-    whole = 2.0 * sizes[0] * sizes[1] + sizes[2]
-    residual = float(np.linalg.norm(gap + gap.T + Q)) / whole if whole else 0.0
-    return True, row_rms((C * scale)[None], X[None])[0], residual
