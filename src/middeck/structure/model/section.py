@@ -88,6 +88,8 @@ class Section:
 
 def between_sections(first: Section, last: Section, part: float) -> Section:
     """The section at ``part`` of the way from ``first`` to ``last``, linear in every number."""
+    if first is last:
+        return first
 
     def mixed(name: str) -> Any:
         a, b = getattr(first, name), getattr(last, name)

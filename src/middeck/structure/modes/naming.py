@@ -62,9 +62,10 @@ def name_modes(
         base = hung.get(m, deformed[m].words)
         count[base] += 1
         plain = m in hung or base.startswith(LOCAL)
-        before = [j for j in range(first, m) if j not in hung and j not in beside.get(m, ())]
-        bent = deformed[m].bent
-        order = count[base] if m in hung or bent is None else _order(bent, [deformed[j].bent for j in before])
+        order, bent = count[base], deformed[m].bent
+        if m not in hung and bent is not None:
+            before = [j for j in range(first, m) if j not in hung and j not in beside.get(m, ())]
+            order = _order(bent, [deformed[j].bent for j in before])
         names.append(_numbered(base, order) if plain else f"{_ordinal(order)} {base}")
     return tuple(names)
 
