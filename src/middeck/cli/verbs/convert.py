@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from middeck.files.nastran.article.convert import Conversion
     from middeck.files.nastran.deck.deck import Deck
     from middeck.files.nastran.deck.units import Units
-    from middeck.structure.model.component import Component
 
 EPILOG = """\
 \b
@@ -72,12 +71,27 @@ def verb(
     from middeck.cli.settings import ConvertSettings, settle
     from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
     from middeck.files.nastran.article.convert import convert_deck
+    from middeck.files.nastran.components.assembly import has_superelements, read_assembly
+    from middeck.files.nastran.deck.deck import read_deck
+    from middeck.files.nastran.deck.units import parse_units
 
     if target and held_target and Path(target).resolve() == Path(held_target).resolve():
         raise click.UsageError("--output and --environment name one file")
     given = {"units": units, "mass_formulation": mass_formulation}
     chosen = settle(ConvertSettings, given, overrides)
-    source, known, name, parts = _read(deck, chosen.units, target)
+    name = article_name(deck)
+    if has_superelements(deck):
+        if chosen.units is None:
+            raise _no_units_of_superelements(deck)
+        known = parse_units(chosen.units)
+        # The files of components go by the name of the article, so that two articles share a folder.
+        name = name if target is None else Path(target).stem
+        source, parts = read_assembly(deck, known, name)
+    else:
+        source, parts = read_deck(deck), {}
+        if chosen.units is None:
+            raise _no_units(source)
+        known = parse_units(chosen.units)
     made = convert_deck(source, known, chosen.mass_formulation, name, parts)
     if target and made.holds and not held_target:
         raise _not_held(source.path)
@@ -100,27 +114,6 @@ def verb(
         **numbers,
     }
     show(as_json, document, *_blocks(document), *summary_lines(numbers), *measure_lines(numbers))
-
-
-def _read(deck: str, units: str | None, target: str | None) -> tuple[Deck, Units, str, dict[str, Component]]:
-    """The deck, its units, the name of the article, and the components of its superelements."""
-    from middeck.files.nastran.components.assembly import has_superelements, read_assembly
-    from middeck.files.nastran.deck.deck import read_deck
-    from middeck.files.nastran.deck.units import parse_units
-
-    name = article_name(deck)
-    if has_superelements(deck):
-        if units is None:
-            raise _no_units_of_superelements(deck)
-        known = parse_units(units)
-        # The files of components go by the name of the article, so that two articles share a folder.
-        name = name if target is None else Path(target).stem
-        source, parts = read_assembly(deck, known, name)
-        return source, known, name, parts
-    source = read_deck(deck)
-    if units is None:
-        raise _no_units(source)
-    return source, parse_units(units), name, {}
 
 
 def _not_held(path: str) -> Exception:
