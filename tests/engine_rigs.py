@@ -10,9 +10,9 @@ import numpy as np
 import scipy.linalg
 import scipy.signal
 
-from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.loop.closed_loop import leave_open
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.riccati.discrete import solve_discrete_riccati

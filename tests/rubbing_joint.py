@@ -10,7 +10,8 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
-from middeck.signals.excitation import Limits, design_multisine
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.plant import Plant

@@ -11,12 +11,14 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import brentq
 
 from measured.rows import row
-from middeck.control.analysis import decide_stability, measure_disk_margin, measure_margins
+from middeck.control.analysis.margins.disk import measure_disk_margin
+from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

@@ -26,29 +26,28 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from measured.rows import row
-from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
-from middeck.control.loop.closed_loop import close_loop, leave_open
-from middeck.control.loop.performance import loop_metric
-from middeck.control.lqg import design_lqg
-from middeck.control.robust import (
-    LawForm,
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
+from middeck.control.law.uncertainty import (
     ModeShift,
     Uncertainty,
-    compare_designs,
     corner_positions,
-    design_for_worst,
-    design_multimodel,
-    design_popov,
-    design_sensitivity_weighted,
     draw_positions,
     end_positions,
     finished_plants,
-    plant_as_sampled,
-    verify_robustness,
     without_delays,
-    worst_db,
 )
+from middeck.control.loop.closed_loop import close_loop, leave_open
+from middeck.control.loop.performance import loop_metric
+from middeck.control.lqg.design import design_lqg
+from middeck.control.robust.designs.exchange import design_for_worst
+from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.designs.popov import design_popov
+from middeck.control.robust.designs.sampled_plant import plant_as_sampled
+from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
+from middeck.control.robust.verification.comparison import compare_designs
+from middeck.control.robust.verification.monte_carlo import verify_robustness, worst_db
 from middeck.files.studies.documents import load_study
 from middeck.study.chapters.zero_g_control.computation import (
     _disturbance_psd,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from measured.rows import cell, peer, row
-from middeck.control.riccati import solve_riccati
+from middeck.control.riccati.continuous import solve_riccati
 
 CASE = "riccati"
 STATES, INPUTS, OUTPUTS, REPEATS = 500, 5, 14, 3

@@ -11,7 +11,8 @@ import numpy as np
 from measured.rows import row
 from middeck.control.analysis.rms.rms import measure_rms
 from middeck.control.loop.performance import Performance
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.norms.rms import band_rms

@@ -10,7 +10,8 @@ import numpy as np
 
 from measured.rows import cell, peer, row
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.computer import build_computer

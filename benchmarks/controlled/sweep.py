@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from measured.rows import cell, peer, row
-from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.loop.authority import AuthoritySweep, sweep_authority
 from middeck.control.loop.performance import Performance
-from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, subsystem
 from middeck.systems.state_space.modal import ModalSystem

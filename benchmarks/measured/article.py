@@ -16,7 +16,7 @@ import scipy.linalg
 
 from measured.rows import row
 from middeck import estimate_response, fit_response, model_response
-from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.files.studies.documents import load_study
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -12,7 +12,7 @@ import numpy as np
 
 from measured.rows import row
 from middeck.control.law.uncertainty import finished_plants
-from middeck.control.robust import design_multimodel
+from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.updating.promise.bound import bound_worst
 
 # The frozen case is shared with the tests.

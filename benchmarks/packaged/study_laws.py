@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import design_lqg
-from middeck.control.sampled import emulate
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
+from middeck.control.lqg.design import design_lqg
+from middeck.control.sampled.emulation import emulate
 from middeck.files.studies.documents import load_study
 from middeck.study.chapters.zero_g_control.computation import (
     control_plant,

@@ -10,7 +10,7 @@ from .control.analysis.rms.rms import (
 )
 from .control.analysis.shifts.shifts import find_allowed_shifts as find_allowed_shifts
 from .control.analysis.stability.stability import decide_stability as decide_stability
-from .control.law.classical import (
+from .control.law.pd_loops import (
     close_inner_loop as close_inner_loop,
     PDLoops as PDLoops,
 )

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.control.analysis import measure_disk_margin, measure_margins
+from middeck.control.analysis.margins.disk import measure_disk_margin
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

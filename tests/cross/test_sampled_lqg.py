@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.control.lqg import LQGWeights
-from middeck.control.sampled import design_sampled_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.sampled.design import design_sampled_lqg
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal import ModalSystem

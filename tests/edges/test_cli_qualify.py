@@ -12,12 +12,14 @@ import pytest
 
 from cli_runner import ROOT, middeck
 from middeck.control import qualification
-from middeck.control.analysis import measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
+from middeck.control.lqg.design import LQGCompensator, design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator
-from middeck.control.robust import outcomes_on, shift_modes
-from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop
+from middeck.control.robust.verification.monte_carlo import outcomes_on
+from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.outcome import measure_sampled_loop
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.laws.compensators import (
     StoredCompensator,
@@ -28,6 +30,7 @@ from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.signals.ports import Channel, Port
+from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import gain_system

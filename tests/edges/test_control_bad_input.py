@@ -12,22 +12,20 @@ import numpy as np
 import pytest
 
 from cli_runner import ROOT, middeck
-from middeck.control.analysis import measure_margins
-from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
+from middeck.control.law.uncertainty import ModeShift, Uncertainty
 from middeck.control.loop.authority import sweep_authority
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator
-from middeck.control.robust import (
-    ModeShift,
-    Uncertainty,
-    design_multimodel,
-    design_popov,
-    design_sensitivity_weighted,
-)
-from middeck.control.sampled import design_sampled_lqg
+from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.designs.popov import design_popov
+from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
+from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.files.exchange import from_scipy
 from middeck.files.measured.models import write_model

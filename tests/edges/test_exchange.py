@@ -21,7 +21,8 @@ import scipy.signal
 import scipy.sparse as sp
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, DataError, MissingExtraError
 from middeck.files.exchange import (
     as_compensator,

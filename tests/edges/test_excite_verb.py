@@ -15,7 +15,8 @@ from middeck.errors import ConfigError
 from middeck.files.measured.models import write_model
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.uncertainty.accuracy import expected_accuracy
-from middeck.signals.excitation import Limits, design_multisine
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem

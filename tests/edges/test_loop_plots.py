@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from middeck.control.analysis import Margins, ReturnRatio, measure_margins, trace_return_ratio
+from middeck.control.analysis.margins.margins import Margins, measure_margins
+from middeck.control.analysis.margins.return_ratio import ReturnRatio, trace_return_ratio
 from middeck.control.law.compensator import Compensator
 from middeck.plot.nichols import draw_nichols
 from middeck.plot.nyquist import draw_nyquist, title_of

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article_rig import build_rig_article

@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms
 from middeck.systems.plants.plant import Plant

@@ -4,7 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from middeck.signals.excitation import Limits, cut_periods, design_multisine, recognise_excitation
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
+from middeck.signals.excitation.recognition import cut_periods, recognise_excitation
 from middeck.signals.excitation.signal import line_power
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -8,15 +8,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.reduction import (
-    hankel_values,
-    reduce_balanced,
-    reduce_compensator,
-    reduce_modes,
-    reduce_plant,
-    reduce_weighted,
-)
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.reduction.balanced import hankel_values, reduce_balanced
+from middeck.control.reduction.compensators import reduce_compensator
+from middeck.control.reduction.modal import reduce_modes
+from middeck.control.reduction.plants import reduce_plant
+from middeck.control.reduction.weighted import reduce_weighted
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_rates

@@ -9,10 +9,13 @@ from hypothesis import strategies as st
 from middeck.control.h2.closed_cost import Law, evaluate_cost, solve_gramian
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.law_form import arrange
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.robust import design_multimodel, outcomes_on, shift_modes
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.search.blend import blend
+from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.signals.ports import Port
+from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace

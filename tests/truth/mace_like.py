@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.control.law.classical import PDLoops
-from middeck.control.lqg import LQGWeights
+from middeck.control.law.pd_loops import PDLoops
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from middeck.control.lqg import LQGWeights
-from middeck.control.robust import ModeShift, Uncertainty
+from middeck.control.law.uncertainty import ModeShift, Uncertainty
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal import ModalSystem

@@ -9,11 +9,11 @@ import numpy as np
 from rig_case import BEARING, GIMBALS
 from updating_case import STRAIGHT, TURNED, sheet, sheet_unknowns, survey, true_modes
 
-from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.pd_loops import PDLoops
 from middeck.control.qualification import decibels
 from middeck.control.robust.verification.monte_carlo import noise_on, uncontrolled_rms
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant

@@ -16,7 +16,8 @@ from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
-from middeck.signals.excitation import Limits, design_multisine
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.record import Record
 
 INPUTS = ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z")

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.linalg as sla
 
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal import ModalSystem

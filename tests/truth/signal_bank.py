@@ -2,17 +2,12 @@
 
 import numpy as np
 
-from middeck.signals.excitation import (
-    Limits,
-    design_binary,
-    design_burst,
-    design_mls,
-    design_multisine,
-    design_noise,
-    design_stepped_sine,
-    design_sweep,
-    repeat_periods,
-)
+from middeck.signals.excitation.binary import design_binary, design_mls
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
+from middeck.signals.excitation.noise import design_burst, design_noise
+from middeck.signals.excitation.signal import repeat_periods
+from middeck.signals.excitation.sweep import design_stepped_sine, design_sweep
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

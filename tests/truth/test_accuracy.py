@@ -15,7 +15,10 @@ from middeck.identification.uncertainty.accuracy import expected_accuracy, perio
 from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
-from middeck.signals.excitation import Limits, design_mls, design_multisine, design_sweep
+from middeck.signals.excitation.binary import design_mls
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
+from middeck.signals.excitation.sweep import design_sweep
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace

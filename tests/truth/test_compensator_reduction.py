@@ -9,26 +9,27 @@ import numpy as np
 import pytest
 from multimodel_reference import AUTHORITY, NAMES, WEIGHTS, reference_plant
 
-from middeck.control.analysis import decide_stability
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.h2.closed_cost import closed_matrices, evaluate_cost
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.law.uncertainty import without_delays
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import Shaping, design_lqg
-from middeck.control.reduction import reduce_compensator
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.gramian import factor_gramians, restrict
 from middeck.control.reduction.loop import absorb, gramians_in_loop, pose_loop, proper_law, response_in_loop
 from middeck.control.reduction.separation import subtract
-from middeck.control.robust import shift_modes
-from middeck.control.shaping import notch, second_order_section, shape_compensator
+from middeck.control.shaping.sections import notch, second_order_section, shape_compensator
 from middeck.errors import ConfigError
 from middeck.files.studies.documents import load_study
 from middeck.signals.ports import Port
 from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
 from middeck.study.shared import find_modes
 from middeck.systems.norms.peak_gain import peak_gain
+from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.state_space.modal import ModalSystem

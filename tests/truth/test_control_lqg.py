@@ -7,16 +7,18 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.analysis import decide_stability
-from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.law.partition import partition_modes
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.loop.closed_loop import (
     close_loop,
     leave_open,
     predict_closed_loop_response,
 )
-from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.law.classical import close_inner_loop
-from middeck.control.reduction import (
-    hankel_values,
-    reduce_balanced,
-    reduce_modes,
-    reduce_plant,
-    reduce_weighted,
-)
+from middeck.control.law.pd_loops import close_inner_loop
+from middeck.control.reduction.balanced import hankel_values, reduce_balanced
 from middeck.control.reduction.gramian import factor_gramians
+from middeck.control.reduction.modal import reduce_modes
+from middeck.control.reduction.plants import reduce_plant
 from middeck.control.reduction.separation import separate_poles, separate_unstable
+from middeck.control.reduction.weighted import reduce_weighted
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.norms.peak_gain import peak_gain

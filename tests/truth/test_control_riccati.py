@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import middeck as md
-from middeck.control.riccati import newton, solve_riccati
+from middeck.control.riccati import newton
+from middeck.control.riccati.continuous import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay import pade

@@ -9,8 +9,8 @@ import pytest
 import scipy.linalg as sla
 import scipy.signal
 
-from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator, arrange_ports
+from middeck.control.law.pd_loops import PDLoops
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg

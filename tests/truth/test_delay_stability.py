@@ -11,10 +11,12 @@ import scipy.linalg as sla
 from scipy.optimize import brentq
 from scipy.special import lambertw
 
-from middeck.control.analysis import decide_stability, measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import NumericalError
 from middeck.files.documents import load_environment, load_structure
 from middeck.signals.ports import Port

@@ -7,12 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.analysis import decide_stability
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
-from middeck.control.sampled import design_sampled_lqg, measure_sampled_loop
+from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.outcome import measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay import pade
 from middeck.systems.delay.delay_approximation import approximate_delays

@@ -7,7 +7,8 @@ import pytest
 
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop, leave_open
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction

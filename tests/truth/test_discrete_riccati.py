@@ -6,7 +6,9 @@ import scipy.linalg as sla
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from middeck.control.riccati import solve_discrete_lyapunov, solve_discrete_riccati, solve_riccati
+from middeck.control.riccati.continuous import solve_riccati
+from middeck.control.riccati.discrete import solve_discrete_riccati
+from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 
 

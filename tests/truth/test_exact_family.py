@@ -8,12 +8,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from middeck.control.analysis import decide_stability
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.law.uncertainty import without_delays
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
-from middeck.control.robust import outcomes_on, without_delays
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
+from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.errors import NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays

@@ -5,21 +5,13 @@ import pytest
 from signal_bank import BAND, PERIOD_S, RATE, signals
 
 from middeck.errors import ConfigError
-from middeck.signals.excitation import (
-    Limits,
-    design_binary,
-    design_burst,
-    design_mls,
-    design_multisine,
-    design_noise,
-    design_stepped_sine,
-    design_sweep,
-    detection_lines,
-    random_multisine,
-    repeat_periods,
-)
+from middeck.signals.excitation.binary import design_binary, design_mls
 from middeck.signals.excitation.crest import compact_phases, schroeder_phases
-from middeck.signals.excitation.signal import line_power, slew_of
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine, random_multisine
+from middeck.signals.excitation.noise import design_burst, design_noise
+from middeck.signals.excitation.signal import detection_lines, line_power, repeat_periods, slew_of
+from middeck.signals.excitation.sweep import design_stepped_sine, design_sweep
 from repeats import repeats
 
 WHERE = (BAND, PERIOD_S, RATE)

@@ -8,7 +8,9 @@ from signal_bank import run_of, signals
 from cli_runner import ROOT
 from middeck.errors import DataError
 from middeck.files.records import load_record
-from middeck.signals.excitation import Limits, cut_periods, design_multisine, recognise_excitation
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
+from middeck.signals.excitation.recognition import cut_periods, recognise_excitation
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.sampling.sampling import sample_dynamics

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.riccati import solve_riccati
+from middeck.control.riccati.continuous import solve_riccati
 from middeck.control.riccati.lyapunov import solve_lyapunov
 from middeck.control.riccati.subspace import SMALL, solve_by_subspace
 from middeck.errors import ConfigError, NotStabilisableError

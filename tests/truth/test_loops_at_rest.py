@@ -7,11 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.analysis import decide_stability, find_allowed_shifts, measure_rms
+from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.shifts.shifts import find_allowed_shifts
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays

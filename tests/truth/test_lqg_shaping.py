@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.control.law.classical import close_inner_loop
 from middeck.control.law.compensator import evaluate_compensator
+from middeck.control.law.pd_loops import close_inner_loop
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights, Shaping, design_filter, design_levels, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.levels import design_levels
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from middeck.control.analysis import (
-    decide_stability,
-    measure_disk_margin,
-    measure_margins,
-    trace_return_ratio,
-)
 from middeck.control.analysis.loop.feedback_loop import At, form_loop
+from middeck.control.analysis.margins.disk import measure_disk_margin
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.margins.neutral import bears_no_delay
+from middeck.control.analysis.margins.return_ratio import trace_return_ratio
 from middeck.control.analysis.margins.scaling import balance_channels, minimise_scaling, scaled_norms
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port

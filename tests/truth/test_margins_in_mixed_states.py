@@ -9,9 +9,10 @@ import pytest
 import scipy.signal
 from scipy.optimize import brentq
 
-from middeck.control.analysis import decide_stability, measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.poles.stability import growth_rates, is_stable

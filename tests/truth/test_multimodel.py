@@ -15,24 +15,22 @@ from multimodel_reference import (
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.robust import (
-    LawForm,
+from middeck.control.h2.law_form import LawForm, Station
+from middeck.control.law.uncertainty import (
     ModeShift,
-    Station,
     Uncertainty,
     corner_positions,
-    design_multimodel,
     finished_plants,
-    outcomes_on,
-    shift_modes,
-    verify_robustness,
     without_delays,
-    worst_db,
 )
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.verification.monte_carlo import outcomes_on, verify_robustness, worst_db
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
+from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.state_space.modal import ModalSystem

@@ -8,7 +8,7 @@ import scipy.linalg as sla
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import finished_plants
 from middeck.control.noise import measure_noise_rms
-from middeck.control.robust import design_multimodel
+from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.updating.promise.bound import bound_db, bound_worst

@@ -13,7 +13,7 @@ from middeck.files.studies.documents import load_study
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.rig.linear_view import close_rig, linearise_rig
 from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
-from middeck.signals.excitation import random_multisine
+from middeck.signals.excitation.multisine import random_multisine
 from middeck.structure.model.environment import Environment
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.stability import growth_rates

@@ -9,20 +9,21 @@ from multimodel_reference import APART, AUTHORITY, NAMES, TOGETHER, WEIGHTS, gri
 
 from middeck.control.h2.closed_cost import Law, closed_matrices, evaluate_cost
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.robust import (
+from middeck.control.law.uncertainty import (
     ModeShift,
     Uncertainty,
     corner_positions,
-    design_multimodel,
-    design_popov,
     draw_positions,
     finished_plants,
-    verify_robustness,
     without_delays,
 )
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem.directions import shift_directions
+from middeck.control.robust.verification.monte_carlo import verify_robustness
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, name_states

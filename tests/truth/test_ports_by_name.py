@@ -7,15 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.analysis import measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import close_loop, predict_closed_loop_response
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import align_plant
-from middeck.control.reduction import reduce_compensator
+from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.law import place_law
 from middeck.signals.ports import Port

@@ -11,13 +11,14 @@ from scipy.signal import tf2ss
 from scipy.stats import binomtest
 from updating_case import DAMPING_STD
 
-from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.law.pd_loops import PDLoops
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.robust.verification.monte_carlo import noise_on, which_decay
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
 from middeck.systems.delay.delay_approximation import approximate_delays

@@ -11,7 +11,7 @@ from middeck.laboratory.rig.linear_view import close_rig, linearise_rig
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
 from middeck.laboratory.rig.sensors import Sampler
-from middeck.signals.excitation import random_multisine
+from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import FrequencyResponse, statespace_response

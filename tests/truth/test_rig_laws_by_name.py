@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.motors import Motor
 from middeck.laboratory.rig.rig import Rig, build_rig

@@ -6,17 +6,14 @@ import pytest
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.nominal_law import lqg_law
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_plants
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.robust import (
-    ModeShift,
-    Uncertainty,
-    design_for_worst,
-    design_multimodel,
-    finished_plants,
-    outcomes_on,
-    plant_as_sampled,
-)
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.robust.designs.exchange import design_for_worst
+from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.designs.sampled_plant import plant_as_sampled
+from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, subsystem

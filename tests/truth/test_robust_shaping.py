@@ -11,20 +11,21 @@ import pytest
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.loop.closed_loop import close_loop
-from middeck.control.lqg import LQGWeights, Shaping, design_lqg
-from middeck.control.robust import (
-    LawForm,
+from middeck.control.h2.law_form import LawForm, Station
+from middeck.control.law.uncertainty import (
     ModeShift,
-    Station,
     Uncertainty,
     corner_positions,
-    design_multimodel,
-    design_popov,
-    design_sensitivity_weighted,
     draw_positions,
     finished_plants,
 )
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.designs.popov import design_popov
+from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

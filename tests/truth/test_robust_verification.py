@@ -16,38 +16,39 @@ from multimodel_reference import (
     reference_plant,
 )
 
-from middeck.control.analysis import decide_stability, measure_rms
+from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.h2.closed_cost import Law
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.law.delay_order import MOST_PADE, pade_order, phase_of_modes
-from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.performance import Performance
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.qualification import qualify_compensator
-from middeck.control.robust import (
+from middeck.control.law.uncertainty import (
     ModeShift,
     Uncertainty,
-    compare_designs,
     corner_positions,
     draw_positions,
     end_positions,
-    outcomes_on,
     parameter_names,
     perturb_plant,
-    shift_modes,
-    stable_share,
-    verify_robustness,
     without_delays,
 )
+from middeck.control.loop.closed_loop import close_loop
+from middeck.control.loop.performance import Performance
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.qualification import qualify_compensator
+from middeck.control.robust.verification.comparison import compare_designs
 from middeck.control.robust.verification.exact_delay import exact_growth
-from middeck.control.sampled import emulate, measure_sampled_loop
+from middeck.control.robust.verification.monte_carlo import outcomes_on, stable_share, verify_robustness
 from middeck.control.sampled.antialias import filter_measurements
-from middeck.control.shaping import roll_off
+from middeck.control.sampled.emulation import emulate
+from middeck.control.sampled.outcome import measure_sampled_loop
+from middeck.control.shaping.sections import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay import pade
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.norms.rms import band_rms
+from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.sampling.delayed_sampling import sample_delayed

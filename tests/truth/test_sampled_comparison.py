@@ -10,15 +10,13 @@ from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
-from middeck.control.lqg import LQGWeights
-from middeck.control.sampled import (
-    compare_sampling,
-    design_sampled_lqg,
-    filter_measurements,
-    find_aliases,
-    measure_sampled_loop,
-)
-from middeck.control.shaping import roll_off
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.sampled.aliases import find_aliases
+from middeck.control.sampled.antialias import filter_measurements
+from middeck.control.sampled.comparison import compare_sampling
+from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.outcome import measure_sampled_loop
+from middeck.control.shaping.sections import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes

@@ -8,9 +8,10 @@ import sampled_cases as cases
 import scipy.linalg
 from scipy.optimize import brentq
 
-from middeck.control.analysis import decide_stability, measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled import design_sampled_lqg
+from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant

@@ -12,11 +12,14 @@ import scipy.linalg as sla
 from hypothesis import given
 from hypothesis import strategies as st
 
-from middeck.control.law.classical import close_inner_loop
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.sampled import design_sampled_lqg, hold_plant, measure_sampled_loop, sample_cost
+from middeck.control.law.pd_loops import close_inner_loop
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.sampled.design import design_sampled_lqg, sample_cost
+from middeck.control.sampled.held import hold_plant
 from middeck.control.sampled.integrals import spread_noise
+from middeck.control.sampled.outcome import measure_sampled_loop
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

@@ -6,8 +6,8 @@ import sampled_cases as cases
 import scipy.linalg as sla
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import design_lqg
-from middeck.control.sampled import emulate
+from middeck.control.lqg.design import design_lqg
+from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import statespace_response

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.signals.excitation import random_multisine
+from middeck.signals.excitation.multisine import random_multisine
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.stability import growth_rates, is_stable
 from middeck.systems.sampling.sampling import sample_dynamics, tustin

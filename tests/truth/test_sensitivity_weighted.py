@@ -5,19 +5,17 @@ import pytest
 from multimodel_reference import APART, AUTHORITY, NAMES, TOGETHER, WEIGHTS, grid, reference_plant
 
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.lqg import design_lqg
-from middeck.control.robust import (
-    ModeShift,
-    Uncertainty,
+from middeck.control.law.uncertainty import ModeShift, Uncertainty, without_delays
+from middeck.control.lqg.design import design_lqg
+from middeck.control.robust.designs.sensitivity_weighted import (
+    _changes,
+    _weighted,
     design_sensitivity_weighted,
-    outcomes_on,
-    shift_modes,
-    verify_robustness,
-    without_delays,
 )
-from middeck.control.robust.designs.sensitivity_weighted import _changes, _weighted
 from middeck.control.robust.problem.directions import stiffness_directions
+from middeck.control.robust.verification.monte_carlo import outcomes_on, verify_robustness
 from middeck.errors import ConfigError, NumericalError
+from middeck.systems.plants.mode_shift import shift_modes
 
 
 def reference_model(plant=None):

@@ -6,10 +6,10 @@ import mace_like
 import numpy as np
 import pytest
 
-from middeck.control.law.classical import close_inner_loop
 from middeck.control.law.compensator import Compensator, evaluate_compensator
+from middeck.control.law.pd_loops import close_inner_loop
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.shaping import (
+from middeck.control.shaping.sections import (
     design_pd,
     first_order_section,
     notch,

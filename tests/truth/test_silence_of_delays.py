@@ -12,11 +12,13 @@ from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import predict_closed_loop_response
 from middeck.control.loop.performance import Performance
-from middeck.control.lqg import LQGWeights, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
-from middeck.control.sampled import design_sampled_lqg, emulate
+from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.record import Record

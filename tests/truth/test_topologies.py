@@ -6,12 +6,12 @@ import mace_like
 import numpy as np
 import pytest
 
-from middeck.control.law.classical import close_inner_loop
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.pd_loops import close_inner_loop
 from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.loop.performance import Performance, commands_rms, loop_metric
-from middeck.control.lqg import compare_topologies, design_lqg
-from middeck.control.lqg.topologies import select_weights
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.topologies import compare_topologies, select_weights
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

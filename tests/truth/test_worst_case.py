@@ -8,21 +8,20 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from middeck.control.analysis import (
-    decide_stability,
-    find_allowed_shifts,
-    find_inversion,
-    find_worst_case,
-    measure_rms,
-)
+from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.shifts.inversion import find_inversion
+from middeck.control.analysis.shifts.shifts import find_allowed_shifts
+from middeck.control.analysis.shifts.worst_case import find_worst_case
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_plants
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation, find_participations
 from middeck.control.loop.performance import Performance
-from middeck.control.lqg import LQGWeights, design_lqg
-from middeck.control.sampled import emulate
-from middeck.control.shaping import second_order_section
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.sampled.emulation import emulate
+from middeck.control.shaping.sections import second_order_section
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

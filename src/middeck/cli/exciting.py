@@ -13,16 +13,12 @@ from middeck.files.measured.models import load_model
 from middeck.files.studies.form import Band
 from middeck.files.toml.form import Form, Positive, whole, within
 from middeck.identification.uncertainty.accuracy import ExpectedAccuracy, expected_accuracy
-from middeck.signals.excitation import (
-    Excitation,
-    Limits,
-    design_binary,
-    design_burst,
-    design_mls,
-    design_multisine,
-    design_noise,
-    design_sweep,
-)
+from middeck.signals.excitation.binary import design_binary, design_mls
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
+from middeck.signals.excitation.noise import design_burst, design_noise
+from middeck.signals.excitation.signal import Excitation
+from middeck.signals.excitation.sweep import design_sweep
 
 
 class ExciteSettings(Form):

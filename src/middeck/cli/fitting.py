@@ -27,7 +27,7 @@ from middeck.identification.spectra import (
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import distinct_poles
 from middeck.identification.uncertainty.unknowns import ModelStructure
-from middeck.signals.excitation import cut_periods, recognise_excitation
+from middeck.signals.excitation.recognition import cut_periods, recognise_excitation
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse

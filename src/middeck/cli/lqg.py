@@ -8,7 +8,8 @@ from jaxtyping import Float
 from middeck.cli.settings import LoopSettings
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_rms
-from middeck.control.lqg import LQGCompensator, LQGWeights, design_lqg
+from middeck.control.lqg.design import LQGCompensator, design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import poles

@@ -13,7 +13,7 @@ from middeck.cli.cases import solve_case
 from middeck.cli.plants import tell_warnings
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.errors import ConfigError
 from middeck.files.measured.models import load_model

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from middeck.control.analysis import LoopMargins, LoopStability, measure_margins
+from middeck.control.analysis.margins.margins import LoopMargins, measure_margins
+from middeck.control.analysis.stability.stability import LoopStability
 from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError, NumericalError
 from middeck.systems.plants.plant import Plant, name_states, remove_delays, subsystem

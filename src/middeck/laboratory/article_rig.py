@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
@@ -20,7 +20,8 @@ from middeck.laboratory.rig.drift import Drift, nearest_modes
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
 from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.signals.excitation import Limits, design_multisine, random_multisine
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine, random_multisine
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 

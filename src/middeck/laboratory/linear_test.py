@@ -8,7 +8,7 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.laboratory.rig.sensors import Sampler
 from middeck.laboratory.settings import LoopTest, RigSettings
-from middeck.signals.excitation import random_multisine
+from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.record import Record
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.analysis import measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.laboratory.bench import Bench
 from middeck.laboratory.rig.law import place_law
 from middeck.laboratory.rig.linear_view import linearise_rig

@@ -7,14 +7,15 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.classical import PDLoops
+from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import NumericalError
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.laboratory.settings import RigSettings
-from middeck.signals.excitation import Limits, design_multisine
+from middeck.signals.excitation.limits import Limits
+from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.record import Record
 from middeck.values import record
 

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
+from middeck.control.analysis.margins.margins import LoopMargins, Margins
+from middeck.control.analysis.margins.return_ratio import ReturnRatio
 from middeck.plot.curves import decibels
 from middeck.plot.nyquist import draw_critical_point, title_of
 from middeck.plot.style import COLOUR, legend_below, square_pictures, styled

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from middeck.control.analysis import LoopMargins, Margins, ReturnRatio
+from middeck.control.analysis.margins.margins import LoopMargins, Margins
+from middeck.control.analysis.margins.return_ratio import ReturnRatio
 from middeck.plot.style import COLOUR, legend_below, square_pictures, styled
 
 REACH = 2.5

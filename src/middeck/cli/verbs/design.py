@@ -126,7 +126,8 @@ def verb(
 
 def _draw(plant: Plant, designed: DesignedLoop, settings: LoopSettings, file: str) -> None:
     """Nyquist's plot of each loop, broken at the plant's inputs."""
-    from middeck.control.analysis import measure_margins, trace_return_ratio
+    from middeck.control.analysis.margins.margins import measure_margins
+    from middeck.control.analysis.margins.return_ratio import trace_return_ratio
     from middeck.plot.nyquist import draw_nyquist
 
     law = designed.compensator

@@ -12,7 +12,7 @@ from middeck.cli.screen import Table, show
 if TYPE_CHECKING:
     from middeck.cli.exciting import ExciteSettings
     from middeck.identification.uncertainty.accuracy import ExpectedAccuracy
-    from middeck.signals.excitation import Excitation
+    from middeck.signals.excitation.signal import Excitation
 
 EPILOG = """\
 \b

@@ -66,7 +66,7 @@ def simulate_test(folder: Path) -> Record:
 
     import middeck as md
     from middeck.laboratory.rig.sensors import Sampler
-    from middeck.signals.excitation import random_multisine
+    from middeck.signals.excitation.multisine import random_multisine
 
     hung = md.solve_modes(md.solve_equilibrium(*md.load_setup(folder / "article.toml", folder / "lab.toml")))
     u, y = ("paddle_rel",), ("tip_z", "paddle_rel")

@@ -115,7 +115,7 @@ def _qualify(
     from middeck.cli.qualifying import allowed_shifts, gather_plants, say_hold
     from middeck.cli.sweeping import all_plants
     from middeck.cli.systems import load_law
-    from middeck.control.lqg import LQGWeights
+    from middeck.control.lqg.weights import LQGWeights
     from middeck.control.qualification import qualify_compensator
 
     law = load_law(law_file)

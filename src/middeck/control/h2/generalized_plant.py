@@ -14,9 +14,10 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg import problem as lqg_problem
 from middeck.control.lqg.design import AUTHORITY
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace

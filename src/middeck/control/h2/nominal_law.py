@@ -9,7 +9,7 @@ from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import decouple
 from middeck.control.lqg.regulator import append_integrals
-from middeck.control.riccati import RiccatiSolution, solve_riccati
+from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 
 
 def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:

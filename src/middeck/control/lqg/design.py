@@ -13,7 +13,7 @@ from middeck.control.lqg.problem import LQGProblem, pose_problem
 from middeck.control.lqg.regulator import Regulator, design_regulator
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.riccati import RiccatiSolution
+from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace

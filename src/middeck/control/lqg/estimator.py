@@ -9,7 +9,7 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.problem import LQGProblem, pose_problem
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.riccati import RiccatiSolution, solve_riccati
+from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.systems.plants.plant import Plant
 from middeck.values import record
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.lqg.problem import LQGProblem, require_finite_cost
-from middeck.control.riccati import RiccatiSolution, solve_riccati
+from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.values import record
 
 

@@ -9,11 +9,11 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.analysis import decide_stability
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.h2.closed_cost import evaluate_cost
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.reduction.balanced import in_sizes
 from middeck.control.reduction.loop import Loop, absorb, pose_loop, proper_law, response_in_loop
 from middeck.control.reduction.methods import Method

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import Law, closed_matrices, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.law.compensator import Compensator, locate_ports
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.riccati.lyapunov import solve_lyapunov
 from middeck.errors import ConfigError

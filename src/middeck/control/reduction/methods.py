@@ -23,7 +23,7 @@ from middeck.control.reduction.gramian import GramianFactors, factor_gramians, r
 from middeck.control.reduction.loop import Loop, gramians_in_loop, proper_law, seen_at_y
 from middeck.control.reduction.projection import balance, bound_of, check_order, project, settle_order
 from middeck.control.reduction.separation import separate_unstable, subtract
-from middeck.control.riccati import solve_riccati
+from middeck.control.riccati.continuous import solve_riccati
 from middeck.systems.state_space.statespace import StateSpace, add
 from middeck.values import record
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis import Margins, measure_margins
+from middeck.control.analysis.margins.margins import Margins, measure_margins
 from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.lqg.design import design_lqg

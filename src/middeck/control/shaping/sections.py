@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg as sla
 
-from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace, gain_system, series

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.control.law.classical import PDLoops
+from middeck.control.law.pd_loops import PDLoops
 from middeck.files.refinements.documents import build_unknown
 from middeck.files.studies.promise import PromiseForm
 from middeck.identification.friction import JointFriction

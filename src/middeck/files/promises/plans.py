@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from middeck.control.law.classical import PDLoops
+from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
 from middeck.files.disk.looks import PLAN
 from middeck.files.documents import find_document, load_setup, load_structure

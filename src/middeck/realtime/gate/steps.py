@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from middeck.control.analysis import measure_margins
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.stability.stability import LoopStability, decide_stability
 from middeck.control.law.compensator import locate_ports
 from middeck.control.qualification import align_plant

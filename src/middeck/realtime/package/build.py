@@ -10,8 +10,8 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.classical import PDLoops
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.modal_form import CONDITION, to_modal

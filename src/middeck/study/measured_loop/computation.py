@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import close_loop, leave_open, predict_closed_loop_response
 from middeck.control.loop.performance import Performance, loop_rms
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.files.studies.documents import Study
 from middeck.files.studies.form import SisoForm
 from middeck.identification.model.measurement_model import (

@@ -19,7 +19,9 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.lqg import KalmanFilter, LQGWeights, design_filter, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import KalmanFilter, design_filter
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import decibels
 from middeck.errors import NotStabilisableError, NumericalError

@@ -14,7 +14,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import decibels
 from middeck.control.robust.verification.monte_carlo import noise_on
 from middeck.errors import NumericalError

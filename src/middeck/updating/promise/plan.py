@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.classical import PDLoops, close_inner_loop
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg import LQGWeights
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.structure.model.environment import Environment

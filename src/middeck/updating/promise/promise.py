@@ -11,7 +11,9 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.lqg import LQGCompensator, LQGWeights, design_filter, design_lqg
+from middeck.control.lqg.design import LQGCompensator, design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.monte_carlo import uncontrolled_rms
 from middeck.errors import ConfigError
 from middeck.structure.model.environment import Environment

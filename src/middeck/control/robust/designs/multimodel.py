@@ -18,7 +18,8 @@ from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty
-from middeck.control.lqg import LQGWeights, Shaping
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.problem.problem import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.problem.result import RobustCompensator
 from middeck.control.robust.search.approach import Arrival, approach, carry_on

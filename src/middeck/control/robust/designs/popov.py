@@ -18,7 +18,8 @@ from middeck.control.h2.law_form import LawForm, arrange, pack, scale_states, st
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
-from middeck.control.lqg import LQGWeights, Shaping
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem.directions import Directions, shift_directions
 from middeck.control.robust.problem.problem import (

@@ -21,8 +21,9 @@ from middeck.control.h2.nominal_law import solve_lqg
 from middeck.control.law.compensator import driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty
-from middeck.control.lqg import LQGWeights, Shaping
-from middeck.control.riccati import RiccatiSolution
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
+from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.robust.problem.directions import Directions, stiffness_directions
 from middeck.control.robust.problem.problem import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.problem.result import RobustCompensator, Stage

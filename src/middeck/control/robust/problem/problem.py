@@ -15,8 +15,9 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
-from middeck.control.lqg import LQGWeights, Shaping
 from middeck.control.lqg.regulator import append_integrals
+from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.state_space.statespace import StateSpace, series

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty, parameter_names
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.monte_carlo import (
     PlantOutcomes,
     stable_share,

@@ -12,7 +12,7 @@ from middeck.control.h2.generalized_plant import square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg import LQGWeights
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.batch import row_rms, sampled_covariances
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError

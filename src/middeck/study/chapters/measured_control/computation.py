@@ -10,8 +10,9 @@ from functools import partial
 
 import numpy as np
 
-from middeck.control.lqg import design_filter, design_lqg
-from middeck.control.robust import design_multimodel
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.files.studies.documents import Study
 from middeck.files.studies.form import SisoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response

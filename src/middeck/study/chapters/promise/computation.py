@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from middeck.control.analysis.stability.stability import LoopStability, decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.lqg import LQGCompensator, design_lqg
+from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.files.promises.build import build_plan
 from middeck.files.promises.documents import promised_there
 from middeck.files.promises.outcomes import name_of, name_of_mode, statements_of

@@ -10,14 +10,14 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.control.qualification import decibels
 from middeck.control.robust.verification.monte_carlo import noise_on, uncontrolled_rms
-from middeck.control.sampled import emulate
+from middeck.control.sampled.emulation import emulate
 from middeck.files.studies.promise import PromiseForm
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import run_closed_loop
 from middeck.laboratory.settings import RigSettings
-from middeck.signals.excitation import random_multisine
+from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import port_indices
 from middeck.signals.record import Record
 from middeck.structure.plants.port_rows import RATE

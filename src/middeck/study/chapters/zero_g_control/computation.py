@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from middeck.control.law.classical import PDLoops, close_inner_loop
+from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.loop.authority import (
     AuthoritySweep,
     FirstInstability,
@@ -17,7 +17,9 @@ from middeck.control.loop.authority import (
 )
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_metric
-from middeck.control.lqg import LQGWeights, design_filter, design_lqg
+from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.studies.documents import Study
 from middeck.files.studies.form import ControlForm
