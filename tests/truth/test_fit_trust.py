@@ -8,8 +8,9 @@ from struck_plant import FORCE, TIP, response, shaken, struck
 
 from middeck.errors import FitError
 from middeck.identification.faults import detect_faults
+from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.fit.standing import checked_covariance, name_line
+from middeck.identification.fit.standing import checked_covariance
 from middeck.identification.fit.tidy import mode_significance, with_split, without_modes
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz

@@ -29,8 +29,6 @@ ROUNDING = 1e-12
 APART = 6.0
 # Deviations of its residue above which a mode is known whatever is beside it.
 ALONE = 30.0
-# Mains are held within so much of their frequency, in any grid that a test hall is likely to be on.
-MAINS_HZ, MAINS_WITHIN = (50.0, 60.0), 0.005
 
 
 def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
@@ -180,16 +178,3 @@ class SteadyLine:
     hz: float
     deviation_hz: float
     name: str
-
-
-def name_line(hz: float, deviation_hz: float) -> str:
-    """Name a line after the mains and its harmonics, within half a per cent.
-
-    >>> name_line(150.2, 0.01), name_line(43.0, 0.01), name_line(59.98, 0.01)
-    ('harmonic 3 of mains 50 Hz', 'steady line', 'mains 60 Hz')
-    """
-    for mains in MAINS_HZ:
-        order = max(round(hz / mains), 1)
-        if abs(hz - order * mains) <= MAINS_WITHIN * order * mains + deviation_hz:
-            return f"mains {mains:g} Hz" if order == 1 else f"harmonic {order} of mains {mains:g} Hz"
-    return "steady line"

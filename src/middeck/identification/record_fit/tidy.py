@@ -18,8 +18,9 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Bool, Complex, Float
 
+from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fitted_model import model_of
-from middeck.identification.fit.standing import SteadyLine, name_line
+from middeck.identification.fit.standing import SteadyLine
 from middeck.identification.fit.tidy import (
     mode_significance,
     pairs_of,
