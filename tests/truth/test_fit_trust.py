@@ -338,3 +338,22 @@ def test_a_pair_that_a_subspace_takes_for_one_is_parted_or_doubted(campaign):
                     assert fit.standing == ("sound",)
                 elif fit.standing == ("unresolved",):
                     assert any("two modes in the place of each" in w for w in fit.warnings)
+
+
+def test_an_output_without_delay_is_not_doubted(campaign):
+    """Half of all fits lead a little by chance: their delay is zero, within its deviation."""
+    rng, doubted, f = np.random.default_rng(8), [], np.linspace(2.0, 30.0, 200)
+    for _ in campaign(200):
+        H = response(HZ, ZETA, PLANT[2], 0.0, 2j * np.pi * f)
+        sigma = 1e-2 * np.sqrt(np.mean(np.abs(H) ** 2))
+        H = H + sigma * (rng.standard_normal(200) + 1j * rng.standard_normal(200)) / np.sqrt(2.0)
+        variance = np.full((200, 1, 1), sigma**2)
+        fit = fit_response(
+            FrequencyResponse(
+                frequency_hz=f, H=H[:, None, None], inputs=(FORCE,), outputs=(TIP,), variance=variance
+            ),
+            states=4,
+        )
+        assert abs(fit.model.delay_s[0]) < 4.0 * fit.uncertainty.delay_s[0]
+        doubted.append(bool(fit.warnings) or fit.delay_standing != ("sound",))
+    assert np.mean(doubted) <= 0.02

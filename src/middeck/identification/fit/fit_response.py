@@ -294,8 +294,9 @@ def _result(run: _Searched) -> FitResult:
     warnings += [] if poles is None else [poles.doubt()]
     warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     warnings += doubts_of_merged(run.merged_hz)
-    merged = {int(np.argmin(np.abs(natural_hz(model) - hz))) for hz in run.merged_hz}
-    standing = tuple("unresolved" if m in merged else one for m, one in enumerate(standing))
+    marks = list(standing)
+    for hz in run.merged_hz:
+        marks[int(np.argmin(np.abs(natural_hz(model) - hz)))] = "unresolved"
     return FitResult(
         model=model,
         cost=2.0 * best.refined.step.cost / r.size,
@@ -306,7 +307,7 @@ def _result(run: _Searched) -> FitResult:
         history=np.array(best.refined.history),
         order_reason=run.reason,
         warnings=tuple(warnings),
-        standing=standing,
+        standing=tuple(marks),
         delay_standing=of_delays,
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from middeck.errors import FitError
 from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
-from middeck.identification.search.fit_warnings import confounded_delays
+from middeck.identification.search.fit_warnings import confounded_delays, leads
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
@@ -84,10 +84,11 @@ def standing_of_delays(
     "sound" where none was fitted.
     """
     model, confounded = covariance.model, confounded_delays(measured, covariance)
+    deviation_s = uncertainty_of(covariance).delay_s
     if not covariance.structure.with_delay:
         return ("sound",) * len(model.outputs)
     return tuple(
-        "sound" if holds and o not in confounded and tau >= 0.0 else "doubtful"
+        "sound" if holds and o not in confounded and not leads(tau, deviation_s[o]) else "doubtful"
         for o, tau in enumerate(model.delay_s)
     )
 
