@@ -89,6 +89,31 @@ def test_nothing_is_found_in_clean_records(kind: str, noise: float, campaign: Ca
         )
 
 
+@pytest.mark.parametrize("kind", [kind for kind in EXCITATIONS if kind != "sine"])
+def test_a_sine_that_no_input_makes_is_found(kind: str, campaign: Callable[[int], range]) -> None:
+    """From 5 to 50 % of the rms, at mains or anywhere above the modes."""
+    for seed in campaign(40):
+        rng = np.random.default_rng([seed, 9])
+        u = EXCITATIONS[kind](rng)
+        y = resonant(u)
+        y += rng.choice([0.0, 1e-3, 1e-1]) * y.std(axis=0) * rng.standard_normal(y.shape)
+        hz, share = rng.choice([50.0, 60.0, rng.uniform(20.0, 120.0)]), rng.uniform(0.05, 0.5)
+        hum = np.sqrt(2.0) * share * y[:, 0].std() * np.sin(2.0 * np.pi * hz * time + rng.uniform(0.0, 6.0))
+        record = Record(
+            sample_hz=HZ,
+            u=u[None, None, :, None],
+            y=(y + hum[:, None] * [1.0, 0.0])[None, None],
+            inputs=(Port("torque", "N m"),),
+            outputs=(Port("angle", "rad"), Port("rate", "rad/s")),
+            periodic=False,
+        )
+        found = [f for f in detect_faults(record) if f.kind == "hum"]
+        assert [f.channel for f in found] == ["angle"]
+        told = float(found[0].what.split(": ")[1].split(" Hz")[0])
+        assert told == pytest.approx(hz, abs=HZ / SAMPLES)
+        assert found[0].severity == "serious" or share < 0.12
+
+
 def test_nothing_is_found_in_clean_gimbals(campaign: Callable[[int], range]) -> None:
     for seed in campaign(100):
         assert detect_faults(gimbal_record.multisine(seed, outputs=3, inputs=2, samples=2048)) == ()
@@ -217,7 +242,9 @@ def test_spikes_are_found_at_the_very_edges(colour: str, size: float) -> None:
                 periodic=False,
             )
         )
-        assert [(f.channel, f.kind, f.samples) for f in found] == [("angle", "spike", ((k, k + 1),))], k
+        # A sine that the noise of the input does not make is hum, too.
+        spikes = [(f.channel, f.kind, f.samples) for f in found if f.kind != "hum" or colour != "a sine"]
+        assert spikes == [("angle", "spike", ((k, k + 1),))], k
 
 
 def test_spikes_at_the_edges_are_found_in_motion_of_any_phase() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.identification.faults.against import compare_with_reference
+from middeck.identification.faults.hum import find_hum
 from middeck.identification.faults.levels import (
     find_coarse_steps,
     find_drift,
@@ -51,9 +52,9 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     Found in each channel and experiment: gaps, dead channels, clipping, dropouts, spikes, offset, drift,
     coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not
     repeat; between channels duplicates, and where node and direction are known (`Channel`) signs and delays
-    of collocated channels; between inputs and outputs samples lost or repeated on one side, runs that were
-    joined, feedback and long delays. docs/explanation/records-and-faults.md says how, with rates of detection
-    and false alarm.
+    of collocated channels; between inputs and outputs sines that no input makes, samples lost or repeated on
+    one side, runs that were joined, feedback and long delays. docs/explanation/records-and-faults.md says
+    how, with rates of detection and false alarm.
 
     Raises `DataError` for samples so large or so small that their squares are no numbers.
 
@@ -81,6 +82,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     whole = not any(f.kind in ("gap", "dead") for f in found)
     if whole:
         found += find_pair_faults(record)
+        found += [what.at("output", port, e) for what, port, e in find_hum(record)]
         found += [] if struck or any(f.kind in LOCAL for f in found) else find_relation_faults(record)
     if whole and reference is not None:
         found += compare_with_reference(record, reference)

@@ -16,16 +16,17 @@ from middeck.identification.fit.standing import (
     Standing,
     SteadyLine,
     checked_covariance,
+    doubts_of_merged,
     doubts_of_phase,
     doubts_of_standing,
     standing_of,
     standing_of_delays,
 )
 from middeck.identification.fit.stands_for_delay import stands_for_delay
-from middeck.identification.fit.tidy import tidied
+from middeck.identification.fit.tidy import parted, tidied
 from middeck.identification.model.checks import check_logarithms, check_response, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
-from middeck.identification.model.measurement_model import MeasurementModel, model_response
+from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.model.simulation import folded_response
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
@@ -193,7 +194,8 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
 
 @record(kw_only=True)
 class _Searched:
-    """The end of a search: what was fitted, the best run, its weights, and why it has its order."""
+    """The end of a search: what was fitted, the best run, its weights, why it has its order, and
+    which modes of an order that was asked for are two."""
 
     measured: FrequencyResponse
     data: Data
@@ -201,6 +203,7 @@ class _Searched:
     spread: Spread
     followed: Spread
     reason: str
+    merged_hz: tuple[float, ...]
 
 
 def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Searched:
@@ -229,11 +232,22 @@ def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Se
     best = settle(data, best, followed)
     if states is None:
         best = tidied(measured, data, best, followed)
+    two, merged_hz = parted(data, best, spread)
+    if states is None and merged_hz:
+        best, followed, merged_hz = two, spread, []
     if cost == "logarithmic":
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
         best, followed = likelihood_polish(data, best, measured.covariance), spread
-    return _Searched(measured=measured, data=data, best=best, spread=spread, followed=followed, reason=reason)
+    return _Searched(
+        measured=measured,
+        data=data,
+        best=best,
+        spread=spread,
+        followed=followed,
+        reason=reason,
+        merged_hz=tuple(merged_hz),
+    )
 
 
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
@@ -279,6 +293,10 @@ def _result(run: _Searched) -> FitResult:
     of_delays = standing_of_delays(measured, covariance, holds=noise and poles is None)
     warnings += [] if poles is None else [poles.doubt()]
     warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
+    warnings += doubts_of_merged(run.merged_hz)
+    marks = list(standing)
+    for hz in run.merged_hz:
+        marks[int(np.argmin(np.abs(natural_hz(model) - hz)))] = "unresolved"
     return FitResult(
         model=model,
         cost=2.0 * best.refined.step.cost / r.size,
@@ -289,7 +307,7 @@ def _result(run: _Searched) -> FitResult:
         history=np.array(best.refined.history),
         order_reason=run.reason,
         warnings=tuple(warnings),
-        standing=standing,
+        standing=tuple(marks),
         delay_standing=of_delays,
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from middeck.errors import FitError
 from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
-from middeck.identification.search.fit_warnings import confounded_delays
+from middeck.identification.search.fit_warnings import confounded_delays, leads
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
@@ -29,8 +29,6 @@ ROUNDING = 1e-12
 APART = 6.0
 # Deviations of its residue above which a mode is known whatever is beside it.
 ALONE = 30.0
-# Mains are held within so much of their frequency, in any grid that a test hall is likely to be on.
-MAINS_HZ, MAINS_WITHIN = (50.0, 60.0), 0.005
 
 
 def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
@@ -86,10 +84,11 @@ def standing_of_delays(
     "sound" where none was fitted.
     """
     model, confounded = covariance.model, confounded_delays(measured, covariance)
+    deviation_s = uncertainty_of(covariance).delay_s
     if not covariance.structure.with_delay:
         return ("sound",) * len(model.outputs)
     return tuple(
-        "sound" if holds and o not in confounded and tau >= 0.0 else "doubtful"
+        "sound" if holds and o not in confounded and not leads(tau, deviation_s[o]) else "doubtful"
         for o, tau in enumerate(model.delay_s)
     )
 
@@ -134,6 +133,17 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
     return found
 
 
+def doubts_of_merged(places_hz: Sequence[float]) -> list[str]:
+    """A warning for the modes of an order that was asked for which two describe better."""
+    places = ", ".join(f"{hz:.6g}" for hz in sorted(places_hz))
+    if not places:
+        return []
+    return [
+        f"modes at {places} Hz: not resolved, two modes in the place of each leave no more than noise, one "
+        "leaves more: its deviations tell how well the mean of both is known; ask for two states more"
+    ]
+
+
 def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
     """A warning for the pairs that stand for a delay (`stands_for_delay`)."""
     f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)
@@ -169,16 +179,3 @@ class SteadyLine:
     hz: float
     deviation_hz: float
     name: str
-
-
-def name_line(hz: float, deviation_hz: float) -> str:
-    """Name a line after the mains and its harmonics, within half a per cent.
-
-    >>> name_line(150.2, 0.01), name_line(43.0, 0.01), name_line(59.98, 0.01)
-    ('harmonic 3 of mains 50 Hz', 'steady line', 'mains 60 Hz')
-    """
-    for mains in MAINS_HZ:
-        order = max(round(hz / mains), 1)
-        if abs(hz - order * mains) <= MAINS_WITHIN * order * mains + deviation_hz:
-            return f"mains {mains:g} Hz" if order == 1 else f"harmonic {order} of mains {mains:g} Hz"
-    return "steady line"

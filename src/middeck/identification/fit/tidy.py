@@ -1,4 +1,4 @@
-"""Remove the modes that a fit of a response does not need."""
+"""Remove the modes that a fit of a response does not need, and part those that are two."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.order.order import description_length
+from middeck.identification.order.order import EXPLAINED, description_length
+from middeck.identification.order.race import model_error
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Point, Start, pack
-from middeck.identification.search.polish import Polished, polish
+from middeck.identification.search.polish import Polished, Run, polish
 from middeck.identification.spectra.weights import Spread
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.systems.plants.response import FrequencyResponse
@@ -27,8 +28,12 @@ State = TypeVar("State")
 # A residue that is fewer than so many of its deviations may be noise: the search puts the pole where noise
 # looks most like a mode, which a test at a given frequency (Wald 1943) does not know of.
 DOUBTFUL = 4.0
-# Half the distance at which a mode is split, in its decay rates.
-SPLIT = 0.125
+# Half the distance at which a mode is split, in its decay rates; within how many of them its halves are one,
+# and within how many its lines are.
+SPLIT, NEAR, OWN = 0.125, 3.0, 5.0
+# What a mode's lines leave beyond noise, in squares of its deviation, before two modes are tried: what their
+# further unknowns add to a description.
+BEYOND = 10.0
 
 
 def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spread) -> Polished:
@@ -38,6 +43,48 @@ def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spre
         lambda run: _significance(measured, run, spread),
         lambda run, dropped: _without(data, run, spread, dropped),
     )
+
+
+def parted(data: Data, best: Polished, spread: Spread) -> tuple[Polished, list[float]]:
+    """``best`` with each mode that is two so described, and where those were [Hz].
+
+    Two modes closer than their width are one to a subspace. They are taken for two where that shortens the
+    description, and then leaves noise: friction leaves the same form beside a mode, but more with it.
+    """
+    return split(best, pairs_of, lambda run, m: _in_two(data, run, m, spread))
+
+
+def pairs_of(run: Run) -> Complex[np.ndarray, " pair"]:
+    """Its oscillating poles [rad/s]."""
+    return run.start.point.poles[: run.layout.pairs]
+
+
+def split(
+    state: State,
+    pairs: Callable[[State], Complex[np.ndarray, " pair"]],
+    in_two: Callable[[State, int], State | None],
+) -> tuple[State, list[float]]:
+    """Modes in two where ``in_two`` finds that better and both halves stay where the mode was [Hz]."""
+    m, places = 0, list[float]()
+    while m < len(poles := pairs(state)):
+        found = in_two(state, m)
+        if found and np.all(np.abs(pairs(found)[m : m + 2] - poles[m]) < NEAR * abs(poles[m].real)):
+            places.append(abs(poles[m]) / (2.0 * np.pi))
+            state, m = found, m + 1
+        m += 1
+    return state, places
+
+
+def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | None:
+    pole = pairs_of(run)[m]
+    own = np.abs(data.omega - abs(pole)) < max(OWN * abs(pole.real), 2.0 * float(np.diff(data.omega).min()))
+    left = np.abs(run.residual(data)[:, own]) ** 2 / spread.at(run.share)[:, own]
+    if np.sum(left - 1.0) < BEYOND:
+        return None
+    two = polish(data, with_split(run.start, m), spread, steps=2 * STEPS, rounds=3, share=run.share)
+    if two is None or _length(data, two) > _length(data, run) or model_error(two, spread) > EXPLAINED:
+        return None
+    return two
 
 
 def shed(

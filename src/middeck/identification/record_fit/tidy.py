@@ -18,9 +18,17 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Bool, Complex, Float
 
+from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fitted_model import model_of
-from middeck.identification.fit.standing import SteadyLine, name_line
-from middeck.identification.fit.tidy import mode_significance, shed, with_split, without_modes
+from middeck.identification.fit.standing import SteadyLine
+from middeck.identification.fit.tidy import (
+    mode_significance,
+    pairs_of,
+    shed,
+    split,
+    with_split,
+    without_modes,
+)
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Start
 from middeck.identification.record_fit.model import record_covariance
@@ -33,8 +41,6 @@ from middeck.values import record as frozen
 
 # A pole that loses less than this share of its motion over the record may be a sine.
 STEADY = 0.5
-# Decay rates of a mode within which its halves are one.
-NEAR = 3.0
 # Rounds of noise and search, and steps of each.
 ROUNDS, STEPS = 3, 20
 # A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
@@ -62,7 +68,8 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     """
     state = _without_sines(record, Tidied(data, run, ()))
     if not sampled:
-        state = _with_pairs(shed(state, functools.partial(_significance, record), _without))
+        state = shed(state, functools.partial(_significance, record), _without)
+        state, _ = split(state, lambda found: pairs_of(found.run), _in_two)
     return _with_hidden_lines(state)
 
 
@@ -77,7 +84,7 @@ def _without_sines(record: Record, state: Tidied) -> Tidied:
     length_s = state.data.length_s
     tried: list[float] = []
     while True:
-        poles = _pairs(state.run)
+        poles = pairs_of(state.run)
         decay = -np.real(poles) * length_s
         within = (np.imag(poles) >= state.data.omega[0]) & (np.imag(poles) <= state.data.omega[-1])
         steady = [
@@ -93,7 +100,7 @@ def _without_sines(record: Record, state: Tidied) -> Tidied:
 
 def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
     run = state.run
-    omega = float(_pairs(run)[m].imag)
+    omega = float(pairs_of(run)[m].imag)
     deviation_hz = float(uncertainty_of(covariance_of(record, state)).natural_hz[m])
     line = SteadyLine(omega / (2.0 * np.pi), deviation_hz, name_line(omega / (2.0 * np.pi), deviation_hz))
     return _better(
@@ -115,19 +122,8 @@ def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None
     return _better(state, with_free_motion(state.data, poles), start, state.lines)
 
 
-def _with_pairs(state: Tidied) -> Tidied:
-    """Modes that two describe better, too close for a subspace to have parted them."""
-    m = 0
-    while m < state.run.layout.pairs:
-        run = state.run
-        found = _better(state, state.data, with_split(run.start, m), state.lines)
-        state, m = (found, m + 2) if found and _is_pair(found, _pairs(run)[m], m) else (state, m + 1)
-    return state
-
-
-def _is_pair(state: Tidied, before: complex, m: int) -> bool:
-    """Whether both halves of a mode are where it was, and not elsewhere for some other reason."""
-    return bool(np.all(np.abs(_pairs(state.run)[m : m + 2] - before) < NEAR * abs(before.real)))
+def _in_two(state: Tidied, m: int) -> Tidied | None:
+    return _better(state, state.data, with_split(state.run.start, m), state.lines)
 
 
 def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
@@ -169,10 +165,6 @@ def _highest_line(state: Tidied) -> float | None:
     beside_k = k + 1 if k + 1 < power.shape[1] and (k == 0 or power[o, k + 1] > power[o, k - 1]) else k - 1
     a, b, omega = np.sqrt(power[o, k]), np.sqrt(power[o, beside_k]), state.data.omega
     return float(omega[k] + (omega[beside_k] - omega[k]) * b / (a + b))
-
-
-def _pairs(run: RecordRun) -> Complex[np.ndarray, " pair"]:
-    return run.start.point.poles[: run.layout.pairs]
 
 
 def _among(frequency: float, tried: list[float], length_s: float) -> bool:

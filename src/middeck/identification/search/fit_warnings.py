@@ -29,6 +29,8 @@ HALF = 0.5
 CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
 FAILED = 2.0
+# Deviations by which the fit of an output that is not delayed may lead by chance: once in 700 fits.
+BY_CHANCE = 3.0
 # A lead is only a little one if the model without it leaves no more than this many times as much.
 LEAD_COST = 2.0
 CHECK = "check which channel is the input, and that the period is long enough"
@@ -228,7 +230,7 @@ def _loose(deviation: float, words: str) -> str:
 def causal_delay(
     measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
 ) -> tuple[np.ndarray, list[str]]:
-    """Delays of zero or more; a small advance is a warning, a long one an error."""
+    """Delays of zero or more; an advance beyond chance is a warning, a long one an error."""
     warnings: list[str] = []
     for o, tau in enumerate(delay_s):
         name = measured.outputs[o].name
@@ -238,12 +240,21 @@ def causal_delay(
                 where=f"output {name}",
                 hint=f"{TAKE_MORE if is_narrow(measured) else CHECK}; {BEYOND}",
             )
-        if tau < 0.0:
+        if leads(tau, uncertainty.delay_s[o]):
             warnings.append(
                 f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
                 " its delay is set to zero"
             )
     return np.maximum(delay_s, 0.0), warnings
+
+
+def leads(delay_s: float, deviation_s: float) -> bool:
+    """Whether a delay is below zero by more than chance.
+
+    >>> leads(-2e-3, 1e-3), leads(-4e-3, 1e-3)
+    (False, True)
+    """
+    return bool(delay_s < 0.0 and not -delay_s <= BY_CHANCE * deviation_s < np.inf)
 
 
 def refuse_a_lead(measured: FrequencyResponse, found: MeasurementModel, model: MeasurementModel) -> None:

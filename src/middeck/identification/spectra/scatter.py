@@ -73,5 +73,12 @@ def trusted(
     covariance = found.noise_covariance if found.total is None else found.total_covariance
     if covariance is None:
         return None, None
-    R = found.inverse_power if found.line_inverse_power is None else found.line_inverse_power
-    return variance_of(covariance, R), ResponseCovariance(covariance, R)
+    R, own = found.inverse_power, found.line_inverse_power
+    if own is None or found.total is None:
+        return variance_of(covariance, R), ResponseCovariance(covariance, R)
+    # The smaller of the two counts the lines that share data; a denominator adds its own variance.
+    least = np.minimum(*(np.real(np.linalg.diagonal(x)) for x in (R, own)))
+    known = np.real(np.linalg.diagonal(covariance))[:, :, None] * least[:, None, :]
+    more = np.sqrt(np.max(found.total / np.maximum(known, np.finfo(float).tiny), axis=2, initial=1.0))
+    covariance = covariance * more[:, :, None] * more[:, None, :]
+    return variance_of(covariance, own), ResponseCovariance(covariance, own)

@@ -1,7 +1,7 @@
 """Weights of a fit: the measured variance, and what the model cannot follow.
 
 A variance per line estimated from few periods has few degrees of freedom: used as it is, lines that look
-quiet by chance would rule the fit. It is averaged over neighbouring lines first.
+quiet by chance would rule the fit. It is averaged over neighbouring lines first, and is no less than that.
 
 A model of limited order, or a real structure that is not quite linear, leaves more than the variance says.
 That excess is taken as one more variance e P, with one share e for all lines and outputs, solved from
@@ -32,6 +32,8 @@ NEIGHBOURS = 10
 # Share of the variance that still weighs lines of a model that leaves more than it: the quietest lines would
 # otherwise rule what the model follows, and where a structure is loudest its distortion is, too.
 EVEN = 0.1
+# Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
+NO_SCATTER = 0.01
 # Smallest variance, as a share of the mean square response: rounding of double precision data.
 ROUNDING = 1e-22
 
@@ -91,7 +93,23 @@ def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input
     total = np.cumsum(np.pad(padded, ((0, 0), (1, 0), (0, 0))), axis=1)
     width = 2 * half + 1
     # Differences of sums can round below zero.
-    return np.maximum(total[:, width:] - total[:, :-width], 0.0) / width
+    smooth = np.maximum(total[:, width:] - total[:, :-width], 0.0) / width
+    # A variance as well known on each line stands where it is more, as that of a local model is at a peak.
+    return np.maximum(smooth, v) if line_degrees(measured) >= width else smooth
+
+
+def line_degrees(measured: FrequencyResponse) -> float:
+    """Complex degrees of freedom of the variance on one line, from its scatter between neighbours.
+
+    An estimate of nu complex degrees scatters as a gamma variate of shape nu, whose logarithm has the
+    variance trigamma(nu) = 1 / nu + 1 / (2 nu^2) + ... Infinite for a variance that does not scatter.
+    """
+    if measured.variance is None or len(measured.H) < 2:
+        return float("inf")
+    known = np.log(np.maximum(measured.variance[:, :, 0], np.finfo(float).tiny))
+    scatter = 0.5 * float(np.mean(np.diff(known, axis=0) ** 2))
+    nu = 0.5 * (1.0 + np.sqrt(1.0 + 2.0 * scatter)) / max(scatter, NO_SCATTER)
+    return max(float(nu), 1.0) if scatter > NO_SCATTER else float("inf")
 
 
 def excess_share(residual: Complex[np.ndarray, "output line input"], spread: Spread) -> float:

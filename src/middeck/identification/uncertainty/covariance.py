@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.spectra.weights import NEIGHBOURS, by_output
+from middeck.identification.spectra.weights import NEIGHBOURS, by_output, line_degrees
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
@@ -40,8 +40,6 @@ MOST_LEVERAGE = 0.9
 CHUNK = 256
 # A modal constant is real if its imaginary part is no more than rounding.
 ROUNDING = 1e-9
-# Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
-NO_SCATTER = 0.01
 
 
 @record(kw_only=True)
@@ -220,20 +218,6 @@ def _quality(
     more = float(np.mean(power)) / bias - 1.0 > CLEARLY_MORE * np.sqrt((1.0 + 1.0 / each) / z.size)
     next_line = abs(float(np.sum(np.real(z[:, 1:] * z[:, :-1].conj()))))
     return 2.0 * averaged, more or next_line > CLEARLY_MORE / np.sqrt(z.size) * float(np.sum(power))
-
-
-def line_degrees(measured: FrequencyResponse) -> float:
-    """Complex degrees of freedom of the variance on one line, from its scatter between neighbours.
-
-    An estimate of nu complex degrees scatters as a gamma variate of shape nu, whose logarithm has the
-    variance trigamma(nu) = 1 / nu + 1 / (2 nu^2) + ... Infinite for a variance that does not scatter.
-    """
-    if measured.variance is None or len(measured.H) < 2:
-        return float("inf")
-    known = np.log(np.maximum(measured.variance[:, :, 0], np.finfo(float).tiny))
-    scatter = 0.5 * float(np.mean(np.diff(known, axis=0) ** 2))
-    nu = 0.5 * (1.0 + np.sqrt(1.0 + 2.0 * scatter)) / max(scatter, NO_SCATTER)
-    return max(float(nu), 1.0) if scatter > NO_SCATTER else float("inf")
 
 
 def _scores_spread(

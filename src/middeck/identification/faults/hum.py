@@ -1,0 +1,116 @@
+"""Sines in an output that no input has: mains, their harmonics, machines nearby.
+
+A mode narrower than a quarter of a line does not decay within the record, and may look the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.ndimage
+from jaxtyping import Complex, Float
+
+from middeck.identification.faults.runs import Found, fault
+from middeck.signals.excitation.repetition import find_repetition
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
+
+# Lines of a sine seen through a Hann window, and of those beside it, on each side.
+LOBE, BESIDE = 4, 12
+# Times the median of the lines beside it that a sine has in power. The median of noise is ln 2 of its mean:
+# of a million lines of noise the largest is 20 medians.
+ABOVE = 200.0
+# Share of the power of its lines that is no sine of constant size. The motion of a mode changes through the
+# record: of one as narrow as a line a tenth to a half is no such sine.
+UNLIKE = 0.01
+# Places between two lines at which a sine is tried.
+BETWEEN = np.linspace(-0.6, 0.6, 49)
+# Share of what an output has above the lines beside it that an input may have there.
+DRIVEN = 0.03
+# Share of the output's rms from which a sine is told, and from which it is serious.
+TOLD, SERIOUS = 0.01, 0.1
+MOST = 8
+FEWEST_SAMPLES = 512
+# Mains are held within so much of their frequency, in any grid that a test hall is likely to be on.
+MAINS_HZ, MAINS_WITHIN = (50.0, 60.0), 0.005
+
+
+def find_hum(record: Record) -> list[tuple[Found, Port, int]]:
+    """Sines of each output and experiment, but for harmonics of excitation that repeats."""
+    inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    samples = inputs.shape[1]
+    if samples < FEWEST_SAMPLES:
+        return []
+    again = None if record.periodic else find_repetition(inputs)
+    period = record.u.shape[2] if record.periodic else samples if again is None else again.period
+    beside = np.abs(np.arange(samples // 2 + 1) % (samples / period) - 0.5 * samples / period)
+    free = beside < 0.5 * samples / period - LOBE - 2 if period < samples else beside >= 0.0
+    found: list[tuple[Found, Port, int]] = []
+    for e, u in enumerate(inputs):
+        driven = np.max([_above(np.abs(spectrum_of(x)) ** 2) for x in u.T], axis=0)
+        for o, port in enumerate(record.outputs):
+            spectrum = spectrum_of(record.y[e, ..., o].ravel())
+            what = _sines(spectrum, np.where(free, driven, np.inf), record.sample_hz / samples)
+            found += [] if what is None else [(what, port, e)]
+    return found
+
+
+def spectrum_of(x: Float[np.ndarray, " sample"]) -> Complex[np.ndarray, " line"]:
+    """Through a Hann window."""
+    return np.fft.rfft((x - x.mean()) * np.hanning(len(x) + 1)[:-1])
+
+
+def _above(power: Float[np.ndarray, " line"]) -> Float[np.ndarray, " line"]:
+    """Power over the median of the lines beside."""
+    around = np.abs(np.arange(-BESIDE, BESIDE + 1)) > LOBE
+    beside = scipy.ndimage.median_filter(power, footprint=around, mode="mirror")
+    return power / np.maximum(beside, np.finfo(float).eps ** 2 * power.max())
+
+
+def _unlike(spectrum: Complex[np.ndarray, " line"], k: int) -> float:
+    """Share of the lines around k that the best sine of constant size leaves."""
+    lines = spectrum[k - LOBE : k + LOBE + 1] * (-1.0) ** np.arange(2 * LOBE + 1)
+    x = np.arange(-LOBE, LOBE + 1) - BETWEEN[:, None]
+    one = np.abs(np.abs(x) - 1.0) < 1e-9
+    sine = np.where(one, 0.5, np.sinc(x) / np.where(one, 1.0, 1.0 - x**2))
+    sine /= np.linalg.norm(sine, axis=1, keepdims=True)
+    return 1.0 - float(np.max(np.abs(sine @ lines) ** 2) / np.sum(np.abs(lines) ** 2))
+
+
+def _sines(
+    spectrum: Complex[np.ndarray, " line"], driven: Float[np.ndarray, " line"], step_hz: float
+) -> Found | None:
+    power, lines = np.abs(spectrum) ** 2, np.arange(len(spectrum))
+    above = _above(power)
+    driven = scipy.ndimage.maximum_filter1d(driven, 2 * LOBE + 1)
+    sine = (power == scipy.ndimage.maximum_filter1d(power, 2 * LOBE + 1)) & (above > ABOVE)
+    sine &= (driven < DRIVEN * above) & (lines > BESIDE) & (lines < len(power) - BESIDE)
+    sine[sine] = [_unlike(spectrum, int(k)) < UNLIKE for k in np.flatnonzero(sine)]
+    places, shares = list[str](), list[float]()
+    for k in np.flatnonzero(sine):
+        lobe = slice(k - LOBE, k + LOBE + 1)
+        share = float(np.sqrt(np.sum(power[lobe]) / np.sum(power)))
+        if share > TOLD and len(places) < MOST:
+            hz = step_hz * float(np.sum(lines[lobe] * power[lobe]) / np.sum(power[lobe]))
+            places.append(f"{hz:.6g} Hz ({name_line(hz, step_hz)}, {share:.0%} of the rms)")
+            shares.append(share)
+    if not places:
+        return None
+    return fault(
+        "hum",
+        f"has sines that no input makes (or modes that hardly decay in the record): {', '.join(places)}",
+        "ground and shield the sensor; a fit of samples, not of a response, has the sines beside its modes",
+        severity="serious" if max(shares) > SERIOUS else "note",
+    )
+
+
+def name_line(hz: float, deviation_hz: float) -> str:
+    """Name a line after the mains and its harmonics, within half a per cent.
+
+    >>> name_line(150.2, 0.01), name_line(43.0, 0.01), name_line(59.98, 0.01)
+    ('harmonic 3 of mains 50 Hz', 'steady line', 'mains 60 Hz')
+    """
+    for mains in MAINS_HZ:
+        order = max(round(hz / mains), 1)
+        if abs(hz - order * mains) <= MAINS_WITHIN * order * mains + deviation_hz:
+            return f"mains {mains:g} Hz" if order == 1 else f"harmonic {order} of mains {mains:g} Hz"
+    return "steady line"
