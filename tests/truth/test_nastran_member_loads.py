@@ -29,13 +29,14 @@ def converted(tmp_path, rows):
 
 
 def tip(load, at, bend, shear):
-    """Shift and turn, in element axes, of a cantilever's end by a load at one place."""
+    """Shift and turn, in element axes, of a cantilever's end by a load at one place; load at its root."""
     (fx, fy, fz), (mx, my, mz) = load[:3], load[3:]
     give = np.linalg.inv(bend)
     across, slope = np.array([fy, fz]), np.array([mz, -my])
     v = give @ (across * at**2 * (3.0 * L - at) / 6.0 + slope * (at * L - 0.5 * at**2)) + shear * across * at
     dv = give @ (across * 0.5 * at**2 + slope * at)
-    return np.array([fx * at / (E * A), *v, mx * at / (G * J), -dv[1], dv[0]])
+    moved = np.array([fx * at / (E * A), *v, mx * at / (G * J), -dv[1], dv[0]])
+    return np.array([moved, load + np.array([0.0, 0.0, 0.0, 0.0, -fz * at, fy * at])])
 
 
 @pytest.mark.parametrize("skew", [True, False], ids=["I12", "shear"])
@@ -72,12 +73,16 @@ def test_the_end_of_a_cantilever_moves_as_under_the_load_itself(tmp_path, case, 
             for at, w, q in zip(places, weights, p, strict=True)
         ]
         want = np.sum(parts, axis=0)
+    want, root = want
     rest = md.solve_equilibrium(article, held, "load5")
     moved = rest.config.x[1] - article.nodes[1].position
     turn = rest.config.R[1]
     small = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     found = np.concatenate([axes.T @ moved, axes.T @ small])
     np.testing.assert_allclose(found, want, rtol=1e-5, atol=1e-5 * np.abs(want[:3]).max())
+    (wall,) = rest.reactions
+    holds = -np.concatenate([axes.T @ wall.force, axes.T @ wall.moment])
+    np.testing.assert_allclose(holds, root, rtol=1e-6, atol=1e-8)
 
 
 def test_a_load_on_a_pinned_end_goes_to_the_pin(tmp_path):

@@ -12,10 +12,12 @@ from scipy.optimize import brentq
 
 import middeck as md
 from middeck.errors import ConfigError
+from middeck.files.articles.build import build_section
+from middeck.files.articles.form import MaterialForm, SectionForm
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import PointLoad, Structure
 from middeck.structure.model.clamps import Clamp
-from middeck.structure.model.section import Section, coupled_section, shifted_section
+from middeck.structure.model.section import Section, coupled_section, section_between, shifted_section
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.summary.summary import summarise
@@ -23,6 +25,7 @@ from repeats import LONG, repeats
 from structure_builders import TUBE, clamped_matrices, straight_beam
 
 L = 2.0
+AL = {"al": MaterialForm(E_pa=7e10, nu=0.3, rho_kg_m3=2700.0)}
 RIGID = [0, 3, 4, 5]  # of (extension, shears, twist, curvatures), what a section rigid in shear has
 INERTIA = {"rho_A": 0.5, "rho_I_y": 2e-3, "rho_I_z": 3e-3}
 BARE = {"rho_A": 0.0, "rho_I_y": 0.0, "rho_I_z": 0.0}
@@ -194,6 +197,45 @@ def test_tapered_cantilever():
         errors.append(abs(np.linalg.inv(K)[at, at] / exact - 1.0))
     assert errors[1] < 1e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_tube_tapers_by_its_diameters():
+    """From 40 to 20 mm outside, 30 to 16 inside: EI with the fourth powers, mass with the squares."""
+    tubes = [
+        build_section(SectionForm(material="al", outer_diameter_m=d, inner_diameter_m=h), AL)
+        for d, h in ((0.04, 0.03), (0.02, 0.016))
+    ]
+    s = np.linspace(0.0, 1.0, 20001)
+    d, h = 0.04 - 0.02 * s, 0.03 - 0.014 * s
+    E, rho = 7e10, 2700.0
+    bends = np.trapezoid((L * (1.0 - s)) ** 2 / (E * np.pi / 64.0 * (d**4 - h**4)), s) * L
+    mass = np.trapezoid(rho * np.pi / 4.0 * (d**2 - h**2), s) * L
+    beam = cantilever(tubes[0], 32, stations=((1.0, tubes[1]),))
+    K, _, keep = clamped_matrices(mesh_structure(beam))
+    at = np.searchsorted(keep, 7)
+    assert np.linalg.inv(K)[at, at] == pytest.approx(bends, rel=1e-3)  # of 32 steps, 6e-4
+    assert beam.mass == pytest.approx(mass, rel=3e-4)
+    halved = section_between(*(dataclasses.replace(t, EI_z=0.5 * t.EI_z) for t in tubes), 0.3)
+    assert halved.EI_z == pytest.approx(0.5 * section_between(*tubes, 0.3).EI_z, rel=1e-14)
+
+
+def test_a_centroid_that_crosses_the_node_line_adds_no_stiffness_there():
+    """The same member runs aslant between offset ends: 10 mm to either side, to the square of its slope."""
+    ends = [shifted_section(dataclasses.replace(FULL, **BARE), (y, 0.0)) for y in (0.01, -0.01)]
+    aslant = cantilever(
+        dataclasses.replace(FULL, **BARE),
+        1,
+        start_offset=np.array([0, 0.01, 0]),
+        end_offset=np.array([0, -0.01, 0]),
+    )
+    flat = cantilever(ends[0], 64, stations=((1.0, ends[1]),))
+    found, want = (
+        np.linalg.inv(K)[np.ix_(*2 * [np.searchsorted(keep, np.arange(6, 12))])]
+        for K, _, keep in (clamped_matrices(mesh_structure(beam)) for beam in (flat, aslant))
+    )
+    size = np.sqrt(np.outer(np.diag(want), np.diag(want)))
+    assert np.abs((found - want) / size).max() < 0.01
+    assert np.diag(found)[1] == pytest.approx(np.diag(want)[1], rel=3e-4)
 
 
 def test_summary_has_the_mass_where_it_is():

@@ -159,6 +159,7 @@ def tube_section(section: forms.SectionForm, material: forms.MaterialForm) -> Se
         GA_z=GA,
         density=rho,
         mass=MemberMass(section.mass),
+        diameters=np.array([outer, inner]),
     )
 
 

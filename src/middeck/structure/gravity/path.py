@@ -158,12 +158,7 @@ def follow_gravity(
     """
     places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
     _check(environment, places)
-    if any(np.any(load.moment) for load in structure.loads):
-        raise ConfigError(
-            "a moment of fixed direction has no potential, whose modes a path could follow",
-            where=f"structure {structure.title!r}",
-            hint="apply it by two forces with offsets; forces and added masses may stay",
-        )
+    _check_moments(structure)
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
     full = solve_equilibrium(structure, environment)
     # Where nobody goes there need be no rest state: loads may want something to hang from.
@@ -173,22 +168,7 @@ def follow_gravity(
     try:
         modes = solve_modes(_settled(full, loads_at(at_first)) if np.any(at_first) else free, count)
     except UnstableEquilibriumError as error:
-        start = _unstable_start(error, places[0])
-        nothing = np.zeros((0, 0))
-        return GravityPath(
-            structure=structure,
-            environment=environment,
-            rule=devices,
-            places=places,
-            reached=(),
-            name=(),
-            kind=(),
-            s=np.zeros(0),
-            gravity=np.zeros((0, 3)),
-            omega2=nothing,
-            match=nothing,
-            events=(start,),
-        )
+        return _no_path(structure, environment, devices, places, _unstable_start(error, places[0]))
     mass = carried_mass(full.model, full.model.rest)
     legs = [_Leg(full, free, mass, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
     stations, stop, arrived = [_first_station(modes)], None, 1
@@ -216,6 +196,40 @@ def follow_gravity(
         match=np.array([x.match for x in stations]),
         events=tuple(events),
         warnings=(*modes.warnings, *said),
+    )
+
+
+def _check_moments(structure: Structure) -> None:
+    if any(np.any(load.moment) for load in structure.loads):
+        raise ConfigError(
+            "a moment of fixed direction has no potential, whose modes a path could follow",
+            where=f"structure {structure.title!r}",
+            hint="apply it by two forces with offsets; forces and added masses may stay",
+        )
+
+
+def _no_path(
+    structure: Structure,
+    environment: Environment,
+    devices: DeviceRule,
+    places: tuple[Place, ...],
+    start: GravityEvent,
+) -> GravityPath:
+    """One that ends where it begins."""
+    nothing = np.zeros((0, 0))
+    return GravityPath(
+        structure=structure,
+        environment=environment,
+        rule=devices,
+        places=places,
+        reached=(),
+        name=(),
+        kind=(),
+        s=np.zeros(0),
+        gravity=np.zeros((0, 3)),
+        omega2=nothing,
+        match=nothing,
+        events=(start,),
     )
 
 

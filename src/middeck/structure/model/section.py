@@ -19,6 +19,8 @@ CENTRES = ("shear_centre_y", "shear_centre_z", "mass_centre_y", "mass_centre_z")
 STIFFNESS = ("EA", "GJ", "EI_y", "EI_z", "GA_y", "GA_z", "coupling")
 INERTIA = ("rho_A", "rho_I_y", "rho_I_z")
 NUMBERS = (*STIFFNESS, *INERTIA, *CENTRES)
+# Of a tube: powers of its diameters to which these go.
+POWERS = {2: ("EA", "GA_y", "GA_z", "rho_A"), 4: ("GJ", "EI_y", "EI_z", "rho_I_y", "rho_I_z")}
 
 
 class MemberMass(Enum):
@@ -61,6 +63,9 @@ class Section:
         shear_centre_y, shear_centre_z: Where the shear strains are taken [m], from the node line. What shears
             a section off its node line twists it, also where it is rigid in shear.
         mass_centre_y, mass_centre_z: The centre of mass [m], from the node line.
+        centroid: What `shifted_section` was told (y, z) [m]; zero for a section by its whole matrix.
+        diameters: Outer and inner [m], of a round tube; zero for any other. These and the centroid say how a
+            member tapers, see `section_between`: the stiffness has them in it already.
     """
 
     EA: float
@@ -79,6 +84,8 @@ class Section:
     shear_centre_z: float = 0.0
     mass_centre_y: float = 0.0
     mass_centre_z: float = 0.0
+    centroid: Inexact[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
+    diameters: Inexact[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
 
     @property
     def stiffness(self) -> Inexact[np.ndarray, "6 6"]:
@@ -86,10 +93,40 @@ class Section:
         return self.coupling + np.diag([self.EA, self.GA_y, self.GA_z, self.GJ, self.EI_y, self.EI_z])
 
 
-def between_sections(first: Section, last: Section, part: float) -> Section:
-    """The section at ``part`` of the way from ``first`` to ``last``, linear in every number."""
+def section_between(first: Section, last: Section, part: float) -> Section:
+    """The section at ``part`` of the way from ``first`` to ``last``, where a member tapers between them.
+
+    Diameters of tubes are linear, and so are the place of the centroid and the stiffness about it; of other
+    sections every number is.
+    """
     if first is last:
         return first
+    if not (np.any(first.centroid) or np.any(last.centroid)):
+        return _tube_between(first, last, part)
+    bare = (shifted_section(s, (-s.centroid[0], -s.centroid[1])) for s in (first, last))
+    y, z = (1.0 - part) * first.centroid + part * last.centroid
+    return shifted_section(_tube_between(*bare, part), (y, z))
+
+
+def _tube_between(first: Section, last: Section, part: float) -> Section:
+    """Linear in the diameters of two tubes, and in what each number is beyond these, as of materials."""
+    mixed = _mixed(first, last, part)
+    if not (first.diameters[0] > 0.0 and last.diameters[0] > 0.0) or np.all(
+        first.diameters == last.diameters
+    ):
+        return mixed
+    here = (1.0 - part) * first.diameters + part * last.diameters
+    numbers: dict[str, Any] = {"diameters": here}
+    for power, names in POWERS.items():
+        a, b, at = (d[0] ** power - d[1] ** power for d in (first.diameters, last.diameters, here))
+        for name in names:
+            x, y = getattr(first, name), getattr(last, name)
+            numbers[name] = x if x == y else at * ((1.0 - part) * x / a + part * y / b)
+    return dataclasses.replace(mixed, **numbers)
+
+
+def _mixed(first: Section, last: Section, part: float) -> Section:
+    """Linear in every number."""
 
     def mixed(name: str) -> Any:
         a, b = getattr(first, name), getattr(last, name)
@@ -109,7 +146,7 @@ def sections_along(
     middles = (np.arange(elements) + 0.5) / elements
     which = np.searchsorted(reach, middles, side="right").clip(1, len(stations) - 1)
     return tuple(
-        between_sections(
+        section_between(
             stations[i - 1][1], stations[i][1], (middle - reach[i - 1]) / (reach[i] - reach[i - 1])
         )
         for i, middle in zip(which.tolist(), middles.tolist(), strict=True)
@@ -120,7 +157,7 @@ def mean_section(sections: Sequence[Section]) -> Section:
     """The section with the mean of every number."""
     first, *others = sections
     for count, other in enumerate(others, start=2):
-        first = between_sections(first, other, 1.0 / count)
+        first = _mixed(first, other, 1.0 / count)
     return first
 
 
@@ -191,4 +228,5 @@ def shifted_section(section: Section, centroid: tuple[float, float]) -> Section:
         EI_y=section.EI_y + more[4, 4],
         EI_z=section.EI_z + more[5, 5],
         coupling=section.coupling + off,
+        centroid=section.centroid + np.array([y, z]),
     )

@@ -81,6 +81,40 @@ def reduce_structure(
     The component's own axes are those of W. Raises `ConfigError` for what the article does not have, for
     both or none of ``count`` and ``upto_hz``, and for wheels: a component has no momentum.
     """
+    _check_asked(structure, count, upto_hz)
+    nodes = [node.name for node in structure.nodes]
+    _check_nodes(structure, nodes, boundary, residual, recover)
+
+    def of_nodes(names: Sequence[str]) -> np.ndarray:
+        return (6 * np.array([nodes.index(n) for n in names], dtype=int)[:, None] + np.arange(6)).ravel()
+
+    at = solve_equilibrium(structure, Environment.orbit())
+    model = at.model
+    free = [i for i, joint in enumerate(model.structure.joints) if joint.state is JointState.FREE]
+    rows = np.concatenate([of_nodes(boundary), 6 * model.tree.roots + np.array(free, dtype=int)])
+    inside = dynamic_coordinates(model)
+    inside[rows] = False
+    motions = _independent(model, at.config, rows, inside)
+    whole = assemble(model, at.config, at.loads).tangent, mass_matrix(model, at.config, at.loads)
+    K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
+    basis = _basis(K, M, len(rows), motions[of_nodes(residual)], count, upto_hz)
+    inner = np.eye(len(basis.static) + len(rows), len(rows) + basis.vectors.shape[1])
+    inner[len(rows) :, : len(rows)], inner[len(rows) :, len(rows) :] = basis.static, basis.vectors
+    mass = inner.T @ (M @ inner)
+    component = Component(
+        name=name or "component",
+        grids=tuple(boundary),
+        frames=tuple(boundary),
+        positions=at.config.x[[nodes.index(b) for b in boundary]],
+        stiffness=_stiffness(K, inner, len(rows)),
+        mass=0.5 * (mass + mass.T),
+        outputs=tuple(f"{node} {way}" for node in recover for way in WAYS),
+        recovery=(motions @ inner)[of_nodes(recover)] if recover else None,
+    )
+    return Reduced(require_component(component), basis.fixed_hz, basis.added, basis.next_hz)
+
+
+def _check_asked(structure: Structure, count: int | None, upto_hz: float | None) -> None:
     if structure.wheels:
         raise ConfigError(
             f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
@@ -94,41 +128,17 @@ def reduce_structure(
             where="reduction",
             hint="give one of count and upto_hz, from 0 on",
         )
-    nodes = [node.name for node in structure.nodes]
-    _check_nodes(structure, nodes, boundary, residual, recover)
-    at = solve_equilibrium(structure, Environment.orbit())
-    model = at.model
-    rows = (6 * np.array([nodes.index(b) for b in boundary])[:, None] + np.arange(6)).ravel()
-    free = [i for i, joint in enumerate(model.structure.joints) if joint.state is JointState.FREE]
-    rows = np.concatenate([rows, 6 * model.tree.roots + np.array(free, dtype=int)])
-    inside = dynamic_coordinates(model)
-    inside[rows] = False
-    motions = _independent(model, at.config, rows, inside)
-    whole = assemble(model, at.config, at.loads).tangent, mass_matrix(model, at.config, at.loads)
-    K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
-    loaded = (6 * np.array([nodes.index(r) for r in residual], dtype=int)[:, None] + np.arange(6)).ravel()
-    psi, vectors, fixed, added, above = _basis(K, M, len(rows), motions[loaded], count, upto_hz)
-    inner = np.eye(len(psi) + len(rows), len(rows) + vectors.shape[1])
-    inner[len(rows) :, : len(rows)], inner[len(rows) :, len(rows) :] = psi, vectors
-    T = motions @ inner
-    stiffness, mass = inner.T @ (K @ inner), inner.T @ (M @ inner)
+
+
+def _stiffness(K: sp.csr_array, inner: np.ndarray, boundary: int) -> np.ndarray:
+    """Stiffness on the motions ``inner``, the first of them static ones of the ``boundary``."""
+    stiffness = inner.T @ (K @ inner)
     # Static motions of the boundary do no work on motions of the interior alone: what is left is rounding.
-    stiffness[: len(rows), len(rows) :] = stiffness[len(rows) :, : len(rows)] = 0.0
+    stiffness[:boundary, boundary:] = stiffness[boundary:, :boundary] = 0.0
     # One boundary node holds nothing: its stiffness is what cancels there, and would be neither sign.
-    held, static = stiffness[: len(rows), : len(rows)], np.abs(inner[:, : len(rows)])
+    held, static = stiffness[:boundary, :boundary], np.abs(inner[:, :boundary])
     held[np.abs(held) < order(K) * np.finfo(float).eps * (static.T @ (abs(K) @ static))] = 0.0
-    seen = (6 * np.array([nodes.index(r) for r in recover], dtype=int)[:, None] + np.arange(6)).ravel()
-    component = Component(
-        name=name or "component",
-        grids=tuple(boundary),
-        frames=tuple(boundary),
-        positions=at.config.x[[nodes.index(b) for b in boundary]],
-        stiffness=0.5 * (stiffness + stiffness.T),
-        mass=0.5 * (mass + mass.T),
-        outputs=tuple(f"{node} {way}" for node in recover for way in WAYS),
-        recovery=T[seen] if recover else None,
-    )
-    return Reduced(require_component(component), fixed, added, above)
+    return 0.5 * (stiffness + stiffness.T)
 
 
 def _check_nodes(
@@ -166,6 +176,16 @@ def _independent(model: Model, config: Configuration, rows: np.ndarray, inside: 
     return sp.csr_array(sp.hstack([boundary, close.basis]))
 
 
+class _Basis(NamedTuple):
+    """Static motions, interior vectors, fixed frequencies, how many residuals, and the next frequency."""
+
+    static: np.ndarray
+    vectors: np.ndarray
+    fixed_hz: np.ndarray
+    added: int
+    next_hz: float
+
+
 def _basis(
     K: sp.csr_array,
     M: sp.csr_array,
@@ -173,13 +193,10 @@ def _basis(
     loaded: sp.csr_array,
     count: int | None,
     upto_hz: float | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, float]:
-    """Static motions, interior vectors, fixed frequencies [Hz], how many residuals, the next [Hz].
-
-    The first coordinates are those of the ``boundary``; ``loaded`` has the motions that residuals load.
-    """
+) -> _Basis:
+    """The first coordinates are those of the ``boundary``; ``loaded`` has the motions that residuals load."""
     if order(K) == boundary:
-        return np.zeros((0, boundary)), np.zeros((0, 0)), np.zeros(0), 0, np.inf
+        return _Basis(np.zeros((0, boundary)), np.zeros((0, 0)), np.zeros(0), 0, np.inf)
     Kii, Mii = (sp.csr_array(A[boundary:][:, boundary:]) for A in (K, M))
     factor = positive_factor(Kii)
     if factor is None:
@@ -192,7 +209,7 @@ def _basis(
     lam, shapes, above = _fixed_modes(Kii, Mii, count, upto_hz)
     chi = _residuals(factor, lam, shapes, loaded[:, boundary:].toarray().T)
     vectors, added = _modal_form(Kii, Mii, shapes, chi)
-    return psi, vectors, np.sqrt(lam) / (2.0 * np.pi), added, above
+    return _Basis(psi, vectors, np.sqrt(lam) / (2.0 * np.pi), added, above)
 
 
 def _fixed_modes(

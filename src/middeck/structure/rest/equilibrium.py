@@ -26,7 +26,8 @@ from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.model.travel import check_travel
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
-from middeck.structure.rest.statics import TOLERANCE, settle
+from middeck.structure.rest.settled import TOLERANCE
+from middeck.structure.rest.statics import settle
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
