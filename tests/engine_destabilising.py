@@ -17,6 +17,7 @@ from engine_rigs import (
     rig_case,
     scaled_rows,
     settings_of,
+    wait_for_hold,
 )  # fmt: skip
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.process.supervisor import Supervisor
@@ -184,8 +185,8 @@ def judge(found: Destabiliser, article: str = "dm", environment: str = "lab") ->
         assert engine.load(pack(found.law, limit=own)).done
         engine.reset()
         engine.run(READY, keep=False)
-        assert engine.state == "ready"
-        engine.command("engage", values=[1.0])
+        begun = wait_for_hold(engine)
+        assert engine.command("engage", values=[1.0]).done
         records = [engine.run(PIECE)]
         longest = min(LONGEST, int(2.0 * GROWTHS / found.rate / settings.period_s) + 3000)
         while engine.state != "safe" and sum(map(len, records)) < longest:
@@ -200,7 +201,7 @@ def judge(found: Destabiliser, article: str = "dm", environment: str = "lab") ->
     whole = np.concatenate(records)
     full = settings.samples(settings.ramp_s)
     trips = [e for e in events if e.trips]
-    at = trips[0].sample - READY - full if trips else np.inf
+    at = trips[0].sample - begun - full if trips else np.inf
     angles = [i for i, s in enumerate(settings.sensors) if np.isfinite(s.envelope)]
     return Outcome(
         kind=found.kind,

@@ -275,6 +275,14 @@ def nominal_package(article: str = "simple", environment: str = "lab") -> Contro
     return pack(design(article, environment, AUTHORITY))
 
 
+def wait_for_hold(engine: Supervisor) -> int:
+    """Run until the hold is verified, without which no law engages; the sample."""
+    while not engine.file.status["hold_verified"]:
+        assert engine.sample < engine.settings.samples(120.0)
+        engine.run(50, keep=False)
+    return engine.sample
+
+
 @functools.cache
 def settings_of(article: str = "simple", environment: str = "lab") -> EngineSettings:
     """With the standard trips, from a record of the held article and of one under control."""
@@ -285,7 +293,8 @@ def settings_of(article: str = "simple", environment: str = "lab") -> EngineSett
         engine.run(settle, keep=False)
         engine.reset()
         records = [engine.run(count)]
-        engine.command("engage", values=[1.0])
+        wait_for_hold(engine)
+        assert engine.command("engage", values=[1.0]).done
         records.append(engine.run(count))
         assert engine.state == "control"
     whole = np.concatenate(records)

@@ -14,7 +14,7 @@ import numpy as np
 
 from engine_destabilising import SLOW_S, Outcome, draw, judge
 from engine_faults import ARTICLE, KINDS, STATES, play
-from engine_rigs import nominal_article, nominal_package, settings_of
+from engine_rigs import nominal_article, nominal_package, settings_of, wait_for_hold
 from measured.rows import row
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import with_faults
@@ -82,6 +82,7 @@ def normal_row(articles: Sequence[str], hours: int) -> dict:
                 engine.run(5000, keep=False)
                 engine.reset()
                 engine.run(5000, keep=False)
+                wait_for_hold(engine)
                 engine.command("engage", values=[1.0])
                 for _ in range(60):
                     engine.run(settings.samples(30.0), keep=False)
@@ -98,6 +99,7 @@ def engaging_row(seeds: Sequence[int]) -> dict:
             engine.load(nominal_package(*ARTICLE))
             engine.reset()
             engine.run(2 * ramp, keep=False)
+            wait_for_hold(engine)
             engine.command("engage", values=[1.0])
             on = engine.run(ramp)["u"]
             normal = np.abs(np.diff(engine.run(4 * ramp)["u"], axis=0)).max(axis=0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from engine_faults import ARTICLE, HOLDING, KINDS, RIG, STATES, fault_settings, play, reach
-from engine_rigs import nominal_article, nominal_package, settings_of
+from engine_rigs import nominal_article, nominal_package, settings_of, wait_for_hold
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import with_faults
 from repeats import repeats
@@ -93,6 +93,7 @@ def test_engaging_adds_at_most_one_hundredth_of_the_limit_to_a_step(article):
             engine.load(package)
             engine.reset()
             engine.run(2 * ramp, keep=False)
+            wait_for_hold(engine)
             engine.command("engage", values=[1.0])
             on = engine.run(ramp)
             throughout = engine.run(4 * ramp)
@@ -116,6 +117,7 @@ def test_nothing_trips_in_normal_operation(article):
             engine.run(5000, keep=False)
             engine.reset()
             engine.run(5000, keep=False)
+            wait_for_hold(engine)
             engine.command("engage", values=[1.0])
             for _ in repeats(range(60)):
                 engine.run(settings.samples(30.0), keep=False)

@@ -22,7 +22,7 @@ from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, Spread
 from middeck.realtime.engine.process.launch import started_settings
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import SMALLEST
+from middeck.realtime.package.section import SMALLEST, LoopPath, static_gain
 from packaged_laws import PERIOD_S, ports
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -180,3 +180,23 @@ def test_what_decays_becomes_zero_before_it_leaves_the_normal_numbers():
     assert 0.0 < np.max(sizes) < 1e-255
     assert np.all((np.array(sizes) == 0.0) | (np.array(sizes) >= SMALLEST[np.float64]))
     assert not np.any(sizes[-1])
+
+
+def test_no_law_engages_before_safe_has_something_to_fall_back_on():
+    """What destabilises may take the article far beyond its envelope while SAFE can only let it go."""
+    hold = (LoopPath(0, 0, static_gain(-0.1)),)
+    settings = plain_settings(hold=hold, ramp_s=0.3, verify_s=1.0)
+    with Supervisor(settings, STILL) as engine:
+        engine.load(long_package(ramp_s=0.3))
+        engine.reset()
+        engine.run(settings.samples(settings.rise_s) + 100)
+        assert engine.command("standby").done
+        assert engine.command("engage", values=[1.0]).word == "not ready"
+        engine.run(settings.samples(settings.verify_s))
+        assert engine.file.status["hold_verified"]
+        assert engine.command("engage", values=[1.0]).done
+        engine.run(200)
+        engine.stop()
+        engine.run(10)
+        engine.reset()  # a verified hold has held on: nothing is to be waited for
+        assert engine.command("engage", values=[1.0]).done

@@ -82,7 +82,8 @@ def test_the_law_learns_what_was_applied_of_its_command():
     """With hold and excitation beside it, and limits in the way."""
     wave = np.random.default_rng(1).uniform(-0.4, 0.4, (700, OUTPUTS))
     package = random_package()
-    with started(settings=plain_settings(hold=HOLD), package=package, waveform=wave) as engine:
+    settings = plain_settings(hold=HOLD, verify_s=0.0)
+    with started(settings=settings, package=package, waveform=wave) as engine:
         engine.command("excite", values=[0.0])
         assert engine.command("engage", values=[1.0]).word == "not ready"  # the hold has not risen
         engine.run(engine.settings.samples(engine.settings.rise_s))
@@ -204,7 +205,7 @@ def test_no_gain_adapts_beyond_what_is_proved_of_the_package():
         maximum=2.0, minimum=0.5, rate=0.1, sensor="y0", band_hz=(1.0, 9.0), quiet_rms=1e-3, loud_rms=2e-3
     )
     first, second = random_package(seed=1), random_package(seed=7)
-    settings = plain_settings(adaptive=gain, hold=HOLD)
+    settings = plain_settings(adaptive=gain, hold=HOLD, verify_s=0.0)
     other = dataclasses.replace(settings, hold=HOLD[:2])
     with started(settings=settings) as engine:
         for wrong in (

@@ -28,7 +28,7 @@ HOLD = (LoopPath(0, 1, static_gain(-0.02)),)
 
 
 @pytest.mark.usefixtures("compiler")
-@pytest.mark.parametrize("changes", [{}, {"hold": HOLD}], ids=["alone", "held"])
+@pytest.mark.parametrize("changes", [{}, {"hold": HOLD, "verify_s": 0.0}], ids=["alone", "held"])
 def test_both_computers_find_the_same(changes):
     """In standby, at a share and at full authority, within limits and at them; the noise is the same too."""
     settings, package = plain_settings(**changes), random_package()
@@ -68,7 +68,7 @@ def test_a_rig_in_python_and_one_behind_udp_are_the_same_rig():
         ({"sensors": "range"}, "range y", True),  # driven there: half of it was seen before
         ({"sensors": "envelope"}, "envelope y", True),
         ({"effort_s": 0.1, "effort_share": 0.2}, "effort u", True),
-        ({"hold": HOLD, "effort_s": 0.2, "effort_share": 0.1}, "effort u", True),
+        ({"hold": HOLD, "verify_s": 0.0, "effort_s": 0.2, "effort_share": 0.1}, "effort u", True),
     ],
 )
 @pytest.mark.usefixtures("compiler")
@@ -94,7 +94,7 @@ def test_both_computers_trip_alike(changes, trip, blamed):
 
 @pytest.mark.usefixtures("compiler")
 def test_neither_computer_engages_while_the_hold_rises():
-    settings, stages = plain_settings(hold=HOLD), (Stage("standby", 0.2), Stage("engage", 0.5))
+    settings, stages = plain_settings(hold=HOLD, verify_s=0.0), (Stage("standby", 0.2), Stage("engage", 0.5))
     for computer in ("engine", "reference"):
         trial = run_trial(random_package(), settings, random_article(), stages, computer=computer)
         assert trial.refused.startswith("not in this state")

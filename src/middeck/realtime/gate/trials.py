@@ -127,7 +127,8 @@ def check_dry_run(
     """
     step, engine = f"dry run {name}", engine if engine is not None and engine.hold else None
     try:
-        settings = package_settings(package, engine)
+        # A trip is a refusal, whatever SAFE would fall back on.
+        settings = dataclasses.replace(package_settings(package, engine), verify_s=0.0)
         top = np.array([max(drive.upper, -drive.lower) for drive in settings.drives])
         reach = np.array([sensor.range for sensor in settings.sensors])
         article = _noisy_article(settings, plant, trials, top, reach)

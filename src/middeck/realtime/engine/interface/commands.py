@@ -15,7 +15,8 @@ REASONS = {
     "unknown command": "no such command",
     "wrong slot": "no such slot",
     "not loaded": "the slot holds no checked package",
-    "not ready": "not in this state: SAFE needs a reset first, a compensator a hold that has risen",
+    "not ready": "not in this state: SAFE needs a reset first, a compensator a hold that has risen and been "
+    "verified",
     "wrong trip": "the reset names another trip than the one that holds the loop",
     "still unhealthy": "a sensor is still out of order",
     "busy": "the slot runs, or the excitation plays",

@@ -109,8 +109,8 @@ static enum answer engage(engine *e, slot *s, real share)
         return OUT_OF_RANGE;
     if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set, share))
         return NOT_PROVED;
-    if (e->set.paths && e->hold_level < e->set.ramp)
-        return NOT_READY; /* it is judged beside the whole hold */
+    if (e->set.paths && (e->hold_level < e->set.ramp || (e->set.verify && !e->hold_verified)))
+        return NOT_READY; /* it is judged beside the whole hold, on which SAFE is to fall back */
     found = stand_by(e, s);
     if (found != DONE)
         return found;

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -28,6 +28,8 @@ AnyRig = RigChoice | EngineRig
 Computer = Literal["auto", "engine", "reference"]
 SETTLE_S = 0.1
 """By the clock: until a rig answers in time."""
+PATIENCE = 10.0
+"""How much longer than at rest one waits for a hold while noise sets the article in motion."""
 OVERFLOW = "its commands overflow"
 """While it stands by, which stops it without a trip."""
 ENGINE, REFERENCE = "engine", "reference law in Python"
@@ -116,6 +118,8 @@ def _by_engine(
         answers += [engine.reset()] if answers[0].done else []
         for stage in stages if answers[-1].done else ():
             values = [stage.share] if stage.word == "engage" else []
+            if stage.word == "engage":
+                taken = np.concatenate([taken, *_until_verified(engine)])
             if engine.state != "safe":
                 answers.append(engine.command(stage.word, values=values))
                 taken = np.concatenate([taken, engine.run(settings.samples(stage.seconds))])
@@ -130,6 +134,16 @@ def _by_engine(
             trip=_in_words(trips[0], settings.period_s) if trips else OVERFLOW if blamed else "",
             blamed=blamed,
         )
+
+
+def _until_verified(engine: Supervisor) -> Iterator[np.ndarray]:
+    """Samples until the hold is verified, where there is one that can be."""
+    settings, piece = engine.settings, engine.settings.samples(0.1)
+    last = engine.sample + settings.samples(PATIENCE * (settings.verify_s + settings.rise_s))
+    while settings.hold and settings.verify_s > 0.0 and engine.state == "ready" and engine.sample < last:
+        if engine.file.status["hold_verified"]:
+            return
+        yield engine.run(piece)
 
 
 def _in_words(event: Event, period_s: float) -> str:
