@@ -11,12 +11,15 @@ from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
+from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 from middeck.systems.poles.transmission_zeros import transmission_zeros
+from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.measured_response import AntiResonance, MeasuredResponse
 from middeck.updating.residuals.modal_transfer import transfer_of, transfer_slopes
@@ -109,7 +112,8 @@ def test_anti_resonances_are_zeros_of_the_state_space(sheet: Modes):
         output=OUT[0], input=IN[0], frequency_hz=own[near] * 1.002, std_hz=1.002e-3 * own[near]
     )
     test = MeasuredResponse(anti_resonances=(measured,), modal_error=0.0, line_error=1e-9)
-    found = compare_response("lab", test, sheet, plain, bind(PARTS, article, lab), np.zeros(len(PARTS)))
+    known = np.zeros(len(PARTS)), np.zeros((len(PARTS), 0))
+    found = compare_response("lab", test, sheet, plain, bind(PARTS, article, lab), *known)
     row = found.slope[0] / found.residual[0] * np.log(1.002)
     assert abs(found.residual[0]) == pytest.approx(np.log(1.002) / 1e-3, rel=1e-3)
     step = 1e-4
@@ -270,3 +274,18 @@ def test_a_port_that_the_article_lacks_is_refused(sheet: Modes):
     survey = Survey(name="lab", measured=seen, environment=lab, response=MeasuredResponse(response=heard))
     with pytest.raises(ConfigError, match="none"):
         refine(article, [survey], PARTS)
+
+
+@pytest.mark.parametrize("seed", repeats([2, 1, 3], quick=1))
+def test_a_mode_that_no_survey_saw_leaves_the_response_its_word(seed: int):
+    """Its pole is off by more than its width at first: there the logarithm is far from linear."""
+    article, _ = case.sheet()
+    survey, _ = truth(seed)
+    few = case.survey(seed, 0, case.STRAIGHT, range(case.SUSPENSION, case.SUSPENSION + 5))
+    unknowns = [*case.sheet_unknowns(article), DELAY, GAIN, MOTOR]
+    found = refine(article, [dataclasses.replace(few, response=survey.response)], unknowns)
+    assert found.converged
+    assert found.responses[0].miss < 2.0
+    predicted = predict_modes(found, Environment.orbit())
+    error = case.log_errors(predicted.modes, predicted.frequency_hz, predicted.index, case.ten_in_orbit(seed))
+    assert np.sqrt(np.mean((error / predicted.log_std) ** 2)) < NORMAL_95

@@ -155,13 +155,14 @@ def refine(
     x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
     at = first = places.solve(x)
     # A response is nearly linear in what is left when the modes have settled, and not before.
-    settled, measured = False, any(s.response is not None for s in surveys)
+    settled, measured, open_x = False, any(s.response is not None for s in surveys), np.diag(spread)
     while True:
         compared, sagged = places.compare(at, surveys, statics)
-        heard = places.hear(compared, x) if settled else ()
+        heard = places.hear(compared, x, open_x) if settled else ()
         fields = ErrorFields.of(at.loaded) if at.loaded else None
         problem = linear_problem(compared, sagged, fields, x - mean, spread, heard)
         found = estimate(problem, usual)
+        open_x = found.root[: len(x)]
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS * (1 + settled):
@@ -200,9 +201,9 @@ def compare_at_first(
     """Every test beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
     _check_names(surveys, statics, unknowns)
     places = _places(structure, surveys, statics, unknowns)
-    mean = np.array([u.mean for u in unknowns])
+    mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     compared, sagged = places.compare(places.solve(mean), surveys, statics)
-    return (*compared, *places.hear(compared, mean), *sagged)
+    return (*compared, *places.hear(compared, mean, np.diag(spread)), *sagged)
 
 
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
@@ -236,10 +237,12 @@ class _Places(NamedTuple):
             compare_statics(at.loaded, statics, self.loaded),
         )
 
-    def hear(self, compared: Sequence[Compared], x: np.ndarray) -> tuple[ComparedResponse, ...]:
-        """Responses beside the model at the unknowns ``x``."""
+    def hear(
+        self, compared: Sequence[Compared], x: np.ndarray, open_x: np.ndarray
+    ) -> tuple[ComparedResponse, ...]:
+        """Responses beside the model at the unknowns ``x``, of whose covariance ``open_x`` is a root."""
         return tuple(
-            compare_measured_response(c, place.bound, x)
+            compare_measured_response(c, place.bound, x, open_x)
             for c, place in zip(compared, self.surveyed, strict=True)
             if c.survey.response is not None
         )

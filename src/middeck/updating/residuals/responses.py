@@ -7,8 +7,8 @@ constants, what lies between the peaks, delay and gains.
 
 A row is the logarithm of measured over modelled response, its real part (log magnitude) or its imaginary part
 (phase), or the logarithm of an anti-resonance's frequency. Rows err together by what the poles are not known
-to and by what the model's modal constants are stated to be wrong by, each alone by its noise and by a stated
-error of each mode's part at each line. They are divided by a root of that covariance, so that they are
+to and by what the model's modal constants are stated to be wrong by, each alone by its noise, by a stated
+error of each mode's part at each line, and by what is not linear in the errors. They are divided by a root of that covariance, so that they are
 independent and of deviation one; where they still miss by more than that, by so much more.
 """
 
@@ -157,14 +157,18 @@ def compare_response(
     poles: Poles,
     bound: Sequence[Bound],
     x: Float[np.ndarray, " unknown"],
+    open_x: Float[np.ndarray, "unknown drawn"],
 ) -> ComparedResponse:
-    """The rows. Raises `ConfigError` for ports that the article does not have, and where no line counts."""
+    """The rows; ``open_x`` is a root of the covariance of what is still unknown of ``x``.
+
+    Raises `ConfigError` for ports that the article does not have, and where no line counts.
+    """
     beside = _beside(test, modes, bound, x, poles)
     found, lost, errors = [], [], [np.zeros(0, complex)]
     paths = measured_paths(test)
     wide = paths[0].common.shape[1] if paths else 0
     for path in paths:
-        rows, error = _of_path(beside, path)
+        rows, error = _of_path(beside, path, open_x)
         found.append(rows)
         errors.append(error)
     if paths and not sum(len(error) for error in errors):
@@ -174,7 +178,7 @@ def compare_response(
             hint=f"a band with lines in it that are known to {100.0 * NOISY:g} %",
         )
     for zero in test.anti_resonances:
-        row = _of_zero(beside, zero, wide)
+        row = _of_zero(beside, zero, wide, open_x)
         found += [] if row is None else [row]
         lost += [zero] if row is None else []
     lines = max((len(path.hz) for path in paths), default=0)
@@ -225,8 +229,14 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-def _of_path(beside: _Beside, measured: MeasuredPath) -> tuple[_Rows, Complex[np.ndarray, " line"]]:
-    """Log magnitude and phase; and the complex errors."""
+def _of_path(
+    beside: _Beside, measured: MeasuredPath, open_x: np.ndarray
+) -> tuple[_Rows, Complex[np.ndarray, " line"]]:
+    """Log magnitude and phase; and the complex errors.
+
+    ln(1 + d) is d to first order, wrong by half its square: where a pole that no survey measured, or a sum
+    that nearly cancels, may move a line by d of itself, that is an error of the line's own.
+    """
     path = beside.outputs.index(measured.output), beside.inputs.index(measured.input)
     s, H = 2j * np.pi * measured.hz, measured.H
     parts = beside.model.parts(s, *path)
@@ -242,7 +252,8 @@ def _of_path(beside: _Beside, measured: MeasuredPath) -> tuple[_Rows, Complex[np
     slope = beside.slopes.of(beside.model, s, path) / G[:, None] + loop
     shared = np.hstack([beside.by_common(s, path) / G[:, None], measured.common / H[:, None]])
     own = beside.test.line_error * np.linalg.norm(parts, axis=1) / np.abs(G)
-    std = np.hypot(measured.noise / (np.sqrt(2.0) * np.abs(H)), own)
+    moved = np.linalg.norm(np.hstack([shared, slope @ open_x]), axis=1)
+    std = np.linalg.norm([measured.noise / (np.sqrt(2.0) * np.abs(H)), own, moved**2 / 2.0], axis=0)
     rows = _Rows(
         residual=np.concatenate([error.real, error.imag]),
         std=np.concatenate([std, std]),
@@ -252,7 +263,7 @@ def _of_path(beside: _Beside, measured: MeasuredPath) -> tuple[_Rows, Complex[np
     return rows, error
 
 
-def _of_zero(beside: _Beside, zero: AntiResonance, wide: int) -> _Rows | None:
+def _of_zero(beside: _Beside, zero: AntiResonance, wide: int, open_x: np.ndarray) -> _Rows | None:
     """d ln |s| = Re(ds / s) with ds = -dG / G'; None where the model has no such zero near."""
     path = beside.outputs.index(zero.output), beside.inputs.index(zero.input)
     s = _find_zero(beside.model, path, 2.0 * np.pi * zero.frequency_hz)
@@ -261,12 +272,15 @@ def _of_zero(beside: _Beside, zero: AntiResonance, wide: int) -> _Rows | None:
     at = np.array([s])
     turn = -1.0 / (beside.model.slope(at, path)[:, None] * s)
     parts = np.linalg.norm(beside.model.parts(at, *path), axis=1)
-    own = beside.test.line_error * float(parts[0] * np.abs(turn[0, 0]))
+    slope = np.real(turn * beside.slopes.of(beside.model, at, path))
+    shared = np.real(turn * beside.by_common(at, path))
+    moved = float(np.linalg.norm(np.hstack([shared, slope @ open_x])))
+    own = np.hypot(beside.test.line_error * float(parts[0] * np.abs(turn[0, 0])), moved**2 / 2.0)
     return _Rows(
         residual=np.array([np.log(2.0 * np.pi * zero.frequency_hz / abs(s))]),
         std=np.array([np.hypot(zero.std_hz / zero.frequency_hz, own)]),
-        slope=np.real(turn * beside.slopes.of(beside.model, at, path)),
-        shared=np.hstack([np.real(turn * beside.by_common(at, path)), np.zeros((1, wide))]),
+        slope=slope,
+        shared=np.hstack([shared, np.zeros((1, wide))]),
     )
 
 

@@ -179,9 +179,12 @@ def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
 
 
 def compare_measured_response(
-    compared: Compared, bound: Sequence[Bound], x: Float[np.ndarray, " unknown"]
+    compared: Compared,
+    bound: Sequence[Bound],
+    x: Float[np.ndarray, " unknown"],
+    open_x: Float[np.ndarray, "unknown drawn"],
 ) -> ComparedResponse:
-    """The survey's response beside the model at ``x``, at the poles of its modes."""
+    """The survey's response beside the model at ``x``, at the poles of its modes (`compare_response`)."""
     survey, modes, pairs = compared.survey, compared.modes, compared.pairs
     test, measured = survey.response, survey.measured
     assert test is not None
@@ -195,7 +198,7 @@ def compare_measured_response(
         measured.damping_std,
         estimate_damping(modes, count=count).zeta,
     )
-    return compare_response(survey.name, test, modes, poles, bound, x)
+    return compare_response(survey.name, test, modes, poles, bound, x, open_x)
 
 
 def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:

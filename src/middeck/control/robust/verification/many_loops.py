@@ -153,16 +153,17 @@ def _units(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, " state"]:
     Each state is as much excited as it is seen, if noise and sensor are those of the units: the sum of
     |M^i|^2, twice the trace of either Gramian over p, is least there. From the first loop for all: exact.
     """
-    F, unit = balance(A)
-    growth = float(np.real(np.linalg.eigvals(F)).max())
-    F -= max(0.0, growth + SHIFT * float(np.linalg.norm(F, 2))) * np.eye(len(F))
+    balanced, unit = balance(A)
+    growth = float(np.real(np.linalg.eigvals(balanced)).max())
+    lent = max(0.0, growth + SHIFT * float(np.linalg.norm(balanced, 2)))
+    moved = balanced - lent * np.eye(len(A))
     for _ in range(UNITS):
-        excited, seen = (np.diag(solve_lyapunov(M, np.eye(len(F)))) for M in (F.T, F))
+        excited, seen = (np.diag(solve_lyapunov(M, np.eye(len(A)))) for M in (moved.T, moved))
         with np.errstate(all="ignore"):
             own = np.exp2(np.round(np.log2(excited / seen) / 4.0))
         if not (np.isfinite(own) & (own > 0.0)).all():
             break
-        F, unit = F * (own / own[:, None]), unit * own
+        moved, unit = moved * (own / own[:, None]), unit * own
     return unit
 
 
