@@ -34,10 +34,13 @@ settings.load_profile("ours")
 
 @pytest.fixture(scope="session")
 def campaign():
-    """``campaign(whole)``: seeds of ``whole`` runs, of which the first twentieth unless all are asked for."""
+    """``campaign(whole)``: seeds of ``whole`` runs, of which the first twentieth unless all are asked for.
 
-    def seeds(whole: int) -> range:
-        return range(SEED, SEED + (whole if LONG else max(1, whole // SHARE)))
+    ``campaign(whole, share)`` leaves the first ``share``-th instead.
+    """
+
+    def seeds(whole: int, share: int = SHARE) -> range:
+        return range(SEED, SEED + (whole if LONG else max(1, whole // share)))
 
     return seeds
 

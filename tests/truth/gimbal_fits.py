@@ -9,9 +9,18 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.spectra import estimate_response
 
 
-@functools.cache
 def measured(seed, outputs=1, moved=1.0, mode=4):
     """The response of one record; ``moved`` scales the frequency of a mode, as a warm week may."""
+    return _measured(seed, outputs, moved, mode)
+
+
+def fit(seed, outputs=1, moved=1.0):
+    return _fit(seed, outputs, moved)
+
+
+# A cache tells a default from the same value given: what is kept is asked for in one way.
+@functools.cache
+def _measured(seed, outputs, moved, mode):
     hz = gimbal_record.MODES_HZ
     gimbal_record.MODES_HZ = np.where(np.arange(len(hz)) == mode, moved, 1.0) * hz
     try:
@@ -21,5 +30,5 @@ def measured(seed, outputs=1, moved=1.0, mode=4):
 
 
 @functools.cache
-def fit(seed, outputs=1, moved=1.0):
+def _fit(seed, outputs, moved):
     return fit_response(measured(seed, outputs, moved), states=10)

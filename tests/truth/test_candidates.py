@@ -25,6 +25,7 @@ from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.statics import StaticTest
 from middeck.updating.residuals.surveys import Survey, set_up
 from middeck.updating.unknowns.unknowns import Unknown
+from repeats import repeats
 
 USUAL = MeasurementNoise(frequency=1e-3, shape=0.02)
 CHANNELS = tuple(
@@ -92,7 +93,7 @@ def held(really: Refined, before: Refined) -> Refined:
     return dataclasses.replace(really, estimate=found, unseen=before.unseen)
 
 
-@pytest.mark.parametrize("settings", [case.STRAIGHT, case.TURNED])
+@pytest.mark.parametrize("settings", repeats([case.TURNED, case.STRAIGHT]))
 def test_what_is_foreseen_is_what_refining_tells(settings: tuple[tuple[str, float], ...]):
     """Twenty modes of the most probable article, with noise, refined on: the modes that none had seen.
 
