@@ -241,7 +241,7 @@ def test_a_centroid_that_crosses_the_node_line_adds_no_stiffness_there():
 def test_summary_has_the_mass_where_it_is():
     """Against the mass matrix under rigid motions."""
     first = dataclasses.replace(FULL, mass_centre_y=0.05, mass_centre_z=-0.1)
-    beam = cantilever(first, 8, stations=((1.0, dataclasses.replace(first, rho_A=0.1, mass_centre_y=0.05)),))
+    beam = cantilever(first, 8, stations=((1.0, dataclasses.replace(first, rho_A=0.1, mass_centre_y=-0.2)),))
     summary, model = summarise(beam), mesh_structure(beam)
     _, M, _ = clamped_matrices(model, fixed=())
     x = model.rest.x - summary.centre

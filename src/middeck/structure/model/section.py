@@ -103,9 +103,9 @@ def section_between(first: Section, last: Section, part: float) -> Section:
         return first
     if not (np.any(first.centroid) or np.any(last.centroid)):
         return _tube_between(first, last, part)
-    bare = (shifted_section(s, (-s.centroid[0], -s.centroid[1])) for s in (first, last))
+    start, end = (shifted_section(s, (-s.centroid[0], -s.centroid[1])) for s in (first, last))
     y, z = (1.0 - part) * first.centroid + part * last.centroid
-    return shifted_section(_tube_between(*bare, part), (y, z))
+    return shifted_section(_tube_between(start, end, part), (y, z))
 
 
 def _tube_between(first: Section, last: Section, part: float) -> Section:

@@ -68,7 +68,7 @@ class _Rods(NamedTuple):
     rho_I: np.ndarray
     elements: np.ndarray
     centre: np.ndarray  # from the start, own axes
-    spread: np.ndarray  # mean square of the mass along the length about its centre, over the length squared
+    spread: np.ndarray  # second moments of the mass about its centre over the mass [m^2], own axes
 
 
 def summarise(structure: Structure) -> Summary:
@@ -122,7 +122,7 @@ def _rods(structure: Structure) -> _Rods:
     def column(name: str) -> np.ndarray:
         return np.array([getattr(s, name) for s in sections], dtype=float)
 
-    mean, spread, y, z = np.array([_spread(m) for m in members]).reshape(-1, 4).T
+    spread = [_spread(m, length) for m, length in zip(members, geometry.length.tolist(), strict=True)]
     return _Rods(
         x + geometry.offset[:, 0],
         along,
@@ -133,21 +133,22 @@ def _rods(structure: Structure) -> _Rods:
         column("rho_A"),
         np.stack([column("rho_I_y") + column("rho_I_z"), column("rho_I_y"), column("rho_I_z")], axis=1),
         np.array([m.elements for m in members], dtype=float),
-        np.stack([geometry.length * mean, y, z], axis=1),
-        spread,
+        np.array([mean for mean, _ in spread]).reshape(-1, 3),
+        np.array([second for _, second in spread]).reshape(-1, 3, 3),
     )
 
 
-def _spread(member: Member) -> tuple[float, float, float, float]:
-    """Mean place of a member's mass and its mean square about that, of its length, and (y, z) across it."""
-    if not member.stations:
-        return 0.5, 1.0 / 12.0, member.section.mass_centre_y, member.section.mass_centre_z
-    rho = np.array([s.rho_A for s in member.sections])
+def _spread(member: Member, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean place of a member's mass from its start, and its second moments about that, in own axes."""
+    sections = member.sections
+    rho = np.array([s.rho_A for s in sections])
     share = rho / rho.sum() if rho.sum() > 0.0 else np.full(len(rho), 1.0 / len(rho))
-    at = (np.arange(len(rho)) + 0.5) / len(rho)
-    mean = float(share @ at)
-    across = share @ np.array([(s.mass_centre_y, s.mass_centre_z) for s in member.sections])
-    return mean, float(share @ (at - mean) ** 2 + 1.0 / (12.0 * len(rho) ** 2)), *across.tolist()
+    along = (np.arange(len(rho)) + 0.5) / len(rho) * length
+    at = np.column_stack([along, [(s.mass_centre_y, s.mass_centre_z) for s in sections]])
+    mean = share @ at
+    second = (at - mean).T @ (share[:, None] * (at - mean))
+    second[0, 0] += (length / len(rho)) ** 2 / 12.0
+    return mean, second
 
 
 def _mass_properties(
@@ -175,11 +176,10 @@ def _mass_properties(
     own = np.zeros((len(x), 3, 3))
     for row, (i, body) in enumerate(carried):
         own[row] = poses.R[i] @ body.inertia @ poses.R[i].T
-    bare = rods.spread * rods.rho_A * rods.length**3
-    spin = rods.rho_I * rods.length[:, None]
+    apart = (rods.rho_A * rods.length)[:, None, None] * rods.spread
+    spin = (rods.rho_I * rods.length[:, None])[:, None, :] + np.trace(apart, axis1=1, axis2=2)[:, None, None]
     straight = slice(len(carried), len(carried) + len(middle))
-    own[straight] = bare[:, None, None] * (np.eye(3) - rods.along[:, :, None] * rods.along[:, None, :])
-    own[straight] += (rods.triad * spin[:, None, :]) @ np.swapaxes(rods.triad, 1, 2)
+    own[straight] = rods.triad @ (np.eye(3) * spin - apart) @ np.swapaxes(rods.triad, 1, 2)
     for k, (part, whole) in enumerate(zip(structure.components, wholes, strict=True)):
         own[straight.stop + k] = part.axes @ whole.inertia @ part.axes.T
     r = x - centre

@@ -96,7 +96,7 @@ def end_frame(basis: Basis, bar: Bar, end: int, standing: Standing) -> tuple[str
 
 def _strut(basis: Basis, bar: Bar, standing: Standing) -> dict[str, Any]:
     ends = [end_frame(basis, bar, k, standing) for k in (0, 1)]
-    table = {"name": _strut_name(bar), "from": ends[0][0], "to": ends[1][0]}
+    table: dict[str, Any] = {"name": _strut_name(bar), "from": ends[0][0], "to": ends[1][0]}
     table["up"] = bar.up / np.linalg.norm(bar.up)
     if bar.entry.name in RODS:
         table["elements"] = 1  # two rods in line are a mechanism
