@@ -8,8 +8,9 @@ constants, what lies between the peaks, delay and gains.
 A row is the logarithm of measured over modelled response, its real part (log magnitude) or its imaginary part
 (phase), or the logarithm of an anti-resonance's frequency. Rows err together by what the poles are not known
 to and by what the model's modal constants are stated to be wrong by, each alone by its noise, by a stated
-error of each mode's part at each line, and by what is not linear in the errors. They are divided by a root of that covariance, so that they are
-independent and of deviation one; where they still miss by more than that, by so much more.
+error of each mode's part at each line, and by what is not linear in the errors. They are divided by a root of
+that covariance, so that they are independent and of deviation one; where they still miss by more than that,
+by so much more.
 """
 
 from __future__ import annotations
