@@ -67,14 +67,6 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     return alone if none_grows(alone, period_s) else rates
 
 
-def plainly_decays(A: Float[np.ndarray, "state state"], values: Complex[np.ndarray, " state"]) -> bool:
-    """Whether the eigenvalues of a continuous A decay, none of them so near to zero that rounding decides.
-
-    False for those that `growth_rates` has to look at.
-    """
-    return all_decay(values) and not _crowded(values, float(np.linalg.norm(balance(A)[0])))
-
-
 def _crowded(values: np.ndarray, size: float) -> bool:
     """Whether several are so near to zero that rounding of a matrix of this ``size`` may have split them."""
     return bool(np.sum(np.abs(values) < CROWDED * size) >= 2)

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from middeck.control.law.compensator import Compensator, locate_ports
+from middeck.control.robust.many_loops import decide_many
+from middeck.control.robust.monte_carlo import same_shapes
 from middeck.systems.delay.delay import pade
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
-from middeck.systems.poles.stability import growth_rates, none_grows
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import StateSpace, select_paths, series
 from middeck.values import record
@@ -58,10 +59,15 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: Wiring, order:
     return select_paths(feedback(system, late, u, y), columns, rows)
 
 
-def grows_while_sticking(loop: StateSpace, stiffness: Float[np.ndarray, " joint"]) -> bool:
-    """Whether the loop grows with every slider a spring, as it is at small amplitude."""
-    held = loop.A - loop.B @ (stiffness[:, None] * loop.C[: len(stiffness)])
-    return not none_grows(growth_rates(StateSpace(held, loop.B, loop.C, loop.D)))
+def hold_while_sticking(
+    loops: Sequence[StateSpace], stiffness: Float[np.ndarray, "loop joint"]
+) -> Bool[np.ndarray, " loop"]:
+    """Which loops do not grow with every slider a spring, as it is at small amplitude."""
+    held = [p.A - p.B @ (k[:, None] * p.C[: len(k)]) for p, k in zip(loops, stiffness, strict=True)]
+    holds = np.zeros(len(held), dtype=bool)
+    for group in same_shapes([A.shape for A in held]):
+        holds[group] = decide_many(np.array([held[i] for i in group]))
+    return holds
 
 
 def pole_form(loop: StateSpace) -> PoleForm | None:

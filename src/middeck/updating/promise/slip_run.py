@@ -26,7 +26,7 @@ from middeck.updating.promise.slip_loops import (
     Wiring,
     around_sliders,
     evaluate_open,
-    grows_while_sticking,
+    hold_while_sticking,
     noise_response,
     pole_form,
 )
@@ -138,8 +138,8 @@ def _run(asked: _Asked, some: _Draws, law: Compensator | None, order: int) -> Sl
     if held:
         at = list(held)
         db[at], variance[at], travel[at] = _with_friction(asked, some, law, held)
-    sticks = [not grows_while_sticking(loop, k) for loop, k in zip(around, some.stiffness, strict=True)]
-    return Slipped(db=db, variance=variance, travel=travel, sticks=np.array(sticks, dtype=bool))
+    sticks = hold_while_sticking(around, some.stiffness)
+    return Slipped(db=db, variance=variance, travel=travel, sticks=sticks)
 
 
 def _with_friction(

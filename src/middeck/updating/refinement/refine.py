@@ -162,13 +162,12 @@ def refine(
         fields = ErrorFields.of(at.loaded) if at.loaded else None
         problem = linear_problem(compared, sagged, fields, x - mean, spread, heard)
         found = estimate(problem, usual)
-        open_x = found.root[: len(x)]
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS * (1 + settled):
             if settled or not measured:
                 break
-            settled, pace, last = True, 1.0, np.zeros(len(mean))
+            settled, pace, last, open_x = True, 1.0, np.zeros(len(mean)), found.root[: len(x)]
             continue
         size, pace = step / spread, _pace(pace, step / spread, last)
         x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))))

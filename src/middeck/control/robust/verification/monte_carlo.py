@@ -22,8 +22,6 @@ from middeck.control.robust.verification.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.systems.poles.stability import all_decay, growth_rates, plainly_decays
-from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 
@@ -230,7 +228,7 @@ def _rms(
     for group in same_shapes([c[0].shape for c in closed]):
         A, B, C = (np.array([closed[i][k] for i in group]) for k in range(3))
         values = np.linalg.eigvals(A).astype(complex)
-        each = measure_many(A, B, C).rms if measured else _zero_or_infinite(A, values, C.shape[1])
+        each = measure_many(A, B if measured else B[:, :, :0], C).rms
         inputs = models[group[0]].B2.shape[1]
         outputs = each.shape[1] - inputs
         for j, i in enumerate(group):
@@ -238,15 +236,6 @@ def _rms(
             rms[i] = np.linalg.norm(each[j, :outputs])
             control[i] = np.linalg.norm(each[j, outputs:])
     return poles, rms, control
-
-
-def _zero_or_infinite(A: np.ndarray, values: np.ndarray, outputs: int) -> Float[np.ndarray, "loop output"]:
-    """Zero where a loop decays, by its eigenvalues ``values`` where these are plain."""
-    decays = [
-        plainly_decays(a, v) or all_decay(growth_rates(StateSpace(a, a[:, :0], a[:0], np.zeros((0, 0)))))
-        for a, v in zip(A, values, strict=True)
-    ]
-    return np.where(np.array(decays, dtype=bool)[:, None], 0.0, np.full(outputs, np.inf))
 
 
 def same_shapes(shapes: Sequence[tuple[int, ...]]) -> list[list[int]]:
