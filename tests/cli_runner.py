@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import os
 import pickle
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 
 from middeck.cli.fitting import identify
 from middeck.cli.main import execute
+from middeck.identification.faults import detect_faults
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine
 
@@ -36,7 +38,8 @@ def middeck(capfd: pytest.CaptureFixture[str], *arguments: object) -> Ended:
 
 def identify_once(*asked: Any) -> Any:
     """For `middeck.cli.fitting.identify`: what examples of several verbs ask for alike is fitted once."""
-    known = str(asked[:3])
+    given = [hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in asked[0]]
+    known = str((given, *asked[:3]))
     if known not in FITTED:
         FITTED[known] = identify(*asked)
     return FITTED[known]
@@ -56,12 +59,14 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return kept
 
 
-refine_once, promise_once = once(refine), once(promise)
+refine_once, promise_once, detect_faults_once = once(refine), once(promise), once(detect_faults)
 
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let verbs fit, refine and promise once what several examples ask for alike."""
+    """Let verbs search faults, fit, refine and promise once where several examples ask alike."""
     monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
+    monkeypatch.setattr("middeck.cli.fitting.detect_faults", detect_faults_once)
+    monkeypatch.setattr("middeck.identification.faults.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)
     monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
 

@@ -55,6 +55,8 @@ PAPER = {
 EXAMPLES = {"tests/docs/test_examples.py", "tests/edges/test_cli_hygiene.py"}
 # They fit the same simulated gimbals, once (`gimbal_fits`, `two_modes`).
 GIMBAL = {f"tests/truth/test_{n}.py" for n in ("drift", "model_set", "uncertainty", "uncertainty_campaign")}
+# They promise on the same refinement (`promise_case.refined`).
+PROMISE = {f"tests/truth/test_{n}.py" for n in ("promise", "promise_friction")}
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -65,7 +67,7 @@ def pytest_xdist_make_scheduler(config, log):
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition("::")[0]
-            return next((min(group) for group in (PAPER, EXAMPLES, GIMBAL) if file in group), file)
+            return next((min(group) for group in (PAPER, EXAMPLES, GIMBAL, PROMISE) if file in group), file)
 
     return ByFile(config, log)
 

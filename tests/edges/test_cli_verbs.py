@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import middeck as md
-from cli_runner import ROOT, middeck
+from cli_runner import ROOT, detect_faults_once, middeck
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.structure.rest.equilibrium import node_rotations
@@ -21,6 +21,12 @@ DM = ROOT / "articles/mace-dm.toml"
 LAB = ROOT / "environments/lab.toml"
 MIRROR = ROOT / "data/cubespec-fsm"
 Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Faults of one record are looked for once."""
+    monkeypatch.setattr("middeck.cli.fitting.detect_faults", detect_faults_once)
 
 
 def document(capfd: Capture, *arguments: object) -> dict[str, Any]:

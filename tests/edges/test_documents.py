@@ -757,7 +757,7 @@ DOCUMENTS = [
 ]
 
 
-@settings(max_examples=600 if LONG else 60)
+@settings(max_examples=600 if LONG else 30)
 @given(st.data())
 def test_no_junk_breaks_the_checks(data: st.DataObject) -> None:
     """Whatever stands at one or two places, the checks end with faults that have words, or with none."""

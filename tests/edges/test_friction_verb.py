@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli_runner import middeck
+from cli_runner import middeck, share_results
 from middeck.files.measured.models import load_standing
 from middeck.files.records import write_record
 from middeck.joints.attachment import JointElements
@@ -25,7 +25,10 @@ def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_friction_is_found_and_said(taken: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+def test_friction_is_found_and_said(
+    taken: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    share_results(monkeypatch)  # fitted once, shown twice
     model = tmp_path / "model.json"
     ended = middeck(capfd, "identify", taken, *ASKED, "-o", model, "--json")
     assert ended.code == 0, ended.err

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli_runner import middeck
+from cli_runner import middeck, refine_once, share_results
 from middeck.errors import ConfigError, DataError
 from middeck.files.documents import load_setup, load_structure
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
@@ -17,11 +17,16 @@ from middeck.files.refinements.documents import load_refinement, refined_text
 from middeck.files.refinements.loads import load_promised_loads
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.orbit.deflections import predict_deflections
-from middeck.updating.refinement.refine import refine
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"
 SURVEY = ROOT / "data/virtual-survey"
+
+
+@pytest.fixture(autouse=True)
+def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is refined alike is refined once."""
+    share_results(monkeypatch)
 
 
 def test_factors_multiply_what_the_article_says(tmp_path: Path):
@@ -245,7 +250,7 @@ def test_readings_under_other_loads_are_promised_and_compared(
     assert (middle["unit"], end["unit"]) == ("m", "deg")
     assert middle["interval_95"][0] < middle["value"] < middle["interval_95"][1]
     direct = predict_deflections(
-        refine(load_structure(ARTICLE), *load_refinement(tmp_path / "refine.toml", ARTICLE).of_refine),
+        refine_once(load_structure(ARTICLE), *load_refinement(tmp_path / "refine.toml", ARTICLE).of_refine),
         load_setup(ARTICLE, tmp_path / "stand.toml")[1],
         load_promised_loads(loads, ARTICLE).load_cases,
         load_promised_loads(loads, ARTICLE).gauges,

@@ -325,7 +325,8 @@ def text_of(node: ast.expr) -> str:
 def hints() -> list[tuple[str, str]]:
     found = []
     for file in sorted((ROOT / "src/middeck").rglob("*.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        text = file.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "hint=" in text else ():
             if isinstance(node, ast.Call):
                 found += [
                     (file.relative_to(ROOT / "src/middeck").as_posix(), text_of(k.value))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -91,7 +92,8 @@ def with_all_motors(asked: Plan) -> Plan:
     )
 
 
-def refined(seed: int, chosen: Sequence[int] = range(20)) -> Refined:
+@functools.cache
+def refined(seed: int, chosen: range = range(20)) -> Refined:
     """The sheet refined on two surveys of a truth."""
     article, _ = sheet()
     surveys = [survey(seed, k, angles, chosen) for k, angles in enumerate((STRAIGHT, TURNED))]

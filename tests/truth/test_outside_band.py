@@ -24,7 +24,7 @@ def structure(s, hz, signs, zeta=0.01):
 
 
 @pytest.mark.parametrize("constants", ["real", "complex"])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", repeats([1, 0]))
 def test_modes_outside_a_narrow_band_are_no_poles(seed, constants):
     """Two modes in 7-11 Hz, two below it and two above: a constant and 1/s^2 stand for those."""
     f = np.arange(7.0, 11.0, 0.02)
