@@ -16,7 +16,6 @@ from middeck.identification.fit.standing import (
     Standing,
     SteadyLine,
     checked_covariance,
-    doubts_of_merged,
     doubts_of_phase,
     doubts_of_standing,
     standing_of,
@@ -26,7 +25,7 @@ from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.fit.tidy import parted, tidied
 from middeck.identification.model.checks import check_logarithms, check_response, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
-from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.simulation import folded_response
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
@@ -194,8 +193,7 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
 
 @record(kw_only=True)
 class _Searched:
-    """The end of a search: what was fitted, the best run, its weights, why it has its order, and
-    which modes of an order that was asked for are two."""
+    """The end of a search: what was fitted, the best run, its weights, and why it has its order."""
 
     measured: FrequencyResponse
     data: Data
@@ -203,7 +201,6 @@ class _Searched:
     spread: Spread
     followed: Spread
     reason: str
-    merged_hz: tuple[float, ...]
 
 
 def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Searched:
@@ -232,9 +229,8 @@ def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Se
     best = settle(data, best, followed)
     if states is None:
         best = tidied(measured, data, best, followed)
-    two, merged_hz = parted(data, best, spread)
-    if states is None and merged_hz:
-        best, followed, merged_hz = two, spread, []
+        two = parted(data, best, spread)
+        best, followed = (best, followed) if two is best else (two, spread)
     if cost == "logarithmic":
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
@@ -246,7 +242,6 @@ def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Se
         spread=spread,
         followed=followed,
         reason=reason,
-        merged_hz=tuple(merged_hz),
     )
 
 
@@ -293,10 +288,6 @@ def _result(run: _Searched) -> FitResult:
     of_delays = standing_of_delays(measured, covariance, holds=noise and poles is None)
     warnings += [] if poles is None else [poles.doubt()]
     warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
-    warnings += doubts_of_merged(run.merged_hz)
-    marks = list(standing)
-    for hz in run.merged_hz:
-        marks[int(np.argmin(np.abs(natural_hz(model) - hz)))] = "unresolved"
     return FitResult(
         model=model,
         cost=2.0 * best.refined.step.cost / r.size,
@@ -307,7 +298,7 @@ def _result(run: _Searched) -> FitResult:
         history=np.array(best.refined.history),
         order_reason=run.reason,
         warnings=tuple(warnings),
-        standing=tuple(marks),
+        standing=standing,
         delay_standing=of_delays,
     )
 

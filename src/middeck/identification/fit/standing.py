@@ -133,17 +133,6 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
     return found
 
 
-def doubts_of_merged(places_hz: Sequence[float]) -> list[str]:
-    """A warning for the modes of an order that was asked for which two describe better."""
-    places = ", ".join(f"{hz:.6g}" for hz in sorted(places_hz))
-    if not places:
-        return []
-    return [
-        f"modes at {places} Hz: not resolved, two modes in the place of each leave no more than noise, one "
-        "leaves more: its deviations tell how well the mean of both is known; ask for two states more"
-    ]
-
-
 def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
     """A warning for the pairs that stand for a delay (`stands_for_delay`)."""
     f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)

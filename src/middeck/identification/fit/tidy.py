@@ -45,8 +45,8 @@ def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spre
     )
 
 
-def parted(data: Data, best: Polished, spread: Spread) -> tuple[Polished, list[float]]:
-    """``best`` with each mode that is two so described, and where those were [Hz].
+def parted(data: Data, best: Polished, spread: Spread) -> Polished:
+    """``best`` with each mode that is two so described.
 
     Two modes closer than their width are one to a subspace. They are taken for two where that shortens the
     description, and then leaves noise: friction leaves the same form beside a mode, but more with it.
@@ -63,16 +63,15 @@ def split(
     state: State,
     pairs: Callable[[State], Complex[np.ndarray, " pair"]],
     in_two: Callable[[State, int], State | None],
-) -> tuple[State, list[float]]:
-    """Modes in two where ``in_two`` finds that better and both halves stay where the mode was [Hz]."""
-    m, places = 0, list[float]()
+) -> State:
+    """Modes in two where ``in_two`` finds that better and both halves stay where the mode was."""
+    m = 0
     while m < len(poles := pairs(state)):
         found = in_two(state, m)
         if found and np.all(np.abs(pairs(found)[m : m + 2] - poles[m]) < NEAR * abs(poles[m].real)):
-            places.append(abs(poles[m]) / (2.0 * np.pi))
             state, m = found, m + 1
         m += 1
-    return state, places
+    return state
 
 
 def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | None:

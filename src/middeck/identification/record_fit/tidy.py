@@ -69,7 +69,7 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     state = _without_sines(record, Tidied(data, run, ()))
     if not sampled:
         state = shed(state, functools.partial(_significance, record), _without)
-        state, _ = split(state, lambda found: pairs_of(found.run), _in_two)
+        state = split(state, lambda found: pairs_of(found.run), _in_two)
     return _with_hidden_lines(state)
 
 
