@@ -374,10 +374,11 @@ def _explained(
     step = max(float(np.min(np.diff(omega), initial=omega[-1])), omega[-1] / MOST_LINES)
     place = np.round(omega / step).astype(int)
     count = 2 ** int(np.ceil(np.log2(omega[-1] / step / DELAY_STEP)))
-    on_grid = np.zeros((count, products.shape[1]), dtype=complex)
-    np.add.at(on_grid, place, products)
+    on_grid = np.zeros((count // 2 + 1, products.shape[1]), dtype=complex)
+    # Half of each line but that at zero: the other half is its conjugate's.
+    np.add.at(on_grid, place, np.where(place > 0, 0.5, 1.0)[:, None] * products)
     tau = 2.0 * np.pi / step * np.fft.fftfreq(count)
-    return tau, np.sum(np.real(np.fft.ifft(on_grid, axis=0) * count) ** 2, axis=1)
+    return tau, np.sum((np.fft.irfft(on_grid, count, axis=0) * count) ** 2, axis=1)
 
 
 def _sharpened(
