@@ -29,7 +29,7 @@ from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.gauges import Gauge, GaugeKind
 from middeck.updating.residuals.statics import ErrorFields, StaticTest, set_up_static
 from middeck.updating.unknowns.unknowns import Unknown
-from repeats import repeats
+from repeats import LONG, repeats
 
 LENGTH, EI, G = 1.0, 20.0, 9.80665
 UP, AFT = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
@@ -239,7 +239,7 @@ def test_one_unloaded_reading_is_wrong_in_all_of_its_series():
 def test_intervals_cover(first: int):
     """Truths of the prior, whose members yield otherwise as load grows, with a rig that is 0.5 % off."""
     missed = 0
-    for seed in range(first, first + 8):
+    for seed in range(first, first + (8 if LONG else 4)):
         rng = np.random.default_rng(seed)
         stiffness, off, growth = rng.standard_normal(3) * [0.1, 0.03, 0.3]
         levels = (0.3, 0.6, 1.0, 2.0)
@@ -251,7 +251,8 @@ def test_intervals_cover(first: int):
         found = refine(wing(), [], [BENDING], statics=statics)
         (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP], series="tip")
         missed += int(not told.interval[0, 0] < read[3][0] < told.interval[0, 1])
-    assert missed <= 2
+    # More are missed by a chance of 6e-3 of eight, of 1.4e-2 of four, if each interval covers 95 %.
+    assert missed <= (2 if LONG else 1)
 
 
 def test_predictions_are_documents():
