@@ -7,6 +7,7 @@ import json
 import os
 import resource
 import struct
+import time
 import warnings
 import zlib
 
@@ -282,3 +283,22 @@ def test_a_folder_that_takes_nothing_and_a_name_that_is_taken(tmp_path):
                 engine.record(type(tmp_path)("/proc/self/loop.mdr"))  # a folder that nobody writes into
         assert len(engine.run(20)) == 20
         assert engine.state == "ready"
+
+
+def test_a_lockstep_engine_does_not_run_away_from_a_slow_disk(tmp_path, monkeypatch):
+    """What a kill of the supervisor would lose is still in the ring, with half of it left for the way out."""
+    append = Recorder._append
+
+    def slowly(self, file, data):
+        time.sleep(0.02)
+        append(self, file, data)
+
+    monkeypatch.setattr(Recorder, "_append", slowly)
+    with Supervisor(plain_settings(), random_article(), ring=200) as engine:
+        recorder = engine.record(tmp_path / "loop.mdr")
+        behind = []
+        for _ in range(12):
+            engine.run(50)
+            behind.append(recorder.behind)
+    assert 0 < max(behind) <= 100
+    assert not read_run(tmp_path / "loop.mdr").faults

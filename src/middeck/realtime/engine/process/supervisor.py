@@ -362,10 +362,12 @@ class Supervisor:
         begin = self.sample
         if self.real_time:
             return self._follow(begin + samples, beats, keep)
-        taken, slice_ = [], len(self.file.ring)
+        # A quarter of the ring not yet read, one not yet written: half is left for the engine's way out.
+        taken, slice_ = [], max(1, len(self.file.ring) // 4)
         for first in range(begin, begin + samples, slice_):
             if beats:
                 self.beat()
+            self._let_write(slice_)
             until = min(first + slice_, begin + samples)
             self.file.asks["until"] = until
             self._wait(lambda until=until: self.sample >= until)
@@ -461,6 +463,14 @@ class Supervisor:
             self._require_alive()
             taken.append(self.read() if keep else self._skip())
         return np.concatenate(taken) if taken else self.file.ring[:0].copy()
+
+    def _let_write(self, most: int) -> None:
+        """In lockstep there is time: no more records than ``most`` wait for a disk that works."""
+        recorder, began = self.recorder, time.monotonic()
+        while recorder is not None and recorder.behind > most and not recorder.faults:
+            if time.monotonic() - began > PATIENCE_S:
+                return
+            time.sleep(POLL_S)
 
     def _wait(self, reached: object) -> None:
         began = time.monotonic()
