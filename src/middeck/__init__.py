@@ -8,7 +8,7 @@ imported when it is first used. What is asked for less often is a name of its ro
 [0.0, 0.0, 0.0]
 >>> md.draw_nyquist
 Traceback (most recent call last):
-AttributeError: middeck has no 'draw_nyquist'; its room has: md.plot.draw_nyquist
+AttributeError: middeck has no 'draw_nyquist'; there is md.plot.draw_nyquist
 """
 
 from pathlib import Path
@@ -26,7 +26,8 @@ def __getattr__(name: str) -> Any:
         return _load(name)
     except AttributeError:
         rooms = [room for room in __all__ if Path(__file__).with_name(room).is_dir()]
-        found = [room for room in rooms if name in _load(room).__all__]
+        found = [f"md.{room}.{name}" for room in rooms if name in _load(room).__all__]
+        found += ["md.write(path, value)"] if name.startswith("write_") else []
         if name.startswith("_") or not found:
             raise
-    raise AttributeError(f"middeck has no {name!r}; its room has: md.{found[0]}.{name}")
+    raise AttributeError(f"middeck has no {name!r}; there is {found[0]}")

@@ -8,7 +8,8 @@ import pytest
 
 from middeck import estimate_response, fit_response
 from middeck.errors import ConfigError, DataError, FitError
-from middeck.identification import natural_hz, nrmse
+from middeck.identification import nrmse
+from middeck.identification.model.measurement_model import natural_hz
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse

@@ -196,6 +196,17 @@ def test_one_subcase_of_several_that_differ(tmp_path):
         read_deck(write(tmp_path / "bulk", *cards), 1)
 
 
+@pytest.mark.parametrize("of", ["SUPER = ALL", "SUPER=0", "SUPER ALL", "SUPER = 0, 3"])
+def test_a_subcase_of_the_residual_structure_holds_it(tmp_path, of):
+    held = convert(write(tmp_path, "SPC1,5,4,1", case=["SUBCASE 1", of, "SPC = 5"]))
+    assert [c["node"] for c in held.environment["clamp"]] == ["g1"]
+
+
+@pytest.mark.parametrize("of", ["SUPER = 3", "SUPER 10"])
+def test_a_subcase_of_a_superelement_holds_nothing_here(tmp_path, of):
+    assert not convert(write(tmp_path, "SPC1,5,4,1", case=["SUBCASE 1", of, "SPC = 5"])).holds
+
+
 def test_only_selected_clamps_are_converted(tmp_path):
     """PS holds in any case; SPC where case control selects it, once, at grids of its own."""
     cards = ["SPC1,5,4,1", "SPC1,6,13,1,THRU,4", "GRID,8,,0.,9.,,,2"]

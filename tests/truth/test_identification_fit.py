@@ -4,8 +4,9 @@ import pytest
 
 from middeck import MeasurementModel, estimate_response, fit_response, measured_plant, model_response
 from middeck.errors import ConfigError
-from middeck.identification import damping_ratio, natural_hz, sampled_statespace
+from middeck.identification import damping_ratio, sampled_statespace
 from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Layout, Point, pack, unpack
 from middeck.identification.search.refine import logarithmic, weighted

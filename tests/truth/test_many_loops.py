@@ -13,6 +13,7 @@ from middeck.control.h2.generalized_plant import generalize
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.many_loops import close_many, decide_many, measure_many
+from middeck.control.robust.verification.single_loop import measure_one
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
@@ -194,3 +195,32 @@ def test_plants_under_one_law():
 def test_what_is_no_stack_of_loops_is_refused(A):
     with pytest.raises(ConfigError):
         measure_many(A, np.zeros((2, 3, 1)), np.zeros((2, 1, 3)))
+
+
+def test_what_rounding_hides_has_no_error_of_zero():
+    """One mode of three over five decades, states mixed: rms (b^2 / (4 zeta w^3))^1/2, or told as lost."""
+    rng, lost = np.random.default_rng(11), 0
+    for _ in range(150):
+        w, zeta = 2.0 * np.pi * 10.0 ** rng.uniform(-2, 3, 3), 10.0 ** rng.uniform(-5, -1, 3)
+        A, b, C = np.zeros((6, 6)), np.zeros((6, 1)), np.zeros((1, 6))
+        A[:3, 3:], A[3:, :3], A[3:, 3:] = np.eye(3), -np.diag(w**2), -np.diag(2.0 * zeta * w)
+        b[3:, 0], top = rng.standard_normal(3), int(np.argmax(w))
+        C[0, top], R = 1.0, rng.standard_normal((6, 6))
+        back = np.linalg.inv(R)
+        stable, rms, error, _ = measure_one(R @ A @ back, R @ b, C @ back)
+        true = abs(b[3 + top, 0]) / np.sqrt(4.0 * zeta[top] * w[top] ** 3)
+        assert error[0] > 0.0
+        assert not stable or abs(rms[0] / true - 1.0) <= 3.0 * error[0] + 1e-9
+        lost += error[0] > 1.0
+    assert lost  # else nothing here is hidden
+
+
+def test_an_output_that_sees_nothing_is_zero_with_the_others():
+    """Its sum has no terms: no loop is decided alone for it."""
+    A = np.array([[[-1.0 - k / 10.0, 0.0], [0.0, -2.0]] for k in range(20)])
+    B, C = np.tile([[1.0], [0.0]], (20, 1, 1)), np.tile(np.eye(2), (20, 1, 1))
+    found = measure_many(A, B, C)
+    assert not found.alone.any()
+    assert np.all(found.rms[:, 1] == 0.0)
+    assert np.all(found.error[:, 1] == 0.0)
+    assert found.rms[:, 0] == pytest.approx((2.0 * (1.0 + np.arange(20) / 10.0)) ** -0.5, rel=1e-9)

@@ -520,3 +520,28 @@ def test_a_reference_of_other_ports_is_refused() -> None:
 
     with pytest.raises(DataError, match="the record has the outputs payload"):
         detect_faults(gimbal_record.multisine(0, samples=2048), reference(2, 1))
+
+
+@pytest.mark.parametrize("seed", repeats(range(10), 2))
+def test_a_sine_between_the_harmonics_of_a_multisine_is_found(seed: int) -> None:
+    """32 periods of 256 samples: half of the rms, in the middle between two harmonics above the modes."""
+    rng = np.random.default_rng(seed)
+    samples, periods, hz = 256, 32, 100.0
+    one = np.fft.irfft(np.append(0.0, np.exp(2j * np.pi * rng.random(40))), samples)
+    u = np.tile(one, periods)
+    y = np.fft.irfft(np.fft.rfft(u) / (1.0 + 0.2j * np.fft.rfftfreq(len(u), 1.0 / hz)), len(u))
+    y += 1e-3 * y.std() * rng.standard_normal(len(y))
+    clean, line = y.copy(), (60.5 + rng.integers(0, 30)) * hz / samples
+    y = y + np.sqrt(0.5) * y.std() * np.sin(2.0 * np.pi * line * np.arange(len(y)) / hz)
+    kinds = []
+    for told in (clean, y):
+        record = Record(
+            sample_hz=hz,
+            u=u.reshape(1, periods, samples, 1),
+            y=told.reshape(1, periods, samples, 1),
+            inputs=(Port("torque", "N m"),),
+            outputs=(Port("angle", "rad"),),
+            periodic=True,
+        )
+        kinds.append([f.kind for f in detect_faults(record)].count("hum"))
+    assert kinds == [0, 1]

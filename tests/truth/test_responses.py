@@ -179,6 +179,24 @@ def test_delay_and_gains_of_a_truth_with_another_mesh_are_seen(seed: int):
         refine(article, [dataclasses.replace(survey, response=None)], [*PARTS, DELAY])
 
 
+@pytest.mark.parametrize(("delay", "gain"), repeats([(1e-2, 0.5), (1e-3, 0.5), (1e-2, 0.02)]))
+def test_a_wide_prior_of_gain_and_delay_makes_no_line_deaf(delay: float, gain: float):
+    """They are linear in ln H: however little was known of them before, the same is known afterwards."""
+    article, _ = case.sheet()
+    survey, _ = truth(0)
+    narrow, wide = (
+        refine(
+            article,
+            [survey],
+            [*PARTS, dataclasses.replace(DELAY, spread=d), dataclasses.replace(GAIN, spread=g), MOTOR],
+        )
+        for d, g in ((DELAY.spread, GAIN.spread), (delay, gain))
+    )
+    k = [u.name for u in wide.unknowns].index("delay")
+    assert wide.estimate.x_std[k] < 1.2 * narrow.estimate.x_std[k]
+    assert abs(wide.x[k] - narrow.x[k]) < 0.3 * narrow.estimate.x_std[k]
+
+
 def test_an_error_that_was_not_stated_is_said_and_counted():
     """A sensor that reads a fifth more above 5 Hz: no unknown of the model does that."""
     article, lab = case.sheet()

@@ -219,6 +219,17 @@ def test_a_tube_tapers_by_its_diameters():
     assert halved.EI_z == pytest.approx(0.5 * section_between(*tubes, 0.3).EI_z, rel=1e-14)
 
 
+def test_tubes_of_one_area_taper_by_their_diameters_too():
+    """40 to 24 mm at one end, the solid of that area at the other: between them there is more."""
+    tubes = [
+        build_section(SectionForm(material="al", outer_diameter_m=d, inner_diameter_m=h), AL)
+        for d, h in ((0.0390625, 0.0234375), (0.03125, 0.0))
+    ]
+    assert tubes[0].EA == tubes[1].EA
+    area = np.pi / 4.0 * (0.03515625**2 - 0.01171875**2)
+    assert pytest.approx(7e10 * area, rel=1e-12) == section_between(*tubes, 0.5).EA
+
+
 def test_a_centroid_that_crosses_the_node_line_adds_no_stiffness_there():
     """The same member runs aslant between offset ends: 10 mm to either side, to the square of its slope."""
     ends = [shifted_section(dataclasses.replace(FULL, **BARE), (y, 0.0)) for y in (0.01, -0.01)]

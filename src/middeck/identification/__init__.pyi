@@ -7,9 +7,6 @@ from .impact.average import average_blows as average_blows
 from .model.measurement_model import (
     damping_ratio as damping_ratio,
 )
-from .model.measurement_model import (
-    natural_hz as natural_hz,
-)
 from .model.selection import select_channels as select_channels
 from .model.simulation import nrmse as nrmse
 from .plants.measured_plant import sampled_statespace as sampled_statespace

@@ -42,14 +42,16 @@ def find_hum(record: Record) -> list[tuple[Found, Port, int]]:
         return []
     again = None if record.periodic else find_repetition(inputs)
     period = record.u.shape[2] if record.periodic else samples if again is None else again.period
-    beside = np.abs(np.arange(samples // 2 + 1) % (samples / period) - 0.5 * samples / period)
-    free = beside < 0.5 * samples / period - LOBE - 2 if period < samples else beside >= 0.0
+    middle = np.abs(np.arange(samples // 2 + 1) % (samples / period) - 0.5 * samples / period)
+    free = middle < 0.5 * samples / period - LOBE - 2 if period < samples else middle >= 0.0
     found: list[tuple[Found, Port, int]] = []
     for e, u in enumerate(inputs):
         driven = np.max([_above(np.abs(spectrum_of(x)) ** 2) for x in u.T], axis=0)
+        # Lines near a harmonic are not free; what the input has there tells nothing of those beside.
+        beside = scipy.ndimage.maximum_filter1d(np.where(free, driven, 0.0), 2 * LOBE + 1)
         for o, port in enumerate(record.outputs):
             spectrum = spectrum_of(record.y[e, ..., o].ravel())
-            what = _sines(spectrum, np.where(free, driven, np.inf), record.sample_hz / samples)
+            what = _sines(spectrum, np.where(free, beside, np.inf), record.sample_hz / samples)
             found += [] if what is None else [(what, port, e)]
     return found
 
@@ -81,7 +83,6 @@ def _sines(
 ) -> Found | None:
     power, lines = np.abs(spectrum) ** 2, np.arange(len(spectrum))
     above = _above(power)
-    driven = scipy.ndimage.maximum_filter1d(driven, 2 * LOBE + 1)
     sine = (power == scipy.ndimage.maximum_filter1d(power, 2 * LOBE + 1)) & (above > ABOVE)
     sine &= (driven < DRIVEN * above) & (lines > BESIDE) & (lines < len(power) - BESIDE)
     sine[sine] = [_unlike(spectrum, int(k)) < UNLIKE for k in np.flatnonzero(sine)]
@@ -98,7 +99,8 @@ def _sines(
     return fault(
         "hum",
         f"has sines that no input makes (or modes that hardly decay in the record): {', '.join(places)}",
-        "ground and shield the sensor; a fit of samples, not of a response, has the sines beside its modes",
+        "if the structure rings there by itself, nothing; else ground and shield the sensor. A fit of samples, "
+        "not of a response, has the sines beside its modes",
         severity="serious" if max(shares) > SERIOUS else "note",
     )
 

@@ -197,7 +197,7 @@ def check_engagement(package: ControllerPackage, bench: GateRig, trials: GateTri
     """Engaged on a rig at a share, then fully, without a trip; and the trip that is the package's fault."""
     stages = Stage("engage", trials.engage_s, trials.share), Stage("engage", trials.engage_s)
     if bench.settings.hold:  # SAFE is to have one that is verified to fall back on
-        stages = (Stage("standby", bench.settings.verify_s + bench.settings.ramp_s + SETTLE_S), *stages)
+        stages = (Stage("standby", bench.settings.verify_s + bench.settings.rise_s + SETTLE_S), *stages)
     try:
         trial = _on(bench, package, stages)
     except NOT_DECIDED as error:

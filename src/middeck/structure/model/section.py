@@ -121,7 +121,7 @@ def _tube_between(first: Section, last: Section, part: float) -> Section:
         a, b, at = (d[0] ** power - d[1] ** power for d in (first.diameters, last.diameters, here))
         for name in names:
             x, y = getattr(first, name), getattr(last, name)
-            numbers[name] = x if x == y else at * ((1.0 - part) * x / a + part * y / b)
+            numbers[name] = x if x == y and not np.isfinite(x) else at * ((1.0 - part) * x / a + part * y / b)
     return dataclasses.replace(mixed, **numbers)
 
 

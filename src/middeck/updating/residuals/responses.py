@@ -236,7 +236,8 @@ def _of_path(
     """Log magnitude and phase; and the complex errors.
 
     ln(1 + d) is d to first order, wrong by half its square: where a pole that no survey measured, or a sum
-    that nearly cancels, may move a line by d of itself, that is an error of the line's own.
+    that nearly cancels, may move a line by d of itself, that is an error of the line's own. Gains and delay
+    are linear in the logarithm whatever their size.
     """
     path = beside.outputs.index(measured.output), beside.inputs.index(measured.input)
     s, H = 2j * np.pi * measured.hz, measured.H
@@ -253,7 +254,7 @@ def _of_path(
     slope = beside.slopes.of(beside.model, s, path) / G[:, None] + loop
     shared = np.hstack([beside.by_common(s, path) / G[:, None], measured.common / H[:, None]])
     own = beside.test.line_error * np.linalg.norm(parts, axis=1) / np.abs(G)
-    moved = np.linalg.norm(np.hstack([shared, slope @ open_x]), axis=1)
+    moved = np.linalg.norm(np.hstack([shared, (slope - loop) @ open_x]), axis=1)
     std = np.linalg.norm([measured.noise / (np.sqrt(2.0) * np.abs(H)), own, moved**2 / 2.0], axis=0)
     rows = _Rows(
         residual=np.concatenate([error.real, error.imag]),

@@ -128,7 +128,7 @@ def measure_many(
         part = slice(first, first + at_once)
         few = np.multiply(A[part], turned, out=F[: len(A[part])])
         found = _squared(few, B[part] / scale[:, None], C[part] * scale, way, room)
-        known = (found.residual <= TRUSTED) & ((found.error <= TOLERATED) | (found.rms == 0.0)).all(axis=1)
+        known = (found.residual <= TRUSTED) & (found.error <= TOLERATED).all(axis=1)
         alone[part] = ~found.grown & ~(found.proved & known)
         rms[part], error[part], residual[part] = found.rms, found.error, found.residual
         stable[part] = ~found.grown
@@ -313,7 +313,9 @@ def _measure(
     whole = 2.0 * _size(A) * size + _size(B.swapaxes(1, 2) @ B)
     wrong = gap[:, None] * _reach(powers, seen) + EPS * np.vecdot(C, C) * size[:, None]
     residual = np.divide(gap, whole, out=np.zeros(count), where=whole != 0.0)
-    return np.sqrt(np.maximum(square, 0.0)), relative_error(wrong, square), residual
+    # A sum that is zero to the bit has no terms: the output sees nothing of what is driven.
+    error = np.where(square == 0.0, 0.0, relative_error(wrong, square))
+    return np.sqrt(np.maximum(square, 0.0)), error, residual
 
 
 def _summed(powers: list[np.ndarray], columns: np.ndarray, room: np.ndarray) -> np.ndarray:

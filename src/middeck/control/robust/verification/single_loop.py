@@ -53,6 +53,7 @@ def _in_units(
     whole = 2.0 * sizes[0] * sizes[1] + sizes[2]
     rms = row_rms(H[None], X[None])[0]
     seen = np.array([np.trace(_triangular(T, h[:, None], forward=False)) for h in H @ U])
+    seen = np.where(seen >= 0.0, seen, np.inf)  # a trace below zero is rounding alone
     wrong = lost * seen + EPS * np.vecdot(H, H) * sizes[1]
     return rms, relative_error(wrong, rms**2), lost / whole if whole else 0.0, np.sqrt(np.abs(np.diag(X)))
 
@@ -66,4 +67,4 @@ def _triangular(T: np.ndarray, F: np.ndarray, *, forward: bool) -> np.ndarray:
 
 def relative_error(wrong: np.ndarray, square: np.ndarray) -> np.ndarray:
     """Relative error of a root, from that of its square."""
-    return np.divide(wrong, 2.0 * square, out=np.where(wrong > 0.0, np.inf, 0.0), where=square > 0.0)
+    return np.divide(wrong, 2.0 * square, out=np.where(wrong != 0.0, np.inf, 0.0), where=square > 0.0)

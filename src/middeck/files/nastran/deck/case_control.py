@@ -92,8 +92,8 @@ def _parts(lines: Iterable[Line]) -> dict[int | None, list[Line]]:
 
 
 def _is_super(line: Line) -> bool:
-    """Whether a subcase is that of a superelement, whose matrices are made elsewhere."""
-    return bool(re.match(r"\s*SUPER\s*=\s*(?!0\s*$)", line[0].upper()))
+    """Whether a subcase is that of superelements alone, whose matrices are made elsewhere (0: the rest)."""
+    return bool(re.match(r"\s*SUPER(?:\s*=|\s)\s*(?!(?:0|ALL)\b)[^\s=]", line[0].upper()))
 
 
 def _is_param(line: Line) -> bool:
