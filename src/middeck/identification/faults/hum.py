@@ -99,8 +99,8 @@ def _sines(
     return fault(
         "hum",
         f"has sines that no input makes (or modes that hardly decay in the record): {', '.join(places)}",
-        "if the structure rings there by itself, nothing; else ground and shield the sensor. A fit of samples, "
-        "not of a response, has the sines beside its modes",
+        "if the structure rings there by itself, nothing; else ground and shield the sensor. A fit of "
+        "samples, not of a response, has the sines beside its modes",
         severity="serious" if max(shares) > SERIOUS else "note",
     )
 
