@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 
 import numpy as np
 import pytest
 
+from engine_cases import SENSORS, plain_settings, random_package, still_article
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
@@ -201,3 +203,16 @@ def test_a_package_engages_on_a_rig_beside_a_verified_hold(monkeypatch):
     step, _ = check_engagement(damper(), GateRig(rig, engine), GateTrials(engage_s=1.0))
     assert step.passed, step.said
     assert seen[-2:] == [("engage", 1), ("engage", 1)]
+
+
+@pytest.mark.parametrize(("period_s", "verify_s"), [(0.03, 2.0), (0.02, 0.0)])
+def test_the_gate_waits_for_a_hold_that_rises_by_samples(monkeypatch, period_s: float, verify_s: float):
+    """150 samples at least, which at slow rates are longer than the ramp; here by the reference law."""
+    monkeypatch.setattr(shutil, "which", lambda *_: None)
+    hold = (LoopPath(0, 1, static_gain(-0.02)),)
+    slow = plain_settings(hold=hold, period_s=period_s, verify_s=verify_s, ramp_s=0.5)
+    assert slow.rise_s > slow.ramp_s + 1.0
+    package = dataclasses.replace(random_package(), period_s=period_s)
+    bench = GateRig(still_article(np.full(SENSORS, 0.01)), slow)
+    step, _ = check_engagement(package, bench, GateTrials(engage_s=0.5))
+    assert step.passed, step.said
