@@ -34,6 +34,8 @@ SPLIT, NEAR, OWN = 0.125, 3.0, 5.0
 # What a mode's lines leave beyond noise, in squares of its deviation, before two modes are tried: what their
 # further unknowns add to a description.
 BEYOND = 10.0
+# By how much two are to shorten it: a mode that softens by a thousandth looks a little like two.
+CLEARLY = 25.0
 
 
 def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spread) -> Polished:
@@ -81,9 +83,9 @@ def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | Non
     if np.sum(left - 1.0) < BEYOND:
         return None
     two = polish(data, with_split(run.start, m), spread, steps=2 * STEPS, rounds=3, share=run.share)
-    if two is None or _length(data, two) > _length(data, run) or model_error(two, spread) > EXPLAINED:
+    if two is None or model_error(two, spread) > EXPLAINED:
         return None
-    return two
+    return two if _length(data, two) + CLEARLY < _length(data, run) else None
 
 
 def shed(
