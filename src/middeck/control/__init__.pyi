@@ -8,17 +8,11 @@ from .h2.law_form import LawForm as LawForm
 from .law.uncertainty import draw_positions as draw_positions
 from .loop.pointing import (
     PointingWindow as PointingWindow,
-)
-from .loop.pointing import (
     budget_pointing as budget_pointing,
 )
 from .lqg.spectra import (
     fit_spectrum as fit_spectrum,
-)
-from .lqg.spectra import (
     line_filter as line_filter,
-)
-from .lqg.spectra import (
     sum_spectra as sum_spectra,
 )
 from .robust.designs.exchange import design_for_worst as design_for_worst

@@ -3,29 +3,21 @@
 from .articles.components import load_component as load_component
 from .exchange.mat import (
     load_mat as load_mat,
-)
-from .exchange.mat import (
     write_mat as write_mat,
 )
 from .exchange.named import as_compensator as as_compensator
 from .exchange.scipy_signal import (
     from_scipy as from_scipy,
-)
-from .exchange.scipy_signal import (
     to_scipy as to_scipy,
 )
 from .laws.blacklists import (
     add_to_blacklist as add_to_blacklist,
-)
-from .laws.blacklists import (
     load_blacklist as load_blacklist,
 )
 from .measured.models import load_model as load_model
 from .measured.modes import write_measured_modes as write_measured_modes
 from .records import (
     load_campaign as load_campaign,
-)
-from .records import (
     load_response as load_response,
 )
 from .records.columns import name_columns as name_columns

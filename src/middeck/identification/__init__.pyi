@@ -4,17 +4,13 @@ from .fit.fit_response import FitResult as FitResult
 from .friction.find import find_friction as find_friction
 from .friction.remove import without_friction as without_friction
 from .impact.average import average_blows as average_blows
-from .model.measurement_model import (
-    damping_ratio as damping_ratio,
-)
+from .model.measurement_model import damping_ratio as damping_ratio
 from .model.selection import select_channels as select_channels
 from .model.simulation import nrmse as nrmse
 from .plants.measured_plant import sampled_statespace as sampled_statespace
 from .plants.modal_parameters import modal_parameters as modal_parameters
 from .plants.zeros import (
     name_zeros as name_zeros,
-)
-from .plants.zeros import (
     path_zeros as path_zeros,
 )
 from .spectra.estimate import response_scatter as response_scatter
@@ -24,8 +20,6 @@ from .uncertainty.model_set import sample_models as sample_models
 from .uncertainty.parameters import parameters_of as parameters_of
 from .uncertainty.response_bounds import (
     response_bounds as response_bounds,
-)
-from .uncertainty.response_bounds import (
     simultaneous_bounds as simultaneous_bounds,
 )
 

@@ -2,28 +2,18 @@
 
 from .article import (
     rig_article_plant as rig_article_plant,
-)
-from .article import (
     solve_rig_article as solve_rig_article,
 )
 from .rig.drift import (
     Drift as Drift,
-)
-from .rig.drift import (
     age_plant as age_plant,
-)
-from .rig.drift import (
     nearest_modes as nearest_modes,
 )
 from .rig.events import StopRule as StopRule
 from .rig.motors import Motor as Motor
 from .rig.sensors import (
     Encoder as Encoder,
-)
-from .rig.sensors import (
     Gyro as Gyro,
-)
-from .rig.sensors import (
     Sampler as Sampler,
 )
 from .rig.stepped import SteppedRig as SteppedRig

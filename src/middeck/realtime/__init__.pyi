@@ -3,41 +3,29 @@
 from .engine.interface.adaptive_gain import AdaptiveGain as AdaptiveGain
 from .engine.interface.settings import (
     Drive as Drive,
-)
-from .engine.interface.settings import (
     EngineSettings as EngineSettings,
-)
-from .engine.interface.settings import (
     SensorTest as SensorTest,
 )
 from .engine.process.build import build_engine as build_engine
 from .engine.process.launch import (
     DriverRig as DriverRig,
-)
-from .engine.process.launch import (
     UdpRig as UdpRig,
 )
 from .engine.recording.run_file import read_run as read_run
 from .engine.rigs.article import (
     LinearArticle as LinearArticle,
-)
-from .engine.rigs.article import (
     linear_article as linear_article,
 )
 from .engine.rigs.rig import EngineRig as EngineRig
 from .engine.trials.served_rig import ServedRig as ServedRig
 from .engine.trials.trial import (
     Stage as Stage,
-)
-from .engine.trials.trial import (
     run_trial as run_trial,
 )
 from .gate.adaptive import prove_gain as prove_gain
 from .gate.steps import GateMargins as GateMargins
 from .gate.trials import (
     GateRig as GateRig,
-)
-from .gate.trials import (
     GateTrials as GateTrials,
 )
 from .package.reference import ReferenceLaw as ReferenceLaw

@@ -3,17 +3,11 @@
 from .correlation.frequencies import compare_frequencies as compare_frequencies
 from .correlation.measured_modes import (
     MeasurementNoise as MeasurementNoise,
-)
-from .correlation.measured_modes import (
     measure_modes as measure_modes,
 )
 from .correlation.profiles import (
     Quantity as Quantity,
-)
-from .correlation.profiles import (
     change_limit as change_limit,
-)
-from .correlation.profiles import (
     find_profile as find_profile,
 )
 from .correlation.reduction import Reduction as Reduction
@@ -22,8 +16,6 @@ from .model.article import PointLoad as PointLoad
 from .model.component import Component as Component
 from .modes.drawing import (
     Drawing as Drawing,
-)
-from .modes.drawing import (
     build_mode_drawing as build_mode_drawing,
 )
 from .modes.recovery import recover_outputs as recover_outputs
@@ -34,8 +26,6 @@ from .sensitivity.rest import differentiate_rest as differentiate_rest
 from .suspension.attitude import estimate_attitude as estimate_attitude
 from .suspension.device_friction import (
     estimate_rest_band as estimate_rest_band,
-)
-from .suspension.device_friction import (
     sweep_device_amplitude as sweep_device_amplitude,
 )
 

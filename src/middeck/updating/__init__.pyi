@@ -8,8 +8,6 @@ from .promise.plan import Ladder as Ladder
 from .promise.slip import JointSlip as JointSlip
 from .residuals.gauges import (
     Gauge as Gauge,
-)
-from .residuals.gauges import (
     GaugeKind as GaugeKind,
 )
 from .residuals.statics import StaticTest as StaticTest

@@ -218,6 +218,12 @@ def broken_at(loop: FeedbackLoop, at: At) -> tuple[str, ...]:
     return names[at]
 
 
+def channels_at(loop: FeedbackLoop, at: At) -> range:
+    """Numbers of those channels in `approximate_halves`."""
+    first = len(loop.inputs) if at == "outputs" else 0
+    return range(first, first + len(broken_at(loop, at)))
+
+
 def go_round(G: np.ndarray, K: np.ndarray, at: At) -> Complex[np.ndarray, "line channel channel"]:
     """Loop transfer from channel to channel: K G, G K, or for both (u, y) -> (K y, G u)."""
     if at == "inputs":

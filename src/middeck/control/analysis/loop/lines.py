@@ -11,7 +11,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     At,
     FeedbackLoop,
     approximate_halves,
-    broken_at,
+    channels_at,
     close_channels,
     open_channel,
 )
@@ -69,8 +69,7 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
 def _features(loop: FeedbackLoop, at: At) -> tuple[np.ndarray, float]:
     """Poles and finite zeros, and the size of the fastest pole."""
     halves = approximate_halves(loop)
-    first = len(loop.inputs) if at == "outputs" else 0
-    channels = [open_channel(halves, i) for i in range(first, first + len(broken_at(loop, at)))]
+    channels = [open_channel(halves, i) for i in channels_at(loop, at)]
     poles = np.concatenate([_rates(one) for one in (halves, close_channels(halves), *channels)])
     zeros = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels)])
     zeros = zeros if loop.period_s is None else _mapped(loop, zeros)

@@ -13,7 +13,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     At,
     FeedbackLoop,
     approximate_halves,
-    broken_at,
+    channels_at,
     open_channel,
 )
 from middeck.systems.poles.integrators import part_integrators
@@ -27,8 +27,7 @@ def find_ends(loop: FeedbackLoop, at: At) -> Ends:
     """The ratio at zero frequency, where delays have no effect, and at the other end; delayed loops have no
     limit there and give the first only."""
     halves = approximate_halves(loop)
-    first = len(loop.inputs) if at == "outputs" else 0
-    channels = [open_channel(halves, i) for i in range(first, first + len(broken_at(loop, at)))]
+    channels = [open_channel(halves, i) for i in channels_at(loop, at)]
     period = loop.period_s
     if period is not None:
         rest, fastest = (_values(channels, point) for point in (1.0, -1.0))

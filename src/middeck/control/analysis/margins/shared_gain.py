@@ -17,7 +17,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     At,
     FeedbackLoop,
     approximate_halves,
-    broken_at,
+    channels_at,
     close_channels,
     open_channel,
     resolve,
@@ -50,7 +50,7 @@ def closed_ratio(loop: FeedbackLoop, at: At) -> Callable[[np.ndarray], np.ndarra
     @functools.cache
     def channels() -> list[Resolvent]:
         halves = approximate_halves(loop)
-        return [_over_s(loop, open_channel(halves, i)) for i in _channels(loop, at)]
+        return [_over_s(loop, open_channel(halves, i)) for i in channels_at(loop, at)]
 
     return lambda s: np.concatenate([-one(s)[:, :, 0] for one in channels()], axis=1)
 
@@ -60,15 +60,10 @@ def closed_round(loop: FeedbackLoop, at: At) -> Callable[[np.ndarray], np.ndarra
 
     @functools.cache
     def closed() -> Resolvent:
-        channels = _channels(loop, at)
+        channels = channels_at(loop, at)
         return _over_s(loop, select_paths(close_channels(approximate_halves(loop)), channels, channels))
 
     return lambda s: closed()(s)
-
-
-def _channels(loop: FeedbackLoop, at: At) -> list[int]:
-    first = len(loop.inputs) if at == "outputs" else 0
-    return [first + i for i in range(len(broken_at(loop, at)))]
 
 
 def _over_s(loop: FeedbackLoop, system: LinearSystem) -> Resolvent:
