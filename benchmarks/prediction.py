@@ -3,9 +3,10 @@ refined on some of what was measured, against the rest.
 
     python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five, rig, promise, slip, frontier, multimodel, motors, Sag and Torsion, are run alone and
-the other rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with one BLAS thread.
-Sheet and five are refined on modal surveys of the truth, rig on records of it, which take an hour.
+CASES, of sheet, five, response, rig, promise, slip, frontier, multimodel, motors, Sag and Torsion, are run
+alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with one BLAS
+thread. Sheet and five are refined on modal surveys of the truth, response on its responses too, rig on
+records of it, which take an hour.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from measured import (
     pazy_promise,
     prediction,
     promise,
+    responses,
     rig_prediction,
     slip_promise,
 )
@@ -25,6 +27,7 @@ from measured.result_file import options_of, write_rows
 CASES = {
     "sheet": lambda _: prediction.rows("sheet", range(20)),
     "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
+    "response": lambda _: responses.rows(),
     "rig": lambda _: rig_prediction.rows(),
     "promise": promise.rows,
     "slip": slip_promise.rows,
