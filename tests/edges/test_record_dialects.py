@@ -44,6 +44,26 @@ def test_times_and_decimals_of_csv(tmp_path: Path, unit: str, scale: float, mark
     assert stream.sample_hz == 256.0
 
 
+@pytest.mark.parametrize(
+    ("heads", "said"),
+    [
+        (("time (ms)", "force (left) (kN)", "rate (rad/s^2)"), ["decimal commas", "0.001 s"]),
+        (("time", "force (left) [kN]", "rate [rad/s^2]"), ["decimal commas", "times are read as seconds"]),
+    ],
+)
+def test_units_in_round_brackets_and_quoted_decimal_commas(tmp_path, heads, said) -> None:
+    rows = [
+        ",".join(f'"{x!r}"'.replace(".", ",") for x in row)
+        for row in zip((np.arange(50) / 0.256).tolist(), U.tolist(), Y.tolist(), strict=True)
+    ]
+    (tmp_path / "run.csv").write_text("\n".join([",".join(heads), *rows, ""]))
+    found = read_record(tmp_path / "run.csv", name_columns(["force (left)"], ["rate"]))
+    assert found.record.sample_hz == pytest.approx(256.0 if "ms" in heads[0] else 0.256, rel=1e-12)
+    assert np.array_equal(found.record.u[0, 0, :, 0], U)
+    assert [port.unit for port in (*found.record.inputs, *found.record.outputs)] == ["kN", "rad/s^2"]
+    assert all(any(word in fault.what for fault in found.faults) for word in said)
+
+
 @pytest.mark.parametrize("cell", ["1.234,5", "1,234,567", "1,2,3"])
 def test_marks_between_thousands_are_refused(tmp_path: Path, cell: str) -> None:
     (tmp_path / "run.csv").write_text(f"time [s];u:force [N];y:way [m]\n0,0;{cell};1\n0,1;2;3\n")

@@ -28,6 +28,9 @@ from middeck.signals.record import RecordStream
 from middeck.values import record
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
+# In square brackets anything is a unit; in round ones what is made of these is, and all else is of the name.
+_SYMBOL = r"(?:[kmuµ]?(?:N|m|g|s|V|A|Pa|rad)|lbf|in|ft|deg|°|%|Hz|kg)"
+_UNIT = rf"\[([^\]]*)\]|\(({_SYMBOL}(?:[ */·]?{_SYMBOL}|\^?-?[234²])*)\)"
 # Lines read at once.
 LINES = 8192
 AGAIN = "copy or record it again"
@@ -195,7 +198,7 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
 def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
     """How numbers were read that others write otherwise: decimal commas, times that are not in seconds."""
     said: list[str] = []
-    if opening.separator != "," and any("," in c for cells in _first_rows(file, opening) for c in cells):
+    if any("," in cell for cells in _first_rows(file, opening) for cell in cells):
         said.append("decimal commas are read as points")
     if opening.second != 1.0:
         said.append(f"times are read in units of {opening.second:g} s, as the heading says")
@@ -232,10 +235,11 @@ def _is_number(cell: str) -> bool:
 
 
 def _head(cell: str, k: int, told: dict[str, Any], where: str) -> Head:
-    found = re.fullmatch(r"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:\[([^\]]*)\])?", cell)
-    if found is None or (found.group(1) and found.group(3) is None):
+    found = re.fullmatch(rf"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:{_UNIT})?", cell)
+    letter, name, *units = found.groups() if found else ("u", "")
+    unit = next((u for u in units if u is not None), None)
+    if letter and unit is None:
         raise DataError(f"column {k + 1} is headed {cell!r}", where=where, hint=ADVICE)
-    letter, name, unit = found.groups()
     side: Side = "input" if letter == "u" else "output" if letter == "y" else ""
     channel = build_channel(told.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
     return Head(name, None if unit is None else unit.strip(), side, channel)
@@ -253,7 +257,7 @@ def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.n
             if cells and any(cells) and not cells[0].startswith("#")
         )
         while block := list(itertools.islice(rows, size)):
-            table = _numbers(block, width, file, opening.separator)
+            table = _numbers(block, width, file)
             table[:, : int(opening.timed)] *= opening.second
             yield block[0][0], table
 
@@ -263,12 +267,11 @@ def _unended(cells: list[str]) -> list[str]:
     return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
 
 
-def _numbers(block: list[Row], width: int, file: Path, separator: str) -> Float[np.ndarray, "line column"]:
+def _numbers(block: list[Row], width: int, file: Path) -> Float[np.ndarray, "line column"]:
     try:
         table = np.array([cells for _, cells in block], dtype=float)
     except ValueError:
-        if separator != ",":
-            block = [(n, with_points(cells, f"{file}:{n}")) for n, cells in block]
+        block = [(n, with_points(cells, f"{file}:{n}")) for n, cells in block]
         table = np.array([_line(row, width, file) for row in block])
     if table.shape[1] != width:
         _line(block[0], width, file)
