@@ -93,3 +93,41 @@ def test_a_unit_that_the_file_states_otherwise_is_refused(tmp_path: Path) -> Non
     assert load_record(path, name_columns(["force [N]"], ["way"])).inputs[0].unit == "N"
     with pytest.raises(DataError, match="'N'; 'kN' was stated"):
         load_record(path, name_columns(["force [kN]"], ["way [m]"]))
+
+
+@pytest.mark.parametrize(
+    ("heading", "step", "said"),
+    [("time", 3.90625, "256 Hz"), ("time", 1.0, "count the lines"), ("time [s]", 1.0, "count the lines")],
+)
+def test_times_that_are_hardly_seconds_are_doubted(
+    tmp_path: Path, heading: str, step: float, said: str
+) -> None:
+    lines = [f"{k * step:.5f},{u},{y}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
+    (tmp_path / "run.csv").write_text("\n".join((f"{heading},u:force [N],y:way [m]", *lines)) + "\n")
+    (fault,) = read_record(tmp_path / "run.csv").faults
+    assert (fault.severity, said in fault.what) == ("serious", True)
+    assert read_record(written(tmp_path / "run.csv", "s", 1.0, ",", ".")).faults == ()
+
+
+def test_a_point_beside_decimal_commas_may_part_thousands(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time [s];u:force [N];y:way [m]\n0,0;1.234;1\n0,1;2.345;3\n")
+    with pytest.raises(DataError, match=r"'1\.234' is no number"):
+        load_record(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize(("before", "last"), [("", ";"), ("sep=;\n", ""), ("sep=;\n", ";")])
+def test_what_spreadsheets_add_to_lines_is_no_column(tmp_path: Path, before: str, last: str) -> None:
+    path = written(tmp_path / "run.csv", "s", 1.0, ";", ",")
+    plain = load_record(path)
+    path.write_text(before + path.read_text().replace("\n", f"{last}\n"))
+    assert load_record(path) == plain
+
+
+@pytest.mark.parametrize("line", ["[s];[N];[m]", "Instrument 7"])
+def test_words_that_are_no_names_are_told_where_they_belong(tmp_path: Path, line: str) -> None:
+    names, *rows = written(tmp_path / "run.csv", "s", 1.0, ";", ".").read_text().splitlines()
+    first = (names, line) if ";" in line else (line, names)
+    (tmp_path / "run.csv").write_text("\n".join((*first, *rows)) + "\n")
+    with pytest.raises(DataError) as refused:
+        load_record(tmp_path / "run.csv")
+    assert "one line names the columns" in refused.value.hint

@@ -43,7 +43,7 @@ class SaidShapes(Said):
     """Shapes of the modes of an environment, a row a channel."""
 
     node: Annotated[tuple[str, ...], Field(strict=False)]
-    direction: Annotated[tuple[Literal[DIRECTIONS], ...], Field(strict=False)]  # pyright: ignore[reportInvalidTypeForm]
+    direction: Annotated[tuple[Literal[DIRECTIONS], ...], Field(strict=False)]  # ty: ignore[invalid-type-form]
     shape: Annotated[tuple[Annotated[tuple[Reading, ...], Field(strict=False)], ...], Field(strict=False)]
 
 

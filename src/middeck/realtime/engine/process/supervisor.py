@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -472,9 +472,9 @@ class Supervisor:
                 return
             time.sleep(POLL_S)
 
-    def _wait(self, reached: object) -> None:
+    def _wait(self, reached: Callable[[], object]) -> None:
         began = time.monotonic()
-        while not reached():  # type: ignore[operator]
+        while not reached():
             self._require_alive()
             self._beat_by_the_clock()
             if time.monotonic() - began > PATIENCE_S:
