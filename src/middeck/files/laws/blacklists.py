@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from middeck.errors import DataError
+from middeck.files.json.hash_seal import read_sealed, seal
 from middeck.files.json.output import write_json
-from middeck.files.json.sealed import read_sealed, seal
 from middeck.realtime.engine.process.locked import locked
 
 BLACKLIST = "middeck.blacklist/2"
