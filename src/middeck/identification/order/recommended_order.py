@@ -18,7 +18,7 @@ from middeck.identification.order.best_start import (
     model_error,
     some_lines,
 )
-from middeck.identification.order.exchange import grown, shrunk
+from middeck.identification.order.exchanged_modes import grown, shrunk
 from middeck.identification.order.thinning import take_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Start
