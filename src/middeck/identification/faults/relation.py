@@ -198,7 +198,7 @@ def _alone(left: Signal) -> int | None:
     """The first residual too large for noise: those after it are predicted from it, and wrong too."""
     size = np.abs(left)
     at = int(np.argmax(size))
-    rest = np.sort(np.delete(size, slice(max(at - 2, 0), at + PAST)))
+    rest: np.ndarray = np.sort(np.delete(size, slice(max(at - 2, 0), at + PAST)))
     large = rest[-max(FEWEST_LARGE, len(rest) // 100) :]
     slope = float(np.mean(np.log(large / max(float(large[0]), 1e-300))))
     limit = float(large[0]) * np.exp(slope * (np.log(len(large)) + BEYOND))

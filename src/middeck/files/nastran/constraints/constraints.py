@@ -214,7 +214,7 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
         else:
             for (grid, component), row in zip(rigid.dependent, factors.tolist(), strict=True):
                 follows = [(g, c, -f) for (g, c), f in zip(rigid.independent, row, strict=True) if f != 0.0]
-                table = {"name": f"{name}_g{grid}_{component}"}
+                table: dict[str, Any] = {"name": f"{name}_g{grid}_{component}"}
                 table |= {"term": term_rows(places, [(grid, component, 1.0), *follows])}
                 joins = ((grid, component), *((g, c) for g, c, _ in follows))
                 yield Constraint("equation", table, entry, key, joins, joins[:1], (joins[:1],))
