@@ -16,8 +16,8 @@ from middeck.realtime.engine.interface.settings import Drive, EngineSettings, Se
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import linear_article
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.held import with_hold
 from middeck.realtime.gate.linear_law import linear_law
+from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import GateMargins, GateStep
 from middeck.realtime.gate.trials import GateRig, GateTrials, check_dry_run, check_engagement
 from middeck.realtime.package.build import package_law

@@ -36,6 +36,7 @@ from middeck.realtime.engine.interface.settings import EngineSettings, time_to_r
 from middeck.realtime.engine.interface.shared_file import SharedFile, make_shared_file, open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.process.build import build_engine
+from middeck.realtime.engine.process.folder_lock import locked
 from middeck.realtime.engine.process.launch import (
     DriverRig,
     RigChoice,
@@ -46,7 +47,6 @@ from middeck.realtime.engine.process.launch import (
     no_article,
     started_settings,
 )
-from middeck.realtime.engine.process.locked import locked
 from middeck.realtime.engine.recording.recorder import Recorder
 from middeck.realtime.engine.recording.run_head import run_head
 from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
