@@ -66,7 +66,11 @@ def test_the_deck_is_sound(tmp_path):
         ("RBE3,20,,1,123456,1.,123,2,99", "there is no grid 99"),
         ("RBE3,20,,1,123456,123,2,4", "the first weight is missing"),
         ("RBE3,20,,1,123456,1.,127,2,4", "a group is a weight > 0, components and grids"),
-        ("RBE3,20,,1,123456,1.,123,2,2", "a grid is named twice"),
+        ("RBE3,20,,1,123456,1.,123,1,4", "RBE3 20 field 6 (REST) = 1.: grid 1 follows itself"),
+        (
+            "GRID,8,,5.\nCONM2,9,8,,1.\nRBE3,20,,8,123,1.,123,2,4,+\n+,.5,456,2",
+            "RBE3 20 field 6 (REST) = 1.: grids that are not named equally often, while turns count",
+        ),
         ("CBAR,21,1,1,9,0.,1.,0.", "CBAR 21 field 5 (GB) = 9: there is no grid 9"),
         ("CBAR,21,5,1,4,0.,1.,0.", "there is no PBAR or PBARL 5"),
         ("CBAR,21,1,1,4,1.,0.,0.", "its orientation vector is zero or along the member"),

@@ -121,8 +121,10 @@ def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Const
         for weight, moves, grids in groups:
             shares += [{"frame": f"g{g}", "weight": weight, **_directions(places, g, moves)} for g in grids]
         grids = (at, *(g for _, _, found in groups for g in found))
-        if len(set(grids)) < len(grids):
-            faults.append(entry.fault("a grid is named twice, which is not converted", "rest"))
+        if at in grids[1:]:
+            faults.append(entry.fault(f"grid {at} follows itself", "rest"))
+        if len(set(Counter(grids[1:]).values())) > 1 and any(set(m) & set("456") for _, m, _ in groups):
+            faults.append(entry.fault("grids that are not named equally often, while turns count", "rest"))
         table = {"name": f"rbe3_{entry.id}", "frame": f"g{at}", **_directions(places, at, components)}
         table["follows"] = shares
         joins = ((at, components), *((g, moves) for _, moves, found in groups for g in found))
