@@ -354,6 +354,21 @@ def test_masses_by_weight_and_length(tmp_path):
         assert made.document["node"][2]["mass_kg"] == pytest.approx(factor * 2.5)
 
 
+@pytest.mark.parametrize(
+    ("card", "said"),
+    [
+        ("EIGRL,1,,200.,12", "EIGRL 1 asks for 12 modes up to 200 Hz: middeck modes --count 12"),
+        ("EIGR,1,LAN,1.,50.", "EIGR 1 asks for modes up to 50 Hz, at most: see middeck modes --count"),
+        ("EIGR,1,MGIV,,,,7", "EIGR 1 asks for 7 modes: middeck modes --count 7"),
+        ("EIGR,1,AHOU", ""),
+        ("EIGRL,3,,200.,12", ""),
+    ],
+)
+def test_what_the_deck_asks_of_its_solver_is_a_hint(tmp_path, card, said):
+    notes = [n for n in convert(write(tmp_path, card)).notes if "asks for" in n]
+    assert notes == [said] * bool(said)
+
+
 def test_json_and_settings(capfd, tmp_path):
     path = write(tmp_path)
     by_set = middeck(

@@ -255,7 +255,7 @@ def _terms(entry: Entry, points: Container[int], faults: list[Fault]) -> list[tu
             if three == [None] * 3:
                 continue
             grid, component, factor = integer(three[0] or ""), three[1] or "", real(three[2] or "")
-            if grid in points and component in ("", ONLY) and factor is not None:
+            if grid is not None and grid in points and component in ("", ONLY) and factor is not None:
                 found.append((grid, ONLY, factor))
                 continue
             if grid is None or component not in tuple(ALL) or factor is None:
