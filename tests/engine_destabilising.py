@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -20,8 +21,11 @@ from engine_rigs import (
     wait_for_hold,
 )  # fmt: skip
 from middeck.control.law.compensator import Compensator
+from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import LinearArticle
+from middeck.realtime.gate.gate import examine_package
+from middeck.realtime.gate.trials import GateRig, GateTrials
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.values import record
 
@@ -152,6 +156,7 @@ def shifted_truth(
     return article_of(case, shift_modes(case.plant, moved), seed=int(rng.integers(1 << 30)))
 
 
+@functools.cache
 def draw(
     seed: int, article: str = "dm", environment: str = "lab", *, on_board_stable: bool = False
 ) -> Destabiliser:
@@ -176,13 +181,28 @@ def draw(
             return Destabiliser(kind=kind, law=law, article=truth, rate=rate, share=share)
 
 
+def stopped_by(found: Destabiliser, article: str = "dm", environment: str = "lab") -> str:
+    """The step of the gate that refuses it: on the model beside the hold, then on the truth as its rig."""
+    settings, trials = settings_of(article, environment), GateTrials(dry_s=5.0, shadow_s=2.0)
+    reach = [sensor.range for sensor in settings.sensors[: len(found.law.inputs)]]
+    package = pack(found.law, input_range=reach, limit=own_limits(found, settings))
+    verdict = examine_package(
+        package, {"on board": rig_case(article, environment).plant}, trials=trials,
+        rig=GateRig(found.article, settings), settings=settings,
+    )  # fmt: skip
+    return next((step.name.removesuffix(" on board") for step in verdict.steps if not step.passed), "")
+
+
+def own_limits(found: Destabiliser, settings: EngineSettings) -> np.ndarray:
+    return found.share * np.array([drive.upper for drive in settings.drives[: len(found.law.outputs)]])
+
+
 def judge(found: Destabiliser, article: str = "dm", environment: str = "lab") -> Outcome:
     """Engage it past the gate and see."""
     settings = settings_of(article, environment)
     limits = np.array([drive.upper for drive in settings.drives])
-    own = found.share * limits[: len(found.law.outputs)]
     with Supervisor(settings, found.article) as engine:
-        assert engine.load(pack(found.law, limit=own)).done
+        assert engine.load(pack(found.law, limit=own_limits(found, settings))).done
         engine.reset()
         engine.run(READY, keep=False)
         begun = wait_for_hold(engine)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine_destabilising import SLOW_S, draw, judge
+from engine_destabilising import SLOW_S, draw, judge, stopped_by
 from engine_rigs import closed_states, rig_case
 from repeats import repeats
 
@@ -38,6 +38,24 @@ def test_packages_that_only_the_truth_destabilises_are_stopped():
     seeds = repeats(range(WHOLE, 2 * WHOLE), quick=QUICK)
     rigs = [RIGS[0 if len(seeds) == QUICK else k % 2] for k in range(len(seeds))]
     assert not _unsound(seeds, rigs, on_board_stable=True)
+
+
+def test_no_package_passes_the_gate_on_the_model_that_it_destabilises():
+    """Those of the first test, beside the hold of the engine that would run them."""
+    seeds = repeats(range(WHOLE), quick=2)
+    rigs = [RIGS[0 if len(seeds) == 2 else k % len(RIGS)] for k in range(len(seeds))]
+    found = [stopped_by(draw(seed, *rig), *rig) for seed, rig in zip(seeds, rigs, strict=True)]
+    assert set(found) <= {"interface", "poles", "vectors", "model"}
+
+
+def test_what_the_gate_lets_through_on_its_models_is_stopped_on_the_truth():
+    """By its shadow run or engagement there, or by a trip later; how many by which is in the benchmark."""
+    seeds = repeats(range(WHOLE, 2 * WHOLE), quick=2)
+    rigs = [RIGS[0 if len(seeds) == 2 else k % 2] for k in range(len(seeds))]
+    drawn = [(draw(seed, *rig, on_board_stable=True), rig) for seed, rig in zip(seeds, rigs, strict=True)]
+    passed = [(found, rig) for found, rig in drawn if not stopped_by(found, *rig)]
+    late = [judge(found, *rig) for found, rig in passed if found.rate >= 1.0 / SLOW_S]
+    assert all(outcome.trip and outcome.sound for outcome in late)
 
 
 def test_the_draw_is_what_it_says():
