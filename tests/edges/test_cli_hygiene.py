@@ -101,10 +101,10 @@ def test_the_examples_that_need_a_file_run_after_those_that_write_it(project: Pa
 def test_the_examples_of_impact_run_on_a_hammer_test(project: Path, capfd: Capture) -> None:
     page = (ROOT / "docs/how-to/impact-test.md").read_text()
     text = page.split("```python\n")[1].split("```")[0]
-    changes = ("500.0, 20000", "125.0, 5000"), ("f / 180.0", "f / 45.0"), ("f / 90.0", "f / 22.5")
-    for whole, quarter in changes:
+    changes = ("250.0, 10000", "125.0, 5000"), ("f / 90.0", "f / 45.0"), ("f / 60.0", "f / 22.5")
+    for whole, half in changes:
         assert whole in text
-        text = text if LONG else text.replace(whole, quarter)  # a quarter of the rate, for blows as soft
+        text = text if LONG else text.replace(whole, half)  # half of the rate, for blows as soft
     exec(text, {})  # writes blows.csv here
     for arguments in examples(middeck(capfd, "impact", "--help").out):
         assert middeck(capfd, *arguments).code == 0, arguments
