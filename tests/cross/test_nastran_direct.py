@@ -105,7 +105,7 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
 
 @pytest.mark.parametrize("way", range(6))
 def test_a_line_of_grids_that_is_grounded_is_no_component(tmp_path, capfd, way):
-    """Lumped masses on a line have no inertia about it: as one body that turn has no energy to compare with."""
+    """Lumped masses on a line have no inertia about it: as one body that turn has no energy."""
     K, M = half(2)
     K[12 + way, 12 + way] *= 1.01
     points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
