@@ -161,7 +161,7 @@ def _is_foreign(fault: Fault) -> bool:
 def _distinct(
     entries: list[Entry], space: str, seen: dict[Any, Entry], faults: list[Fault], blank: Sequence[Any] = ()
 ) -> list[Entry]:
-    """The ``entries`` without equal duplicates; unequal ones are faults. ``blank``: what blank fields mean."""
+    """The ``entries`` without equal duplicates; unequal ones are faults. ``blank``: of blank fields."""
     own = {entry.values[0]: entry for entry in entries}
     if len(own) == len(entries) and own.keys().isdisjoint(seen):
         seen |= own
