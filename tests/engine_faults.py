@@ -285,7 +285,7 @@ def _ask(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[
 
 
 def _fill_disk(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[np.ndarray], list[str]]:
-    """Record, let the system refuse all after some bytes, and say what is wrong with the file, if anything."""
+    """Record, let the system refuse all after some bytes, and say what is wrong with the file."""
     most = resource.getrlimit(resource.RLIMIT_FSIZE)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
