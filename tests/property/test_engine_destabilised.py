@@ -45,17 +45,7 @@ def test_no_package_passes_the_gate_on_the_model_that_it_destabilises():
     seeds = repeats(range(WHOLE), quick=2)
     rigs = [RIGS[0 if len(seeds) == 2 else k % len(RIGS)] for k in range(len(seeds))]
     found = [stopped_by(draw(seed, *rig), *rig) for seed, rig in zip(seeds, rigs, strict=True)]
-    assert set(found) <= {"interface", "poles", "vectors", "model"}
-
-
-def test_what_the_gate_lets_through_on_its_models_is_stopped_on_the_truth():
-    """By its shadow run or engagement there, or by a trip later; how many by which is in the benchmark."""
-    seeds = repeats(range(WHOLE, 2 * WHOLE), quick=2)
-    rigs = [RIGS[0 if len(seeds) == 2 else k % 2] for k in range(len(seeds))]
-    drawn = [(draw(seed, *rig, on_board_stable=True), rig) for seed, rig in zip(seeds, rigs, strict=True)]
-    passed = [(found, rig) for found, rig in drawn if not stopped_by(found, *rig)]
-    late = [judge(found, *rig) for found, rig in passed if found.rate >= 1.0 / SLOW_S]
-    assert all(outcome.trip and outcome.sound for outcome in late)
+    assert set(found) <= {"interface", "poles", "vectors", "model"}  # not "", which passes on paper
 
 
 def test_the_draw_is_what_it_says():

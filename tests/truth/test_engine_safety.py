@@ -451,9 +451,10 @@ def test_sensors_that_read_one_thing_must_agree():
         faulty = with_faults(rig, Fault(kind="sensor add", channel=1, start=50, value=value))
         with Supervisor(plain_settings(spreads=(spread,)), faulty) as engine:
             engine.reset()
-            engine.run(100, keep=False)
+            last = engine.run(100)[-1]
             assert (engine.state == "safe") == trips
             assert [e.sample for e in engine.events() if e.kind == "spread"] == ([59] if trips else [])
+            assert last["unhealthy"] == (0b11 if trips else 0)  # nobody knows which of them it is
 
 
 @pytest.mark.parametrize(("length", "trips"), [(10, []), (11, [61])])
