@@ -34,7 +34,7 @@ kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors co
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/basedpyright
+	$(BIN)/ty check
 	$(BIN)/lint-imports
 
 docs: $(VENV)/dev.stamp  ## docs/_build/html

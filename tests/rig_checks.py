@@ -6,8 +6,8 @@ import numpy as np
 
 from middeck.control.law.compensator import Compensator
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig
-from middeck.laboratory.rig.state import RigState
+from middeck.laboratory.rig.ticks.simulation import cut_blocks, simulate_rig
+from middeck.laboratory.rig.ticks.state import RigState
 from middeck.systems.state_space.statespace import SampledStateSpace
 
 

@@ -14,11 +14,11 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig.computer import build_computer
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.computer import build_computer
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Encoder
 from middeck.laboratory.rig.rig import Rig, build_rig
-from middeck.laboratory.rig.sensors import Encoder
-from middeck.laboratory.rig.simulation import BLOCK, cut_blocks, simulate_rig
+from middeck.laboratory.rig.ticks.simulation import BLOCK, cut_blocks, simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import is_stable

@@ -13,7 +13,7 @@ from measured.rows import row
 from middeck.errors import ConfigError
 from middeck.realtime.package.build import package_law, without_applied
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.single import to_single
+from middeck.realtime.package.single_precision import to_single
 from packaged.study_laws import study_laws
 from packaged_laws import compile_law
 

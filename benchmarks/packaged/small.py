@@ -11,7 +11,7 @@ from small_processor.emulated import emulate_package
 
 from measured.rows import row
 from middeck.realtime.package.build import package_law
-from middeck.realtime.package.single import to_single
+from middeck.realtime.package.single_precision import to_single
 from packaged_laws import random_law
 
 CASE = "small processors"

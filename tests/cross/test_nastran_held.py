@@ -44,7 +44,6 @@ def held_deck(deck: RandomDeck, seed: int) -> Held:
         return np.kron(np.eye(2), axes)
 
     names = list(deck.places)
-    rectangular = [n for n, (kind, _, _) in deck.systems.items() if kind == "R"]
     for k in range(3):
         a, b = (int(n) for n in rng.choice(deck.free, 2, replace=False))
         values = 10.0 ** rng.uniform(2, 5, 6) * (rng.random(6) < 0.7)
@@ -58,8 +57,8 @@ def held_deck(deck: RandomDeck, seed: int) -> Held:
             z = np.cross(x, up) / np.linalg.norm(np.cross(x, up))
             axes = np.array([x, np.cross(z, x), z])
         else:
-            cid = int(rng.choice(rectangular))
-            axes, shown = deck.systems[cid][2].T, [None, None, None, cid]
+            cid = int(rng.choice(list(deck.systems)))
+            axes, shown = directions(deck, a, cid), [None, None, None, cid]
         ground = k == 2
         lines += card(rng, "CBUSH", 700 + k, 40 + k, a, None if ground else b, *shown, None if ground else s)
         T = motion(deck, a, zero if ground else s * along)
@@ -164,6 +163,8 @@ def linked_deck(deck: RandomDeck, text: str, seed: int) -> tuple[str, np.ndarray
     at, zero = rng.uniform(-1.0, 1.0, 3), np.zeros(3)
     some = [int(g) for g in rng.choice(names, 4, replace=False)]
     moves = ["123", "123", "123456", str(rng.choice(["12", "3", "1235"]))]
+    if seed % 3 == 0:  # shifts and turns of the same grids, each with a weight of its own
+        some, moves = 2 * some, [*(m.strip("456") or "3" for m in moves), *("456", "4", "56", "5")]
     shares = [(g, float(rng.uniform(0.5, 2.0)), m) for g, m in zip(some, moves, strict=True)]
     carrier = int(rng.choice(names))
     place = deck.places[carrier] + rng.uniform(-0.5, 0.5, 3)

@@ -15,7 +15,7 @@ from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import InputFilter, LoopPath, Section
-from middeck.realtime.package.single import to_single
+from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from packaged_laws import STRICT, compile_law, random_law, replay

@@ -24,7 +24,7 @@ from middeck.realtime.generate.compiler import FLAGS
 from middeck.realtime.package.binary import decode_package, encode_package
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import InputFilter, LoopPath, Section
-from middeck.realtime.package.single import to_single
+from middeck.realtime.package.single_precision import to_single
 from packaged_laws import random_law
 from repeats import LONG
 

@@ -17,7 +17,7 @@ from middeck.files.laws.packages import load_package, write_package
 from middeck.realtime.package.binary import decode_package, encode_package, hash_package
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import InputFilter, LoopPath, Section
-from middeck.realtime.package.single import to_single
+from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from packaged_laws import random_law
 from repeats import LONG

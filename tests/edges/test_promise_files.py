@@ -10,7 +10,7 @@ import pytest
 from cli_runner import middeck
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
-from middeck.files.json.sealed import seal
+from middeck.files.json.hash_seal import seal
 from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import load_outcomes, statements_of
 from middeck.files.promises.plans import load_plan

@@ -13,7 +13,7 @@ import pytest
 
 from middeck.cli.main import execute
 from middeck.errors import DataError
-from middeck.files.json.sealed import SEAL, seal
+from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import SaidForm, read_promise
 from repeats import LONG
 

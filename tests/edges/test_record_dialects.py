@@ -44,6 +44,26 @@ def test_times_and_decimals_of_csv(tmp_path: Path, unit: str, scale: float, mark
     assert stream.sample_hz == 256.0
 
 
+@pytest.mark.parametrize(
+    ("heads", "said"),
+    [
+        (("time (ms)", "force (left) (kN)", "rate (rad/s^2)"), ["decimal commas", "0.001 s"]),
+        (("time", "force (left) [kN]", "rate [rad/s^2]"), ["decimal commas", "times are read as seconds"]),
+    ],
+)
+def test_units_in_round_brackets_and_quoted_decimal_commas(tmp_path, heads, said) -> None:
+    rows = [
+        ",".join(f'"{x!r}"'.replace(".", ",") for x in row)
+        for row in zip((np.arange(50) / 0.256).tolist(), U.tolist(), Y.tolist(), strict=True)
+    ]
+    (tmp_path / "run.csv").write_text("\n".join([",".join(heads), *rows, ""]))
+    found = read_record(tmp_path / "run.csv", name_columns(["force (left)"], ["rate"]))
+    assert found.record.sample_hz == pytest.approx(256.0 if "ms" in heads[0] else 0.256, rel=1e-12)
+    assert np.array_equal(found.record.u[0, 0, :, 0], U)
+    assert [port.unit for port in (*found.record.inputs, *found.record.outputs)] == ["kN", "rad/s^2"]
+    assert all(any(word in fault.what for fault in found.faults) for word in said)
+
+
 @pytest.mark.parametrize("cell", ["1.234,5", "1,234,567", "1,2,3"])
 def test_marks_between_thousands_are_refused(tmp_path: Path, cell: str) -> None:
     (tmp_path / "run.csv").write_text(f"time [s];u:force [N];y:way [m]\n0,0;{cell};1\n0,1;2;3\n")
@@ -93,3 +113,41 @@ def test_a_unit_that_the_file_states_otherwise_is_refused(tmp_path: Path) -> Non
     assert load_record(path, name_columns(["force [N]"], ["way"])).inputs[0].unit == "N"
     with pytest.raises(DataError, match="'N'; 'kN' was stated"):
         load_record(path, name_columns(["force [kN]"], ["way [m]"]))
+
+
+@pytest.mark.parametrize(
+    ("heading", "step", "said"),
+    [("time", 3.90625, "256 Hz"), ("time", 1.0, "count the lines"), ("time [s]", 1.0, "count the lines")],
+)
+def test_times_that_are_hardly_seconds_are_doubted(
+    tmp_path: Path, heading: str, step: float, said: str
+) -> None:
+    lines = [f"{k * step:.5f},{u},{y}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
+    (tmp_path / "run.csv").write_text("\n".join((f"{heading},u:force [N],y:way [m]", *lines)) + "\n")
+    (fault,) = read_record(tmp_path / "run.csv").faults
+    assert (fault.severity, said in fault.what) == ("serious", True)
+    assert read_record(written(tmp_path / "run.csv", "s", 1.0, ",", ".")).faults == ()
+
+
+def test_a_point_beside_decimal_commas_may_part_thousands(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time [s];u:force [N];y:way [m]\n0,0;1.234;1\n0,1;2.345;3\n")
+    with pytest.raises(DataError, match=r"'1\.234' is no number"):
+        load_record(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize(("before", "last"), [("", ";"), ("sep=;\n", ""), ("sep=;\n", ";")])
+def test_what_spreadsheets_add_to_lines_is_no_column(tmp_path: Path, before: str, last: str) -> None:
+    path = written(tmp_path / "run.csv", "s", 1.0, ";", ",")
+    plain = load_record(path)
+    path.write_text(before + path.read_text().replace("\n", f"{last}\n"))
+    assert load_record(path) == plain
+
+
+@pytest.mark.parametrize("line", ["[s];[N];[m]", "Instrument 7"])
+def test_words_that_are_no_names_are_told_where_they_belong(tmp_path: Path, line: str) -> None:
+    names, *rows = written(tmp_path / "run.csv", "s", 1.0, ";", ".").read_text().splitlines()
+    first = (names, line) if ";" in line else (line, names)
+    (tmp_path / "run.csv").write_text("\n".join((*first, *rows)) + "\n")
+    with pytest.raises(DataError) as refused:
+        load_record(tmp_path / "run.csv")
+    assert "one line names the columns" in refused.value.hint

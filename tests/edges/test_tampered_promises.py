@@ -7,7 +7,7 @@ import json
 import pytest
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.json.sealed import read_sealed, seal
+from middeck.files.json.hash_seal import read_sealed, seal
 from middeck.files.promises.outcomes import load_outcomes
 from middeck.updating.promise.score import Outcome, Statement, judge
 

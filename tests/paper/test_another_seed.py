@@ -4,7 +4,7 @@ import numpy as np
 
 from middeck.files.studies.documents import load_study
 from middeck.identification.model.fit_options import FitOptions, decided
-from middeck.identification.order.race import recommend_states
+from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.spectra.weights import spread_of
 from middeck.laboratory.article_rig import build_rig_article

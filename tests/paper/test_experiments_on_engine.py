@@ -16,7 +16,7 @@ from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.runs import remove_ramps
-from middeck.laboratory.rig.stepped import SteppedRig
+from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import linear_article

@@ -12,10 +12,10 @@ from joint_reference import stored_energy
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.parts.motors import Motor, Rotor
+from middeck.laboratory.rig.parts.sensors import Encoder, Sampler
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.sensors import Encoder, Sampler
-from middeck.laboratory.rig.simulation import simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.simulation import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import sample_dynamics

@@ -19,10 +19,10 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.hidden_errors import draw_hidden_errors
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.runs import run_closed_loop
-from middeck.laboratory.rig.sensors import Sampler
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays, require_modal

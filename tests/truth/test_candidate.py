@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order.exchange import find_candidate, grown
+from middeck.identification.order.exchanged_modes import find_candidate, grown
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import unpack
 from middeck.identification.search.polish import polish

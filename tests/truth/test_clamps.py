@@ -14,7 +14,7 @@ from middeck.structure.model.article import Actuator, ActuatorKind, Joint, Joint
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.plants.residual import compare_static_gain
+from middeck.structure.plants.residual_flexibility import compare_static_gain
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters

@@ -6,15 +6,15 @@ import pytest
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig import compiled, simulation
-from middeck.laboratory.rig.compiled import TickRows, compile_ticks, run_compiled
-from middeck.laboratory.rig.drift import Drift
-from middeck.laboratory.rig.motors import Motor, Rotor
-from middeck.laboratory.rig.products import column_sums
+from middeck.laboratory.rig.parts.motors import Motor, Rotor
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
+from middeck.laboratory.rig.plant.drift import Drift
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
-from middeck.laboratory.rig.simulation import switch_on
-from middeck.laboratory.rig.stepped import SteppedRig
+from middeck.laboratory.rig.ticks import compiled, simulation
+from middeck.laboratory.rig.ticks.compiled import TickRows, compile_ticks, run_compiled
+from middeck.laboratory.rig.ticks.products import column_sums
+from middeck.laboratory.rig.ticks.simulation import switch_on
+from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.generate import compiler
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
@@ -139,11 +139,11 @@ def test_a_rig_that_an_engine_drives_reads_the_same_bits(name, monkeypatch):
         return used[-1]
 
     rig = RIGS[name]()
-    monkeypatch.setattr("middeck.laboratory.rig.stepped.compile_ticks", seen)
+    monkeypatch.setattr("middeck.laboratory.rig.ticks.stepped.compile_ticks", seen)
     in_c = stepped(rig)
     assert len(used) > 1
     assert all(ticks is not None for ticks in used)
-    monkeypatch.setattr("middeck.laboratory.rig.stepped.compile_ticks", lambda *asked: None)
+    monkeypatch.setattr("middeck.laboratory.rig.ticks.stepped.compile_ticks", lambda *asked: None)
     assert stepped(rig).tobytes() == in_c.tobytes()
     assert np.ptp(in_c[:, 0]) > 0.0
 

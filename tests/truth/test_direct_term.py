@@ -12,9 +12,9 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
 from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms, band_rms_by_quadrature
 from middeck.systems.plants.plant import Plant

@@ -118,7 +118,21 @@ def test_who_stands_by_adds_nothing_whatever_limits_did():
 
 LOSING = """#include "rig.h"
 
+#include <stdlib.h>
+
+#include "publish.h"
+
 static whole written;
+
+void __real_publish_record(shared *f, const engine *e, const real *y, whole late_ns, whole step_ns);
+void __wrap_publish_record(shared *f, const engine *e, const real *y, whole late_ns, whole step_ns);
+
+void __wrap_publish_record(shared *f, const engine *e, const real *y, whole late_ns, whole step_ns)
+{
+    if (e->happenings > 0)
+        abort();
+    __real_publish_record(f, e, y, late_ns, step_ns);
+}
 
 static enum rig_answer read_sensors(rig *r, real *y)
 {
@@ -154,9 +168,11 @@ rig *open_driver(const settings *set)
 
 @pytest.mark.parametrize(("answer", "trip"), [("RIG_LOST", "rig dead"), ("RIG_MISSED", "no answer")])
 def test_outputs_that_do_not_arrive_trip(tmp_path, answer, trip):
+    """And the event stands in the file before the record of its sample: otherwise this engine aborts."""
     driver = tmp_path / "losing.c"
     driver.write_text(LOSING.replace("ANSWER", answer))
-    with Supervisor(plain_settings(), DriverRig(), program=build_engine(driver=driver)) as engine:
+    program = build_engine(driver=driver, flags=("-Wl,--wrap=publish_record",))
+    with Supervisor(plain_settings(), DriverRig(), program=program) as engine:
         engine.reset()
         engine.run(20, keep=False)
         assert engine.state == "ready"

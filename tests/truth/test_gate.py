@@ -18,7 +18,7 @@ from middeck.realtime.gate.steps import FADES, GateMargins
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import InputFilter, LoopPath, Section
-from middeck.realtime.package.single import to_single
+from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
@@ -83,6 +83,45 @@ def test_one_model_of_several_is_enough_to_refuse():
     late = examine_package(package, {"late": delay_plant(plant_of(good), 0.004)}, GateMargins(gain_db=200.0))
     assert not late.passed
     assert "margin" in late.steps[-1].said
+
+
+def gain_package(gain):
+    y, u = ports(0, 1, 1)
+    none = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+    law = Compensator(SampledStateSpace(*none, [[gain]], period_s=PERIOD_S), y, u)
+    return package_law(law, "gain", input_range=1.0, limit=1.0)
+
+
+def one_port(system):
+    y, u = ports(0, 1, 1)
+    return Plant(dynamics=system, inputs=u, outputs=y)
+
+
+def between_fades(square):
+    """Closed by -g: s^3 + (1 + g) s^2 + (1 + g) s + a, which Hurwitz finds stable where
+    (g - 0.3)^2 > ``square``."""
+    constant = 1.0 - 0.09 + square
+    A = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-constant, -1.0, -1.0]]
+    return StateSpace(A, [[0.0], [0.0], [1.0]], [[2.6, 1.0, 1.0]], [[0.0]])
+
+
+def test_a_loop_that_is_unstable_at_one_fade_of_eleven_is_refused():
+    """By Hurwitz's condition from 0.25 to 0.35 only; and where it is stable there, but with little margin."""
+    step = examine_package(gain_package(-1.0), {"hump": one_port(between_fades(0.0025))}, ANY).steps[-1]
+    assert not step.passed
+    assert step.said.startswith("at a fade of 0.3: a root at 0.181")  # 1.14 rad/s
+    weak, least = {"hump": one_port(between_fades(-0.0025))}, GateMargins(gain_db=0.0, phase_deg=5.0)
+    step = examine_package(gain_package(-1.0), weak, least).steps[-1]
+    assert not step.passed
+    assert step.said.startswith("at a fade of 0.2: margins of")  # 11 degrees at full authority
+
+
+def test_a_loop_that_is_not_decided_is_not_passed():
+    """At full authority y = -x + y: the loop has no solution."""
+    direct = StateSpace([[-1.0]], [[1.0]], [[-1.0]], [[1.0]])
+    step = examine_package(gain_package(1.0), {"direct": one_port(direct)}, ANY).steps[-1]
+    assert (step.name, step.passed) == ("model direct", False)
+    assert step.said.startswith("not decided: ")
 
 
 def test_the_linear_law_is_the_package_within_its_limits():

@@ -32,7 +32,7 @@ from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.spectra import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from middeck.systems.sampling.hold import hold_response, release_hold, release_inputs
+from middeck.systems.sampling.zero_order_hold import hold_response, release_hold, release_inputs
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 

@@ -8,7 +8,7 @@ import pytest
 from middeck import estimate_response, fit_response
 from middeck.identification import nrmse
 from middeck.identification.model.fit_options import FitOptions, decided
-from middeck.identification.order.race import recommend_states
+from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.spectra.weights import spread_of
 from middeck.signals.ports import Port

@@ -43,9 +43,9 @@ def test_light_damping_and_integrators(zeta, free, rho):
 
 def test_blocks_and_one_piece_agree(monkeypatch):
     A, B, C = structure(55, 1e-2)
-    blocks = solve_by_subspace(A, B, C.T @ C)
+    blocks = solve_by_subspace(A, B @ B.T, C.T @ C)
     monkeypatch.setattr("middeck.control.riccati.subspace.SMALL", 10**6)
-    whole = solve_by_subspace(A, B, C.T @ C)
+    whole = solve_by_subspace(A, B @ B.T, C.T @ C)
     # The same subspace twice; its condition is that of poles 1e-2 of their size from the axis.
     np.testing.assert_allclose(blocks, whole, atol=1e-8 * np.abs(whole).max())
 

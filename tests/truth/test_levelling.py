@@ -101,7 +101,7 @@ def test_an_article_that_moved_without_strain_is_fitted_exactly():
     drawn = rest.model.rest
     turned = rotation_exp(np.array([0.3, -1.1, 0.5]))
     moved = Configuration(drawn.x @ turned.T + [30.0, -4.0, 2.0], turned @ drawn.R, drawn.angle)
-    found = fit_rotation(dataclasses.replace(rest, config=moved))
+    found = fit_rotation(rest.model, rest.model.rest, moved)
     assert found == pytest.approx(turned, abs=1e-13)  # rounding of positions of 30 m
 
 

@@ -10,10 +10,10 @@ from middeck.identification.spectra import estimate_response
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
-from middeck.laboratory.rig.sensors import Sampler
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -13,10 +13,10 @@ from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.joints.sliding import SlidingLoops, slide
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
-from middeck.laboratory.rig.sensors import Sampler
 from middeck.structure.model.environment import Environment
 from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant

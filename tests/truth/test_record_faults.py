@@ -545,3 +545,48 @@ def test_a_sine_between_the_harmonics_of_a_multisine_is_found(seed: int) -> None
         )
         kinds.append([f.kind for f in detect_faults(record)].count("hum"))
     assert kinds == [0, 1]
+
+
+def ringing(rng: Rng, samples: int = 8192) -> Record:
+    """One blow, then two modes that lose a tenth to half of their size through the record."""
+    t, u = np.arange(samples) / HZ, np.zeros(samples)
+    u[400:405] = [1.0, 5.0, 10.0, 5.0, 1.0]
+    hz, decay = rng.uniform([5.0, 30.0], [25.0, 45.0]), rng.uniform(0.1, 0.7, 2) * HZ / samples
+    h = np.sum(np.exp(-np.outer(decay, t)) * np.sin(2.0 * np.pi * hz[:, None] * t), axis=0)
+    y = scipy.signal.fftconvolve(u, h)[:samples]
+    y += 10.0 ** rng.uniform(-4.0, -2.0) * y.std() * rng.standard_normal(samples)
+    return replace(heard(rng, y), u=u[None, None, :, None])
+
+
+def test_a_mode_that_rings_through_the_record_is_no_serious_hum(campaign: Callable[[int], range]) -> None:
+    for seed in campaign(60):
+        rng = np.random.default_rng([36, seed])
+        record = ringing(rng)
+        assert "serious" not in [f.severity for f in detect_faults(record) if f.kind == "hum"]
+        hum = rng.uniform(0.15, 0.5) * record.y.std() * np.sin(2.0 * np.pi * 50.0 * time + 1.0)
+        (found,) = detect_faults(replace(record, y=record.y + np.sqrt(2.0) * hum[None, None, :, None]))
+        assert (found.kind, found.severity) == ("hum", "serious")
+
+
+@pytest.mark.parametrize("kind", ["dead", "gap", "dropout", "spike"])
+def test_a_broken_output_hides_no_fault_of_another(kind: str) -> None:
+    rng = np.random.default_rng(37)
+    u = rng.standard_normal(SAMPLES)
+    y = resonant(u)
+    y += 1e-2 * y.std(axis=0) * rng.standard_normal(y.shape)
+    lost, broken = np.delete(y[:, 0], 4000), y[:-1, 1].copy()
+    where = {"dead": slice(None), "spike": slice(2000, 2001)}.get(kind, slice(2000, 2003))
+    broken[where] = {"gap": np.nan, "spike": 50.0 * broken.std()}.get(kind, broken[2000])
+    hum = 0.5 * lost.std() * np.sin(2.0 * np.pi * 50.0 * time[:-1])
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"), Port("rate", "rad/s"))
+    found = detect_faults(
+        Record(
+            sample_hz=HZ,
+            u=u[None, None, :-1, None],
+            y=np.stack([lost + hum, broken], axis=1)[None, None],
+            inputs=ports[0],
+            outputs=ports[1],
+            periodic=False,
+        )
+    )
+    assert {(f.channel, f.kind) for f in found} == {("rate", kind), ("angle", "hum"), ("angle", "shift")}

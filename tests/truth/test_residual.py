@@ -19,7 +19,7 @@ from middeck.structure.model.article import (
 from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.residual import compare_static_gain, complete_response
+from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.state_space.modal import modal_response, output_rows

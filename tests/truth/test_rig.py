@@ -8,9 +8,9 @@ import pytest
 from middeck.control.loop.closed_loop import predict_closed_loop_response
 from middeck.errors import ConfigError, NumericalError
 from middeck.laboratory.rig.linear_view import close_rig, linearise_rig
+from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
-from middeck.laboratory.rig.sensors import Sampler
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -10,11 +10,11 @@ import pytest
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.runs import run_closed_loop
-from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler
-from middeck.laboratory.rig.simulation import simulate_rig
+from middeck.laboratory.rig.ticks.simulation import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem

@@ -11,13 +11,13 @@ from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.joints import balance
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig.law import place_law
 from middeck.laboratory.rig.linear_view import close_rig
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Encoder, Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import StopRule, find_steady_start, run_closed_loop, run_open_loop
-from middeck.laboratory.rig.sensors import Encoder, Sampler
-from middeck.laboratory.rig.simulation import DivergedError, simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.simulation import DivergedError, simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem

@@ -13,12 +13,12 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig.drift import Drift
-from middeck.laboratory.rig.motors import Motor, Rotor
+from middeck.laboratory.rig.parts.motors import Motor, Rotor
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
+from middeck.laboratory.rig.plant.drift import Drift
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.sensors import Encoder, Gyro
-from middeck.laboratory.rig.simulation import cut_blocks, simulate_rig, switch_on
-from middeck.laboratory.rig.stepped import SteppedRig
+from middeck.laboratory.rig.ticks.simulation import cut_blocks, simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor, UdpRig

@@ -23,7 +23,7 @@ from middeck.structure.model.article import (
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import AnchoredSpring, Environment, GroundBushing
 from middeck.structure.model.section import Section
-from middeck.updating.orbit.deflections import describe_deflections, predict_deflections
+from middeck.updating.orbit.deflections import predict_deflections
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.gauges import Gauge, GaugeKind
@@ -255,14 +255,12 @@ def test_intervals_cover(first: int):
     assert missed <= (2 if LONG else 1)
 
 
-def test_predictions_are_documents():
+def test_a_deviation_is_made_of_its_parts():
     found = refine(wing(), [], [BENDING], statics=sagged(wing(), (0.5, 1.0), (TIP,)))
-    (told,) = describe_deflections(predict_deflections(found, stand(), [hung(2.0)], [TIP]))
-    (reading,) = told["readings"]
-    low, high = reading["interval_95"]
-    assert told["load_case"] == "2.0 kg"
-    assert low < reading["value"] < high
-    assert reading["std"] == pytest.approx(np.linalg.norm(list(reading["std_by"].values())))
+    (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
+    parts = [told.by_unknowns, told.by_unseen, told.by_own, told.by_gauge]
+    assert told.std == pytest.approx(np.linalg.norm(parts, axis=0))
+    assert told.interval[0, 0] < told.value[0] < told.interval[0, 1]
 
 
 def test_an_article_without_static_tests_is_predicted_with_the_usual_errors():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sensor
 from middeck.laboratory.rig.rig import Rig, build_rig
-from middeck.laboratory.rig.sensors import Encoder, Gyro, Sensor
-from middeck.laboratory.rig.simulation import simulate_rig
+from middeck.laboratory.rig.ticks.simulation import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem

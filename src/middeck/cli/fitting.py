@@ -31,7 +31,7 @@ from middeck.signals.excitation.recognition import cut_periods, recognise_excita
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
-from middeck.systems.sampling.hold import release_hold
+from middeck.systems.sampling.zero_order_hold import release_hold
 from middeck.values import record
 
 # Two periods tell noise from response.

@@ -32,7 +32,7 @@ def run() -> NoReturn:
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # docs/decisions/0004-one-blas-thread.md
     interrupted = catch_interrupts()
-    warnings.showwarning = _show_warning
+    warnings.showwarning = _show_warning  # ty: ignore[invalid-assignment]
     sys.exit(execute(sys.argv[1:], interrupted))
 
 

@@ -15,7 +15,7 @@ from .lqg.spectra import (
     line_filter as line_filter,
     sum_spectra as sum_spectra,
 )
-from .robust.designs.exchange import design_for_worst as design_for_worst
+from .robust.designs.worst_of_many import design_for_worst as design_for_worst
 from .robust.designs.popov import design_popov as design_popov
 from .robust.designs.sensitivity_weighted import design_sensitivity_weighted as design_sensitivity_weighted
 from .robust.verification.many_loops import measure_many as measure_many

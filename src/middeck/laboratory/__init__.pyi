@@ -4,18 +4,18 @@ from .article import (
     rig_article_plant as rig_article_plant,
     solve_rig_article as solve_rig_article,
 )
-from .rig.drift import (
+from .rig.plant.drift import (
     Drift as Drift,
     age_plant as age_plant,
     nearest_modes as nearest_modes,
 )
 from .rig.events import StopRule as StopRule
-from .rig.motors import Motor as Motor
-from .rig.sensors import (
+from .rig.parts.motors import Motor as Motor
+from .rig.parts.sensors import (
     Encoder as Encoder,
     Gyro as Gyro,
     Sampler as Sampler,
 )
-from .rig.stepped import SteppedRig as SteppedRig
+from .rig.ticks.stepped import SteppedRig as SteppedRig
 
 __all__: list[str]

@@ -13,10 +13,10 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
-from middeck.laboratory.rig.drift import Drift, age_plant
-from middeck.laboratory.rig.motors import Motor
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Sensor
+from middeck.laboratory.rig.plant.drift import Drift, age_plant
 from middeck.laboratory.rig.rig import Rig, build_rig
-from middeck.laboratory.rig.sensors import Sensor
 from middeck.laboratory.settings import RigSettings
 from middeck.structure.model.article import Actuator, JointState, SensorKind, Structure
 from middeck.structure.model.environment import Environment

@@ -16,7 +16,7 @@ from middeck.control.sampled.emulation import emulate
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
-from middeck.laboratory.rig.drift import Drift, nearest_modes
+from middeck.laboratory.rig.plant.drift import Drift, nearest_modes
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
 from middeck.laboratory.settings import LoopTest, RigSettings

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
-from middeck.laboratory.rig.sensors import Sampler
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.record import Record

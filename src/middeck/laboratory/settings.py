@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from middeck.joints.element import JointElement
-from middeck.laboratory.rig.motors import Motor
-from middeck.laboratory.rig.sensors import Encoder, Gyro
+from middeck.laboratory.rig.parts.motors import Motor
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
 from middeck.values import record
 
 

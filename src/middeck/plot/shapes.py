@@ -250,7 +250,7 @@ def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
     """States of rest side by side, each beside what was drawn; displacements of all in one scale."""
     view = turned(AZIMUTH, ELEVATION) @ upright(d.up for d in drawings)
     moved = max(float(np.linalg.norm(d.rest - d.drawn, axis=1).max(initial=0.0)) for d in drawings)
-    factor = _round_down(REACH * drawings[0].size / moved) if moved > 0.0 else 1.0
+    factor = round_down(REACH * drawings[0].size / moved) if moved > 0.0 else 1.0
     states = [(d.drawn + factor * (d.rest - d.drawn), d) for d in drawings]
     flat = np.concatenate([x @ view[:2].T for shown, d in states for x in (d.drawn, shown)])
     low, high = _roomy(flat.min(axis=0), flat.max(axis=0), drawings[0].size)
@@ -280,7 +280,7 @@ def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
     return figure
 
 
-def _round_down(x: float) -> float:
+def round_down(x: float) -> float:
     """The largest of 1, 2, 5, 10, 20 ... that does not exceed ``x``; at least 1."""
     power = 10.0 ** np.floor(np.log10(max(x, 1.0)))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(x, 1.0)))

@@ -29,6 +29,6 @@ from .gate.trials import (
     GateTrials as GateTrials,
 )
 from .package.reference import ReferenceLaw as ReferenceLaw
-from .package.single import to_single as to_single
+from .package.single_precision import to_single as to_single
 
 __all__: list[str]

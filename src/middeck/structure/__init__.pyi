@@ -19,7 +19,7 @@ from .modes.drawing import (
     build_mode_drawing as build_mode_drawing,
 )
 from .modes.recovery import recover_outputs as recover_outputs
-from .plants.residual import compare_static_gain as compare_static_gain
+from .plants.residual_flexibility import compare_static_gain as compare_static_gain
 from .rest.link_loads import link_loads as link_loads
 from .sensitivity.parameters import find_parameters as find_parameters
 from .sensitivity.rest import differentiate_rest as differentiate_rest

@@ -138,8 +138,8 @@ def verb(
     """
     from middeck.cli.qualifying import gather_plants
     from middeck.cli.sweeping import all_plants
+    from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
-    from middeck.files.json.sealed import seal
     from middeck.files.laws.blacklists import add_to_blacklist, load_blacklist
     from middeck.files.laws.packages import load_package
     from middeck.realtime.gate.gate import examine_package

@@ -117,7 +117,7 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
     from middeck.errors import ConfigError
     from middeck.files.laws.packages import is_package, load_package
     from middeck.realtime.package.build import package_law, without_applied
-    from middeck.realtime.package.single import to_single
+    from middeck.realtime.package.single_precision import to_single
 
     settings: Any = {key: _one_or_each(given[key]) for key in LIMITS if given[key] is not None}
     if is_package(law_file):

@@ -65,7 +65,7 @@ def simulate_test(folder: Path) -> Record:
     import numpy as np
 
     import middeck as md
-    from middeck.laboratory.rig.sensors import Sampler
+    from middeck.laboratory.rig.parts.sensors import Sampler
     from middeck.signals.excitation.multisine import random_multisine
 
     hung = md.solve_modes(md.solve_equilibrium(*md.load_setup(folder / "article.toml", folder / "lab.toml")))

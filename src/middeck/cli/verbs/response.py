@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from middeck.structure.modes.solve import Modes
-    from middeck.structure.plants.residual import StaticGainComparison
+    from middeck.structure.plants.residual_flexibility import StaticGainComparison
     from middeck.systems.plants.response import FrequencyResponse
 
 EPILOG = """\
@@ -81,7 +81,7 @@ def verb(
     from middeck.cli.blame import reading
     from middeck.cli.cases import find_case, solve_case
     from middeck.structure.plants.modal_plant import build_plant
-    from middeck.structure.plants.residual import compare_static_gain, complete_response
+    from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
     from middeck.systems.plants.response import evaluate_plant
 
     modes = solve_case(article, environment, overrides, count, load_case, standstill=True)

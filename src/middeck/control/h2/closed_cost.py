@@ -73,8 +73,8 @@ def evaluate_cost(model: GeneralizedPlant, law: Law) -> LawCost:
     if form is None:
         return LawCost(cost=np.inf)
     T, into, out = form
-    X = into @ _solve_triangular(T, out @ B, transposed=False) @ into.T
-    P = out.T @ _solve_triangular(T, (C @ into).T, transposed=True) @ out
+    X = into @ solve_triangular(T, out @ B, transposed=False) @ into.T
+    P = out.T @ solve_triangular(T, (C @ into).T, transposed=True) @ out
     cost = float(np.sum((C @ X) * C))
     if not np.isfinite(cost):
         return LawCost(cost=np.inf)
@@ -112,7 +112,7 @@ def solve_gramian(
     if form is None:
         return None
     T, into, out = form
-    return into @ _solve_triangular(T, out @ B, transposed=False) @ into.T
+    return into @ solve_triangular(T, out @ B, transposed=False) @ into.T
 
 
 def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -130,7 +130,7 @@ def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | N
     return T, scale[:, None] * U, U.T / scale
 
 
-def _solve_triangular(T: np.ndarray, factor: np.ndarray, *, transposed: bool) -> np.ndarray:
+def solve_triangular(T: np.ndarray, factor: np.ndarray, *, transposed: bool) -> np.ndarray:
     """T Y + Y T' + F F' = 0, or T' Y + Y T + F F' = 0."""
     sides = {"trana": "T"} if transposed else {"tranb": "T"}
     solved, scale, _ = cast("Any", lapack).dtrsyl(T, T, -(factor @ factor.T), **sides)

@@ -19,6 +19,7 @@ from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
+from middeck.systems.norms.rms import square_root
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
@@ -95,12 +96,6 @@ def _noise_root(m: lqg_problem.LQGProblem) -> Float[np.ndarray, "noise noise"]:
     joint = np.block([[m.process, m.cross], [m.cross.T, np.diag(m.sensor)]])
     size = np.sqrt(np.where(np.diag(joint) > 0.0, np.diag(joint), 1.0))
     return size[:, None] * square_root(joint / np.outer(size, size))
-
-
-def square_root(intensity: Float[np.ndarray, "w w"]) -> Float[np.ndarray, "w w"]:
-    """A factor G with G G' = intensity (semidefinite)."""
-    values, vectors = np.linalg.eigh(intensity)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def discounted(model: GeneralizedPlant, rate: float) -> GeneralizedPlant:

@@ -17,10 +17,10 @@ from middeck.control.analysis.loop.feedback_loop import (
 from middeck.control.analysis.rms.closed_response import closed_response
 from middeck.control.analysis.stability.delayed_roots import find_open_poles
 from middeck.control.analysis.stability.stability import decide_loop
-from middeck.control.h2.generalized_plant import generalize, square_root
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
-from middeck.systems.norms.rms import response_rms
+from middeck.systems.norms.rms import response_rms, square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.state_space.statespace import poles
 from middeck.values import record

@@ -125,7 +125,7 @@ def _solve_balanced(
     t = unit_scales(A, B @ B.T, Q)
     scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
     found = None if start is None else approach(start * np.outer(t, t), *scaled)
-    found = solve_by_subspace(*scaled) if found is None else found
+    found = solve_by_subspace(scaled[0], scaled[1] @ scaled[1].T, scaled[2]) if found is None else found
     found = _solve_pencil(*scaled) if found is None else found
     if found is None:
         return None, np.inf

@@ -19,14 +19,14 @@ SMALL = 200
 """Rows up to which LAPACK's own ordering costs little."""
 
 
-def solve_by_subspace(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
-    """X of A'X + XA - (XB)(XB)' + Q = 0 from the stable subspace of its Hamiltonian (Laub 1979, IEEE TAC 24).
+def solve_by_subspace(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
+    """X of A'X + XA - XGX + Q = 0 from the stable subspace of its Hamiltonian (Laub 1979, IEEE TAC 24).
 
-    None where that has not half the dimension.
+    None where that has not half the dimension. G and Q are symmetric, of any sign.
     """
     n = len(A)
     try:
-        H = np.block([[A, -B @ B.T], [-Q, -A.T]])
+        H = np.block([[A, -G], [-Q, -A.T]])
         T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(H, check_finite=False))
         basis = _stable_basis(T)
         if basis is None or basis.shape[1] != n:

@@ -16,7 +16,7 @@ from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.discrete import DiscreteRiccatiSolution, solve_discrete_riccati
-from middeck.control.sampled.held import HeldPlant, hold_plant
+from middeck.control.sampled.held_plant import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import integrate_along
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant

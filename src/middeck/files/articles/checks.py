@@ -156,13 +156,13 @@ def _kind(section: Table | None) -> tuple[object, ...] | None:
 
 def _names(data: Table) -> Iterator[Finding]:
     """Frames share one name space; attach points, members and either side of ports have theirs."""
-    frames = [(("node", i, "name"), t.get("name")) for i, t in tables(data, "node")]
+    frames: list[tuple[Path, Any]] = [(("node", i, "name"), t.get("name")) for i, t in tables(data, "node")]
     for i, t in tables(data, "gimbal"):
         frames += [(("gimbal", i, "name"), f"{t.get('name')}_{a}") for a in "xz"]
     for table in ("revolute", "proof_mass"):
         frames += [((table, i, "name"), t.get("name")) for i, t in tables(data, table)]
     yield from _twice(frames, "frame")
-    points = [
+    points: list[tuple[Path, Any]] = [
         (("suspension", "nodes", i), n) for i, n in enumerate(array_of(table_of(data, "suspension"), "nodes"))
     ]
     points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]

@@ -130,8 +130,8 @@ def _text_kind(text: str) -> str:
     stated = re.search(r"^schema\s*=\s*\"middeck\.([\w-]+)/", text, re.MULTILINE)
     if stated is not None and stated[1] in SCHEMAS:
         return SCHEMAS[stated[1]]
-    names = [m[1] for m in re.finditer(r"^\s*\[{1,2}\s*\"?([A-Za-z_]\w*)", text, re.MULTILINE)]
-    keys = [m[1] for m in re.finditer(r"^[ \t]*([A-Za-z_]\w*)[ \t]*=", text, re.MULTILINE)]
+    names = [m[1] for m in re.finditer(r"^\s*\[{1,2}\s*\"?([A-Za-z_]\w*)[^;,\t\n]*$", text, re.MULTILINE)]
+    keys = [m[1] for m in re.finditer(r"^[ \t]*(?!sep=.$)([A-Za-z_]\w*)[ \t]*=", text, re.MULTILINE)]
     scores = {kind: len(own & set(names)) for kind, own in KEYS.items()}
     best = max(scores, key=lambda kind: scores[kind])
     if scores[best]:

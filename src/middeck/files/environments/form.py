@@ -120,9 +120,8 @@ def joint_findings(
     form: EnvironmentForm, attach_points: list[str], nodes: list[str], wheels: list[str], article: str
 ) -> list[Finding]:
     """Names in the environment that the article does not have."""
-    used = [
-        (("suspension", "held", name), name) for name in ((form.suspension and form.suspension.held) or ())
-    ]
+    held = (form.suspension.held if form.suspension else None) or {}
+    used = [(("suspension", "held", name), name) for name in held]
     devices = [(("device", i, "attach"), device.attach) for i, device in enumerate(form.device)]
     springs = [(("spring", i, "attach"), spring.attach) for i, spring in enumerate(form.spring)]
     bushings = [(("bushing", i, "attach"), bushing.attach) for i, bushing in enumerate(form.bushing)]

@@ -56,7 +56,7 @@ def _as_plant(value: Exchangeable) -> Plant:
         case StateSpace() | SampledStateSpace():
             outputs, inputs = value.D.shape
             return Plant(dynamics=value, inputs=name_ports("u", inputs), outputs=name_ports("y", outputs))
-        case _:  # pyright: ignore[reportUnnecessaryComparison]
+        case _:
             raise ConfigError(
                 f"a {type(value).__name__} cannot be exchanged", hint="a system, a plant or a compensator"
             )

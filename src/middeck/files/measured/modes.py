@@ -45,7 +45,7 @@ def load_measured_modes(path: str | Path) -> MeasuredModes:
     if not shape.size and not names["node"]:  # frequencies alone: no rows, which JSON cannot give a width
         shape = np.zeros((0, len(values["frequency_hz"])))
     try:
-        return MeasuredModes(**values, **names, shape=shape)  # pyright: ignore[reportArgumentType]
+        return MeasuredModes(**values, **names, shape=shape)  # ty: ignore[invalid-argument-type]
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint) from None
     except ConfigError as error:

@@ -12,7 +12,7 @@ import scipy
 
 from middeck import __version__
 from middeck.files.disk.digest import sha256_of
-from middeck.files.json.sealed import seal
+from middeck.files.json.hash_seal import seal
 from middeck.files.promises.form import PROMISE
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, ValidationError
 
 from middeck.errors import DataError
-from middeck.files.json.sealed import read_sealed
+from middeck.files.json.hash_seal import read_sealed
 from middeck.files.toml.faults import Finding, finding, form_findings
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, within
 from middeck.structure.correlation.measured_modes import DIRECTIONS
@@ -43,7 +43,7 @@ class SaidShapes(Said):
     """Shapes of the modes of an environment, a row a channel."""
 
     node: Annotated[tuple[str, ...], Field(strict=False)]
-    direction: Annotated[tuple[Literal[DIRECTIONS], ...], Field(strict=False)]  # pyright: ignore[reportInvalidTypeForm]
+    direction: Annotated[tuple[Literal[DIRECTIONS], ...], Field(strict=False)]  # ty: ignore[invalid-type-form]
     shape: Annotated[tuple[Annotated[tuple[Reading, ...], Field(strict=False)], ...], Field(strict=False)]
 
 

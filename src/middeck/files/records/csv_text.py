@@ -28,10 +28,19 @@ from middeck.signals.record import RecordStream
 from middeck.values import record
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
+# In square brackets anything is a unit; in round ones what is made of these is, and all else is of the name.
+_SYMBOL = r"(?:[kmuµ]?(?:N|m|g|s|V|A|Pa|rad)|lbf|in|ft|deg|°|%|Hz|kg)"
+_UNIT = rf"\[([^\]]*)\]|\(({_SYMBOL}(?:[ */·]?{_SYMBOL}|\^?-?[234²])*)\)"
 # Lines read at once.
 LINES = 8192
 AGAIN = "copy or record it again"
 ADVICE = "the first line must read like: time [s],u:torque [N m],y:angle [rad]"
+NAMES_FIRST = (
+    "one line names the columns and comes first, units in brackets behind the names; begin other words with #"
+)
+SEPARATOR_LINE = re.compile(r"sep=.?", re.IGNORECASE)  # for a spreadsheet program
+# A rate [Hz] below which times without a unit are rather milliseconds or lines counted.
+SLOW = 10.0
 Row = tuple[int, list[str]]
 
 
@@ -50,6 +59,7 @@ class Opening:
     separator: str
     samples: int | None = None
     second: float = 1.0  # of the unit of the times
+    in_words: bool = True  # whether the heading says that unit
 
     def check_samples(self, count: int, file: Path) -> None:
         """Raise `DataError` where the file has fewer or more lines than it says."""
@@ -70,7 +80,7 @@ def read_csv(file: Path, variable: str) -> Raw:
     if opening.timed:
         digit = _last_digit(file, opening)
         rate, table, gaps = _on_one_grid(table, file, opening.heads, digit)
-        faults = (*faults, *gaps)
+        faults = (*faults, *gaps, *_doubts_of_rate(opening, rate))
         share = max(share, open_share(rate, len(table), digit))
         table = table[:, 1:]
     periods = opening.periods or 1
@@ -144,7 +154,7 @@ def read_opening(text: TextIO, file: Path) -> Opening:
         stripped = line.strip()
         if stripped.startswith("#"):
             told |= _comment(stripped, f"{file}:{number}")
-        elif stripped:
+        elif stripped and not SEPARATOR_LINE.fullmatch(stripped):
             return _opening(stripped, number, told, file)
     raise DataError("the file has no lines", where=str(file), hint=AGAIN)
 
@@ -166,7 +176,7 @@ def _comment(line: str, where: str) -> dict[str, Any]:
 def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Opening:
     where = f"{file}:{number}"
     separator = separator_of(line)
-    cells = [c.strip() for c in next(csv.reader([line], delimiter=separator))]
+    cells = [c.strip() for c in _unended(next(csv.reader([line], delimiter=separator)))]
     periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
     named = not all(map(_is_number, cells))
     heads = [_head(cell, k, told, where) if named else Head("", None, "") for k, cell in enumerate(cells)]
@@ -181,18 +191,30 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
         separator=separator,
         samples=samples,
         second=SECONDS.get(heads[0].unit or "s", 1.0) if timed else 1.0,
+        in_words=heads[0].unit is not None,
     )
 
 
 def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
     """How numbers were read that others write otherwise: decimal commas, times that are not in seconds."""
     said: list[str] = []
-    if opening.separator != "," and any("," in c for cells in _first_rows(file, opening) for c in cells):
+    if any("," in cell for cells in _first_rows(file, opening) for cell in cells):
         said.append("decimal commas are read as points")
     if opening.second != 1.0:
         said.append(f"times are read in units of {opening.second:g} s, as the heading says")
     hint = "nothing, if the file means it so"
     return (channel_fault("format", "note", opening.heads[0], "; ".join(said), hint),) if said else ()
+
+
+def _doubts_of_rate(opening: Opening, rate: float) -> tuple[Fault, ...]:
+    """Times of which nothing says that they are seconds, at a rate that no structure is sampled at."""
+    counted = opening.second == 1.0 and rate == 1.0
+    if not counted and (opening.in_words or rate >= SLOW):
+        return ()
+    what = f"times are read as seconds, so that the rate is {rate:.6g} Hz: "
+    what += "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"
+    hint = "head the column time [s] or time [ms]; without that column, state the rate"
+    return (channel_fault("format", "serious", opening.heads[0], what, hint),)
 
 
 def _first_rows(file: Path, opening: Opening) -> list[list[str]]:
@@ -213,10 +235,11 @@ def _is_number(cell: str) -> bool:
 
 
 def _head(cell: str, k: int, told: dict[str, Any], where: str) -> Head:
-    found = re.fullmatch(r"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:\[([^\]]*)\])?", cell)
-    if found is None or (found.group(1) and found.group(3) is None):
+    found = re.fullmatch(rf"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:{_UNIT})?", cell)
+    letter, name, *units = found.groups() if found else ("u", "")
+    unit = next((u for u in units if u is not None), None)
+    if letter and unit is None:
         raise DataError(f"column {k + 1} is headed {cell!r}", where=where, hint=ADVICE)
-    letter, name, unit = found.groups()
     side: Side = "input" if letter == "u" else "output" if letter == "y" else ""
     channel = build_channel(told.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
     return Head(name, None if unit is None else unit.strip(), side, channel)
@@ -229,22 +252,26 @@ def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.n
         for _ in range(opening.line):
             text.readline()
         rows = (
-            (opening.line + n, cells)
+            (opening.line + n, _unended(cells) if len(cells) == width + 1 else cells)
             for n, cells in enumerate(csv.reader(text, delimiter=opening.separator), 1)
             if cells and any(cells) and not cells[0].startswith("#")
         )
         while block := list(itertools.islice(rows, size)):
-            table = _numbers(block, width, file, opening.separator)
+            table = _numbers(block, width, file)
             table[:, : int(opening.timed)] *= opening.second
             yield block[0][0], table
 
 
-def _numbers(block: list[Row], width: int, file: Path, separator: str) -> Float[np.ndarray, "line column"]:
+def _unended(cells: list[str]) -> list[str]:
+    """Without the empty cell that a separator at the end of a line makes."""
+    return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
+
+
+def _numbers(block: list[Row], width: int, file: Path) -> Float[np.ndarray, "line column"]:
     try:
         table = np.array([cells for _, cells in block], dtype=float)
     except ValueError:
-        if separator != ",":
-            block = [(n, with_points(cells, f"{file}:{n}")) for n, cells in block]
+        block = [(n, with_points(cells, f"{file}:{n}")) for n, cells in block]
         table = np.array([_line(row, width, file) for row in block])
     if table.shape[1] != width:
         _line(block[0], width, file)
@@ -259,7 +286,8 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     if len(cells) != width:
         what = f"mismatched lengths: {len(cells)} values for {width} columns"
         commas = "decimal commas? part the columns with semicolons, or write decimal points"
-        raise DataError(what, where=where, hint=commas if len(cells) == 2 * width else cut)
+        hint = NAMES_FIRST if width == 1 else commas if len(cells) == 2 * width else cut
+        raise DataError(what, where=where, hint=hint)
     empty = next((k for k, c in enumerate(cells, 1) if not c.strip()), None)
     if empty is not None:
         hint = cut if empty == width else "nan where there is no sample"
@@ -267,7 +295,8 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     try:
         return [float(c) for c in cells]
     except ValueError as error:
-        raise DataError(str(error), where=where, hint="numbers with a decimal point only") from None
+        hint = "numbers with a decimal point only" if any(map(_is_number, cells)) else NAMES_FIRST
+        raise DataError(str(error), where=where, hint=hint) from None
 
 
 def _last_digit(file: Path, opening: Opening) -> float:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 from middeck.errors import DataError
 
+# Digits in groups of three: in a line with decimal commas, points stand between thousands.
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+")
 COMMA = re.compile(r"[+-]?\d*,\d*(?:[eEdD][+-]?\d+)?")
 
 
@@ -18,13 +20,15 @@ def separator_of(line: str) -> str:
 def with_points(cells: Sequence[str], where: str) -> list[str]:
     """``cells`` with decimal points in place of commas, of columns that no comma parts.
 
-    Raises `DataError` for a comma that is no decimal one, as in 1,234.5 or 1,234,567.
+    Raises `DataError` for a comma that is no decimal one, as in 1,234.5 or 1,234,567, and for a point beside
+    decimal commas that may be none, as in 1.234.
 
     >>> with_points(["0,5", "1.5", "-2,0e-3"], "run.csv:2")
     ['0.5', '1.5', '-2.0e-3']
     """
-    for cell in cells:
-        if "," in cell and not COMMA.fullmatch(cell.strip()):
+    commas = any("," in cell for cell in cells)
+    for cell in map(str.strip, cells):
+        if not COMMA.fullmatch(cell) if "," in cell else commas and THOUSANDS.fullmatch(cell):
             hint = "numbers with one decimal comma or point, and nothing between thousands"
             raise DataError(f"{cell!r} is no number", where=where, hint=hint)
     return [cell.replace(",", ".") for cell in cells]

@@ -323,8 +323,8 @@ def _binary(file: Path, data: Dataset, size: int) -> Iterator[np.ndarray]:
     with open(file, "rb") as stream:
         stream.seek(data.start)
         for k in range(0, data.count, size):
-            rows = np.frombuffer(stream.read(min(size, data.count - k) * row.itemsize), row)
-            values = np.column_stack([rows[name] for name in row.names or ()]).astype(float)
+            rows: np.ndarray = np.frombuffer(stream.read(min(size, data.count - k) * row.itemsize), row)
+            values = np.column_stack([rows[f"n{k}"] for k in range(len(kinds))]).astype(float)
             _check_order(values, rows, where)
             yield values
 

@@ -8,8 +8,8 @@ from middeck.files.studies.form import RigForm, SisoForm
 from middeck.joints.deadband import Deadband
 from middeck.joints.element import JointElement
 from middeck.joints.friction import Friction
-from middeck.laboratory.rig.motors import Motor, Rotor
-from middeck.laboratory.rig.sensors import Encoder, Gyro
+from middeck.laboratory.rig.parts.motors import Motor, Rotor
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
 from middeck.laboratory.settings import LoopTest, RigSettings
 
 

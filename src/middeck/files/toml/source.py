@@ -17,7 +17,7 @@ from middeck.files.toml.faults import Fault, Finding, form_findings, raise_fault
 from middeck.files.toml.form import Form
 from middeck.files.toml.lines import Path as KeyPath
 from middeck.files.toml.lines import key_lines, line_of
-from middeck.files.toml.trouble import explain
+from middeck.files.toml.syntax_faults import explain
 from middeck.values import record
 
 F = TypeVar("F", bound=Form)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
 
 from middeck.errors import DataError
@@ -32,7 +35,8 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 
-# With these in a channel, what outputs leave of their inputs is no noise.
+# With these a channel is compared with none; with LOCAL, what an output leaves of its inputs is no noise.
+MISSING = ("gap", "dead")
 LOCAL = ("clipping", "dropout", "spike", "held", "duplicate")
 SEVERITIES = ("unusable", "serious", "note")
 
@@ -79,14 +83,37 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
                 answered = None if struck else driven[e] if side == "output" else []
                 faults = _channel_faults(x, port, side=side, periodic=record.periodic, driven=answered)
                 found += [f.at(side, port, e) for f in faults]
-    whole = not any(f.kind in ("gap", "dead") for f in found)
-    if whole:
-        found += find_pair_faults(record)
-        found += [what.at("output", port, e) for what, port, e in find_hum(record)]
-        found += [] if struck or any(f.kind in LOCAL for f in found) else find_relation_faults(record)
-    if whole and reference is not None:
+    moving = _without(record, found, MISSING)
+    if moving is not None:
+        found += find_pair_faults(moving)
+        found += [what.at("output", port, e) for what, port, e in find_hum(moving)]
+    clean = None if struck else _without(record, found, (*MISSING, *LOCAL))
+    found += [] if clean is None else find_relation_faults(clean)
+    if reference is not None and not any(f.kind in MISSING for f in found):
         found += compare_with_reference(record, reference)
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
+
+
+def _without(record: Record, found: Sequence[Fault], kinds: Sequence[str]) -> Record | None:
+    """Leave out outputs with such faults, and inputs that are dead, which move nothing.
+
+    None where another input has such a fault, which all outputs answer, or where a side has no channel left.
+    """
+    at = {(f.side, f.channel, f.kind) for f in found if f.kind in kinds}
+    if any(side == "input" and kind != "dead" for side, _, kind in at):
+        return None
+    bad = {(side, name) for side, name, _ in at}
+    sides: tuple[tuple[Side, tuple[Port, ...]], ...] = ("input", record.inputs), ("output", record.outputs)
+    u, y = ([k for k, port in enumerate(ports) if (side, port.name) not in bad] for side, ports in sides)
+    if not u or not y:
+        return None
+    return dataclasses.replace(
+        record,
+        u=record.u[..., u],
+        y=record.y[..., y],
+        inputs=tuple(record.inputs[k] for k in u),
+        outputs=tuple(record.outputs[k] for k in y),
+    )
 
 
 def _driven(inputs: np.ndarray) -> Runs:

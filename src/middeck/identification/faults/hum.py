@@ -22,8 +22,11 @@ ABOVE = 200.0
 # Share of the power of its lines that is no sine of constant size. The motion of a mode changes through the
 # record: of one as narrow as a line a tenth to a half is no such sine.
 UNLIKE = 0.01
+# A sine that loses so much of its amplitude through the record is a mode that rings, but where noise may have
+# made that: four deviations, times the square root of its power over that of the lines beside it.
+FALLS, CHANCE = 0.05, 24.0
 # Places between two lines at which a sine is tried.
-BETWEEN = np.linspace(-0.6, 0.6, 49)
+BETWEEN, STEP = np.linspace(-0.6, 0.6, 49), 1e-3
 # Share of what an output has above the lines beside it that an input may have there.
 DRIVEN = 0.03
 # Share of the output's rms from which a sine is told, and from which it is serious.
@@ -68,14 +71,26 @@ def _above(power: Float[np.ndarray, " line"]) -> Float[np.ndarray, " line"]:
     return power / np.maximum(beside, np.finfo(float).eps ** 2 * power.max())
 
 
-def _unlike(spectrum: Complex[np.ndarray, " line"], k: int) -> float:
-    """Share of the lines around k that the best sine of constant size leaves."""
+def _sine(x: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
+    """Lines of a sine ``x`` lines away, through a Hann window."""
+    one = np.abs(np.abs(x) - 1.0) < 1e-9
+    return np.where(one, 0.5, np.sinc(x) / np.where(one, 1.0, 1.0 - x**2))
+
+
+def _unlike_and_fall(spectrum: Complex[np.ndarray, " line"], k: int) -> tuple[float, float]:
+    """Share of the lines around k that the best sine of constant size leaves, and how much it falls.
+
+    That is the loss of its amplitude from the beginning of the record to the end, over its mean. A change of
+    the frequency adds the derivative of the sine's lines in phase with them, a change in time in quadrature.
+    """
     lines = spectrum[k - LOBE : k + LOBE + 1] * (-1.0) ** np.arange(2 * LOBE + 1)
     x = np.arange(-LOBE, LOBE + 1) - BETWEEN[:, None]
-    one = np.abs(np.abs(x) - 1.0) < 1e-9
-    sine = np.where(one, 0.5, np.sinc(x) / np.where(one, 1.0, 1.0 - x**2))
-    sine /= np.linalg.norm(sine, axis=1, keepdims=True)
-    return 1.0 - float(np.max(np.abs(sine @ lines) ** 2) / np.sum(np.abs(lines) ** 2))
+    told = _sine(x) @ lines / np.sum(_sine(x) ** 2, axis=1)
+    power = np.abs(told) ** 2 * np.sum(_sine(x) ** 2, axis=1)
+    best = int(np.argmax(power))
+    slope = (_sine(x[best] + STEP) - _sine(x[best] - STEP)) / (2.0 * STEP)
+    fall = -2.0 * np.pi * np.imag(slope @ (lines / told[best])) / float(slope @ slope)
+    return 1.0 - float(power[best] / np.sum(np.abs(lines) ** 2)), float(fall)
 
 
 def _sines(
@@ -85,15 +100,17 @@ def _sines(
     above = _above(power)
     sine = (power == scipy.ndimage.maximum_filter1d(power, 2 * LOBE + 1)) & (above > ABOVE)
     sine &= (driven < DRIVEN * above) & (lines > BESIDE) & (lines < len(power) - BESIDE)
-    sine[sine] = [_unlike(spectrum, int(k)) < UNLIKE for k in np.flatnonzero(sine)]
-    places, shares = list[str](), list[float]()
+    places, steady = list[str](), [0.0]
     for k in np.flatnonzero(sine):
         lobe = slice(k - LOBE, k + LOBE + 1)
         share = float(np.sqrt(np.sum(power[lobe]) / np.sum(power)))
-        if share > TOLD and len(places) < MOST:
+        unlike, fall = _unlike_and_fall(spectrum, int(k))
+        if unlike < UNLIKE and share > TOLD and len(places) < MOST:
             hz = step_hz * float(np.sum(lines[lobe] * power[lobe]) / np.sum(power[lobe]))
-            places.append(f"{hz:.6g} Hz ({name_line(hz, step_hz)}, {share:.0%} of the rms)")
-            shares.append(share)
+            decays = fall > max(FALLS, CHANCE / np.sqrt(above[k]))
+            how = f", falling by {fall:.0%} of its mean" if decays else ""
+            places.append(f"{hz:.6g} Hz ({name_line(hz, step_hz)}, {share:.0%} of the rms{how})")
+            steady += [] if decays else [share]
     if not places:
         return None
     return fault(
@@ -101,7 +118,7 @@ def _sines(
         f"has sines that no input makes (or modes that hardly decay in the record): {', '.join(places)}",
         "if the structure rings there by itself, nothing; else ground and shield the sensor. A fit of "
         "samples, not of a response, has the sines beside its modes",
-        severity="serious" if max(shares) > SERIOUS else "note",
+        severity="serious" if max(steady) > SERIOUS else "note",
     )
 
 

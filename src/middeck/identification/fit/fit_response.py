@@ -27,9 +27,10 @@ from middeck.identification.model.checks import check_logarithms, check_response
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.simulation import folded_response
+from middeck.identification.order.best_start import model_error, race, spread_to_follow
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
-from middeck.identification.order.race import count_unknowns, model_error, race, spread_to_follow
+from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, data_of
 from middeck.identification.search.fit_warnings import (
     causal_delay,
@@ -44,7 +45,7 @@ from middeck.identification.spectra.weights import Spread, by_output, excess_sha
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
-from middeck.systems.sampling.hold import release_hold
+from middeck.systems.sampling.zero_order_hold import release_hold
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]

@@ -15,8 +15,8 @@ import numpy as np
 
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions, decided
+from middeck.identification.order.best_start import race
 from middeck.identification.order.order import description_length
-from middeck.identification.order.race import race
 from middeck.identification.problem.data import Data
 from middeck.identification.search.polish import Polished
 from middeck.identification.spectra.weights import Spread

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.fit.fitted_model import model_of, structure_of
+from middeck.identification.order.best_start import model_error
 from middeck.identification.order.order import EXPLAINED, description_length
-from middeck.identification.order.race import model_error
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Point, Start, pack
 from middeck.identification.search.polish import Polished, Run, polish

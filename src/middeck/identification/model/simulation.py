@@ -17,7 +17,7 @@ from middeck.identification.model.measurement_model import (
     single_pole,
 )
 from middeck.signals.record import Record
-from middeck.systems.sampling.hold import hold_response
+from middeck.systems.sampling.zero_order_hold import hold_response
 
 
 def held_response(

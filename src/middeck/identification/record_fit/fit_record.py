@@ -49,7 +49,7 @@ from middeck.identification.uncertainty.parameters import uncertainty_of
 from middeck.signals.excitation.driven import driven_band
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
-from middeck.systems.sampling.hold import release_inputs
+from middeck.systems.sampling.zero_order_hold import release_inputs
 
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1

@@ -141,7 +141,7 @@ def _grown_while_shorter(record: Record, data: Data, options: FitOptions, run: R
     """With pairs more where most is left, as long as the description of the record gets shorter."""
     while enough_samples(record, run.layout.states + 2):
         start = grown(data, options.sized(run.layout.states + 2), run)
-        more = start and refine_record(data, start, run.weighting, rounds=2, steps=STEPS)
+        more = None if start is None else refine_record(data, start, run.weighting, rounds=2, steps=STEPS)
         if more is None or record_length(data, more) >= record_length(data, run):
             break
         run = more

@@ -47,7 +47,9 @@ def poles_instead(
         )
         poles = np.append(kept, float(data.omega[-1]) * LEFT * np.array(BEYOND[:pairs]))
         start = start_of(data, options, poles, np.ones(len(poles), dtype=bool))
-        other = start and refine_record(data, start, run.weighting, rounds=ROUNDS, steps=STEPS)
+        other = (
+            None if start is None else refine_record(data, start, run.weighting, rounds=ROUNDS, steps=STEPS)
+        )
         if other is not None:
             found.append((record_length(data, other), options.states or states))
     instead = instead_of(record_length(data, run), found)

@@ -90,7 +90,7 @@ def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input
     v = by_output(measured.variance)
     half = min(NEIGHBOURS, v.shape[1] - 1)
     padded = np.pad(v, ((0, 0), (half, half), (0, 0)), mode="reflect")
-    total = np.cumsum(np.pad(padded, ((0, 0), (1, 0), (0, 0))), axis=1)
+    total: np.ndarray = np.cumsum(np.pad(padded, ((0, 0), (1, 0), (0, 0))), axis=1)
     width = 2 * half + 1
     # Differences of sums can round below zero.
     smooth = np.maximum(total[:, width:] - total[:, :-width], 0.0) / width

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.state import RigBlock
+from middeck.laboratory.rig.ticks.state import RigBlock
 from middeck.signals.ports import Port, port_indices
 from middeck.values import record
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.laboratory.rig.computer import integrators
+from middeck.laboratory.rig.parts.computer import integrators
 from middeck.laboratory.rig.rig import Rig
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.feedback import feedback

@@ -18,12 +18,12 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
-from middeck.laboratory.rig.ageing import Ageing, plan_ageing
-from middeck.laboratory.rig.drift import Drift, age_plant
-from middeck.laboratory.rig.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
-from middeck.laboratory.rig.motors import Motor, MotorBank, gather_motors
-from middeck.laboratory.rig.readout import Readout, gather_readout
-from middeck.laboratory.rig.sensors import Sampler, Sensor, sensor_lag
+from middeck.laboratory.rig.parts.motors import Motor, MotorBank, gather_motors
+from middeck.laboratory.rig.parts.sensor_bank import Readout, gather_readout
+from middeck.laboratory.rig.parts.sensors import Sampler, Sensor, sensor_lag
+from middeck.laboratory.rig.plant.ageing import Ageing, plan_ageing
+from middeck.laboratory.rig.plant.drift import Drift, age_plant
+from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.values import record

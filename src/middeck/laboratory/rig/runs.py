@@ -14,12 +14,12 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.laboratory.rig.ageing import check_life
 from middeck.laboratory.rig.events import EventCounter, RunEvents, StopRule, find_stop, stop_limits
-from middeck.laboratory.rig.law import place_law
 from middeck.laboratory.rig.linear_view import close_rig, gyro_sums
+from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.plant.ageing import check_life
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.simulation import (
+from middeck.laboratory.rig.ticks.simulation import (
     BLOCK,
     DivergedError,
     check_excitation,
@@ -28,7 +28,7 @@ from middeck.laboratory.rig.simulation import (
     simulate_rig,
     switch_on,
 )
-from middeck.laboratory.rig.state import RigBlock, RigState, cut_block
+from middeck.laboratory.rig.ticks.state import RigBlock, RigState, cut_block
 from middeck.signals.record import Record
 from middeck.systems.poles.stability import growth_rates, is_stable
 from middeck.systems.sampling.simulation import find_periodic_state

@@ -9,7 +9,7 @@ from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
-from middeck.realtime.gate.held import with_hold
+from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import (
     GateMargins,
     GateStep,

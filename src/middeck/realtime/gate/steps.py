@@ -14,7 +14,7 @@ from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.single import bound_error
+from middeck.realtime.package.single_precision import bound_error
 from middeck.realtime.package.vectors import run_vectors
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import same_period

@@ -13,7 +13,7 @@ from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
 from middeck.realtime.engine.trials.trial import AnyRig, Stage, Trial, run_trial
-from middeck.realtime.gate.held import with_hold
+from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import GateStep
 from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.ports import Port

@@ -26,7 +26,9 @@ OF_PHASE, OF_SLOPE, OF_NORM = 6, 9, 12
 def schroeder_phases(amplitude: Float[np.ndarray, " line"]) -> Float[np.ndarray, " line"]:
     """phi_k = -2 pi sum_{j<k} (k - j) p_j with p the share of power (Schroeder 1970, eq. 11)."""
     share = amplitude**2 / np.sum(amplitude**2)
-    return -2.0 * np.pi * np.cumsum(np.cumsum(np.concatenate([[0.0], share[:-1]])))
+    before = np.append(0.0, np.cumsum(share[:-1]))
+    phases: np.ndarray = np.cumsum(before)
+    return -2.0 * np.pi * phases
 
 
 def compact_phases(

@@ -212,7 +212,7 @@ def _factor(y: Array) -> tuple[Array, Array, Array]:
     f = angle / np.sqrt(square)
     slope = (1.0 - (1.0 - far) * f) / square
     curve = (f - 3.0 * (1.0 - far) * slope) / square
-    return tuple(np.where(small, s, c) for s, c in zip(series, (f, slope, curve), strict=True))  # type: ignore[return-value]
+    return tuple(np.where(small, s, c) for s, c in zip(series, (f, slope, curve), strict=True))
 
 
 def _second_order(force: Array, span: Array, Q: Array, G: Array, toward: Array, phi: _Turn) -> Array:

@@ -18,7 +18,7 @@ from jaxtyping import Complex, Float, Int
 from middeck.errors import ConfigError
 from middeck.structure.model.article import JointState
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.residual import residual_flexibility
+from middeck.structure.plants.residual_flexibility import residual_flexibility
 from middeck.values import record
 
 UNCOUPLED = 1e-9

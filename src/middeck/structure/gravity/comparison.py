@@ -9,6 +9,7 @@ import scipy.linalg as sla
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
+from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.gravity.pairs import pair_modes, shares_of
 from middeck.structure.gravity.tracking import align_repeated, spectrum_of
 from middeck.structure.modes.kind_warnings import CURE
@@ -153,12 +154,11 @@ def _in_common(lab: Modes, pair: Sequence[int], shares: np.ndarray) -> tuple[flo
 
 
 def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
-    """Allemang and Brown 1982, on what a test would measure: the named nodes and the joints."""
+    """The MAC on what a test would measure: the named nodes and the joints."""
     tree = modes.equilibrium.model.tree
     nodes = len(modes.equilibrium.model.structure.nodes)
     seen = np.concatenate([np.arange(6 * nodes), np.arange(6 * tree.roots, tree.size)])
-    a, b = phi_0[seen], phi_1[seen]
-    return (a.T @ b) ** 2 / np.outer(np.sum(a**2, axis=0), np.sum(b**2, axis=0))
+    return modal_assurance(phi_0[seen], phi_1[seen])
 
 
 def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
@@ -167,19 +167,7 @@ def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
     hung = [i for i, k in enumerate(lab.kind) if k in HELD]
     if not rigid or not hung:
         return np.zeros(0)
-    L = sla.cholesky(_moving(orbit, orbit.mass.toarray()))
-    a, b = (L @ _moving_rows(orbit, s) for s in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
+    moving = np.flatnonzero(np.any(orbit.shapes != 0.0, axis=1))
+    L = sla.cholesky(orbit.mass.toarray()[np.ix_(moving, moving)])
+    a, b = (L @ shapes[moving] for shapes in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
     return np.sort(sla.subspace_angles(a, b))
-
-
-def _moving(modes: Modes, M: np.ndarray) -> np.ndarray:
-    index = _moving_index(modes)
-    return M[np.ix_(index, index)]
-
-
-def _moving_rows(modes: Modes, shapes: np.ndarray) -> np.ndarray:
-    return shapes[_moving_index(modes)]
-
-
-def _moving_index(modes: Modes) -> np.ndarray:
-    return np.flatnonzero(np.any(modes.shapes != 0.0, axis=1))

@@ -12,14 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.linked import ties_to_ground
-from middeck.structure.assembly.mass import mass_matrix
-from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world, rigid_columns
-from middeck.structure.elements.rotations import rotation_exp, rotation_log
+from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world
+from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.suspension.attitude import split_rotation
-
-FIT_ITERATIONS = 50
-FITTED = 1e-14
+from middeck.structure.suspension.attitude import fit_rotation, split_rotation
 
 
 def carry_along(orbit: Equilibrium, lab: Equilibrium) -> tuple[Equilibrium, Float[np.ndarray, "3 3"]]:
@@ -56,29 +52,9 @@ def _feet(lab: Equilibrium, config: Configuration) -> Float[np.ndarray, "device 
 def _turn(orbit: Equilibrium, lab: Equilibrium) -> Float[np.ndarray, "3 3"]:
     if ties_to_ground(lab.model):  # its equations hold motions along and about W
         return np.eye(3)
-    fit = _fit_rotation(orbit, lab.config)
+    fit = fit_rotation(orbit.model, orbit.config, lab.config)
     size = float(np.linalg.norm(lab.loads.gravity))
     if size == 0.0:
         return fit
     up = -lab.loads.gravity / size
     return rotation_exp(split_rotation(fit, up)[1] * up)
-
-
-def _fit_rotation(start: Equilibrium, end: Configuration) -> Float[np.ndarray, "3 3"]:
-    """Rotation of the best-fit rigid body from ``start`` to ``end``, weighted by mass (Gauss-Newton)."""
-    tree, x = start.model.tree, start.config.x
-    T = rigid_columns(tree, start.config, np.zeros(3))
-    weighted = mass_matrix(start.model, start.config) @ T
-    fit, p = np.eye(3), np.zeros(3)
-    for _ in range(FIT_ITERATIONS):
-        # In the axes of the rigid body, so that the mass is that of the start.
-        turn = [rotation_log(fit.T @ b @ a.T) for a, b in zip(start.config.R, end.R, strict=True)]
-        error = np.zeros(tree.size)
-        error[: 6 * tree.roots] = np.hstack([(end.x - p) @ fit - x, np.array(turn)]).ravel()
-        # A body without inertia about some axis may turn about it as it likes.
-        step, *_ = np.linalg.lstsq(T.T @ weighted, weighted.T @ error, rcond=None)
-        p = p + fit @ step[:3]
-        fit = fit @ rotation_exp(step[3:])
-        if np.abs(step[3:]).max() < FITTED:
-            break
-    return fit

@@ -161,11 +161,11 @@ def _lanczos(
         k=count,
         M=M,
         sigma=-sigma,
-        OPinv=spla.LinearOperator((n, n), matvec=inverse, dtype=float),  # pyright: ignore[reportCallIssue]
+        OPinv=spla.LinearOperator((n, n), matvec=inverse, dtype=float),  # ty: ignore
         v0=apart(np.random.default_rng(SEED + found).standard_normal(n)),
         ncv=min(n - found, count + count // 2 + 10),
         maxiter=50 * count,
-        tol=LANCZOS,  # pyright: ignore[reportArgumentType]: its stub says int
+        tol=LANCZOS,
     )
     ascending = np.argsort(lam)
     return _refine(K, M, lam[ascending], apart(phi[:, ascending]), sigma)

@@ -26,7 +26,7 @@ def rigid_motions(
     model = equilibrium.model
     roots = model.tree.roots
     about_origin = rigid_columns(model.tree, equilibrium.config, np.zeros(3))
-    motions = rigid_columns(model.tree, equilibrium.config, _centre_of_mass(about_origin, M))
+    motions = rigid_columns(model.tree, equilibrium.config, centre_of_mass(about_origin, M))
     own = np.array([joint.state is not JointState.INTERNAL for joint in model.structure.joints], dtype=bool)
     moving = np.flatnonzero(dynamic_coordinates(model)[6 * roots :] & own)
     joints = np.zeros((model.tree.size, len(moving)))
@@ -40,7 +40,9 @@ def _joint_name(joint: Joint) -> str:
     return f"{'slide' if joint.slides else 'gimbal'} {joint.name.replace('_', ' ')}"
 
 
-def _centre_of_mass(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
+def centre_of_mass(
+    motions: Float[np.ndarray, "coordinate motion"], M: sp.csr_array
+) -> Float[np.ndarray, "3"]:
     """From the coupling of rotations about the origin with translations; the origin of what has no mass."""
     rigid = motions.T @ (M @ motions)
     if not rigid[0, 0] > 0.0:

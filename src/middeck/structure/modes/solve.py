@@ -27,7 +27,7 @@ from middeck.structure.modes.diagnosis import (
 from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
 from middeck.structure.modes.kind_warnings import kind_warnings
 from middeck.structure.modes.kinds import SMALL, find_kinds
-from middeck.structure.modes.left_out import component_warnings
+from middeck.structure.modes.left_out_stiffness import component_warnings
 from middeck.structure.modes.naming import name_modes
 from middeck.structure.modes.rigid import rigid_basis
 from middeck.structure.modes.rounding import rounding, separate_rigid

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Inexact, Int
+from jaxtyping import Inexact, Int
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.assembly.linked import closed, static_freedom
-from middeck.structure.assembly.loads import Loads, no_loads, scale_loads
+from middeck.structure.assembly.loads import Loads, scale_loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
@@ -61,24 +59,12 @@ class PinnedState:
     force: np.ndarray
 
 
-def solve_pinned(
-    model: Model, gravity: Float[np.ndarray, "3"], pinned: PinnedPoints, others: Loads | None = None
-) -> Float[np.ndarray, "pinned 3"]:
-    """Support forces [N] at full gravity with the points held; nonlinear, by load steps.
-
-    The devices of ``others`` act as well; their gravity is ignored.
+def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedState:
+    """The structure under ``loads`` with the points held; nonlinear, by load steps.
 
     Raises `EquilibriumError` when the weight drives a motion that the supports leave free, or when the
     iteration does not converge. A free motion that no weight drives is ignored: it changes no force.
     """
-    other = no_loads() if others is None else others
-    loads = dataclasses.replace(other, gravity=gravity)
-    state = settle_pinned(model, loads, pinned)
-    return support_forces(state.supports, state.force, len(pinned.point))
-
-
-def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedState:
-    """The state behind `solve_pinned`; raises the same errors."""
     supports = find_supports(model, pinned)
     mass = carried_mass(model, model.rest)
     start, none = model.rest, np.zeros(len(supports.axis))

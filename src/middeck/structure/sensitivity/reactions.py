@@ -63,7 +63,7 @@ def differentiate_support(
     at = assemble(rest.model, state.config, loads, _hold(rest.model, state.supports, state.force))
     rows = 6 * state.supports.pose + state.supports.axis
     G = sp.csr_array(at.jacobian[rows])
-    own = [_own_supports(patch) for patch in patches]
+    own = [find_supports(patch.model, pinned_points(patch.model, patch.environment)) for patch in patches]
     here = [restrict(p, state.config) for p in patches]
     held = [_hold(p.model, s, state.force) for p, s in zip(patches, own, strict=True)]
     rafts = float_patches(patches, here, [pinned_loads(p.model, p.environment) for p in patches])
@@ -105,10 +105,6 @@ def _hold(model: Model, supports: Supports, force: np.ndarray) -> np.ndarray:
     load = np.zeros((len(model.points.frame), 6))
     np.add.at(load, (supports.pose, supports.axis), -force)
     return load
-
-
-def _own_supports(patch: Patch) -> Supports:
-    return find_supports(patch.model, pinned_points(patch.model, patch.environment))
 
 
 def _solve(

@@ -7,8 +7,10 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.mass import mass_matrix
-from middeck.structure.elements.frames import frame_poses, points_in_world, rigid_columns
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
+from middeck.structure.modes.rigid import centre_of_mass
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
 from middeck.values import record
 
@@ -61,11 +63,13 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
             hint="give it constants.gravity, or take another environment",
         )
     up = -gravity / np.linalg.norm(gravity)
-    tilt, heading = split_rotation(fit_rotation(equilibrium), up)
+    model = equilibrium.model
+    tilt, heading = split_rotation(fit_rotation(model, model.rest, equilibrium.config), up)
     turned = node_rotations(equilibrium)
     rotations = np.array(list(turned.values()))
     tilts = np.array([split_rotation(rotation_exp(v), up)[0] for v in rotations])
-    centre = _centre_of_mass(equilibrium)
+    T = rigid_columns(model.tree, model.rest, np.zeros(3))
+    centre = centre_of_mass(T, mass_matrix(model, model.rest))
     span, lies_off = _span(equilibrium, centre)
     return Attitude(
         tilt=tilt,
@@ -97,20 +101,19 @@ def split_rotation(
     return tilt, float(rotation_log(R @ rotation_exp(tilt).T) @ up)
 
 
-def fit_rotation(equilibrium: Equilibrium) -> Float[np.ndarray, "3 3"]:
-    """Rotation of the rigid body that fits the hung article best, its errors weighed by mass (Gauss-Newton).
+def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Float[np.ndarray, "3 3"]:
+    """Rotation of the rigid body at ``start`` that fits ``end`` best, errors weighed by mass (Gauss-Newton).
 
     The error of a frame is its displacement and rotation vector from where the rigid body has it.
     """
-    model, config = equilibrium.model, equilibrium.config
-    M = mass_matrix(model, model.rest)
-    T = rigid_columns(model.tree, model.rest, np.zeros(3))
+    M = mass_matrix(model, start)
+    T = rigid_columns(model.tree, start, np.zeros(3))
     rigid = T.T @ (M @ T)
     fit, p = np.eye(3), np.zeros(3)
     for _ in range(FIT_ITERATIONS):
-        # In the axes of the rigid body, so that the mass is that of the undeformed state.
-        x = (config.x - p) @ fit - model.rest.x
-        turn = np.array([rotation_log(fit.T @ own) for own in config.R])
+        # In the axes of the rigid body, so that the mass is that of the start.
+        x = (end.x - p) @ fit - start.x
+        turn = np.array([rotation_log(fit.T @ b @ a.T) for a, b in zip(start.R, end.R, strict=True)])
         error = np.zeros(model.tree.size)
         error[: 6 * model.tree.roots] = np.hstack([x, turn]).ravel()
         # Masses in one line have no inertia about it: they do not say how it is turned, so that it is not.
@@ -120,14 +123,6 @@ def fit_rotation(equilibrium: Equilibrium) -> Float[np.ndarray, "3 3"]:
         if np.abs(step[3:]).max() < FITTED:
             break
     return fit
-
-
-def _centre_of_mass(equilibrium: Equilibrium) -> Float[np.ndarray, "3"]:
-    """From the coupling of rotations about the origin with translations in the rigid mass matrix."""
-    model = equilibrium.model
-    T = rigid_columns(model.tree, model.rest, np.zeros(3))
-    rigid = T.T @ (mass_matrix(model, model.rest) @ T)
-    return np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / rigid[0, 0]
 
 
 def _span(equilibrium: Equilibrium, centre: np.ndarray) -> tuple[str, Float[np.ndarray, "3"]]:

@@ -63,7 +63,7 @@ def band_rms(
     1.0
     """
     w1, w2 = _check_band(band_hz)
-    noisy = _balanced(system, _square_root(intensity))
+    noisy = _balanced(system, square_root(intensity))
     if not len(noisy.A):
         return np.sqrt(np.sum(noisy.D**2, axis=1) * (w2 - w1) / np.pi)
     values, V = np.linalg.eig(noisy.A)
@@ -170,7 +170,7 @@ def band_rms_by_quadrature(
     eigenvector. The integral is finite also for an unstable system.
     """
     band = _check_band(band_hz)
-    response = _on_axis(by_schur_form(_balanced(system, _square_root(intensity))))
+    response = _on_axis(by_schur_form(_balanced(system, square_root(intensity))))
     return np.sqrt(_quadrature(response, poles(system), band) / np.pi)
 
 
@@ -186,7 +186,7 @@ def response_rms(
     ``peaks``, poles beside which the response may be narrow, place the first cuts; ``inf`` for an output that
     sees one of them on the imaginary axis within the band.
     """
-    band, root = _check_band(band_hz), _square_root(intensity)
+    band, root = _check_band(band_hz), square_root(intensity)
 
     def driven(omega: np.ndarray) -> np.ndarray:
         return response(omega) @ root
@@ -209,7 +209,7 @@ def weighed_rms(
     ``inf`` where a pole on the axis makes the integral diverge; stability is not checked.
     """
     w1, w2 = _check_band(band_hz)
-    noisy = _balanced(system, _square_root(intensity))
+    noisy = _balanced(system, square_root(intensity))
     if not len(noisy.A):
         noisy = StateSpace(-np.eye(1), np.zeros((1, noisy.B.shape[1])), np.zeros((len(noisy.C), 1)), noisy.D)
     response = _on_axis(by_schur_form(noisy))
@@ -285,7 +285,8 @@ def _balanced(system: StateSpace, root: Float[np.ndarray, "input input"]) -> Sta
     return StateSpace(balanced.A, balanced.B @ root, balanced.C, system.D @ root)
 
 
-def _square_root(intensity: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "input input"]:
+def square_root(intensity: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "input input"]:
+    """A factor G with G G' = intensity (semidefinite)."""
     values, vectors = np.linalg.eigh(np.asarray(intensity, dtype=float))
     return vectors * np.sqrt(np.maximum(values, 0.0))
 

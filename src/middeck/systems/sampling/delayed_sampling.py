@@ -14,8 +14,8 @@ import scipy.linalg
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.sampling.sampling import WHOLE
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from middeck.systems.sampling.sampling import WHOLE, hold_inputs
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, select_paths
 from middeck.values import record
 
 
@@ -136,19 +136,10 @@ def _look_ahead(system: StateSpace, period_s: float, alpha: np.ndarray, eta: flo
         for age in range(int(np.ceil(late)) + 1):
             start, end = max(0.0, late - age), min(eta, late - age + 1.0)
             if end > start:
-                held = _hold(system.A, system.B[:, [i]], (end - start) * period_s)[1]
+                held = hold_inputs(select_paths(system, [i], []), (end - start) * period_s)[1]
                 after = np.asarray(scipy.linalg.expm(system.A * ((eta - end) * period_s)))
                 gain[age, :, [i]] = (after @ held).T
     return _Ahead(np.asarray(scipy.linalg.expm(system.A * (eta * period_s))), gain)
-
-
-def _hold(A: np.ndarray, B: np.ndarray, duration_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """exp(A t) and its integral times B, from one exponential (Van Loan 1978)."""
-    n, m = B.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = A, B
-    exponential = np.asarray(scipy.linalg.expm(block * duration_s))
-    return exponential[:n, :n], exponential[:n, n:]
 
 
 def _assemble(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -138,33 +137,3 @@ def _zeros_of(
         if since_unloaded and zero in refined.zeros:
             out[k, refined.zeros.index(zero)] = -full[zero]
     return out, np.any(out, axis=1)
-
-
-def describe_deflections(predicted: Sequence[Deflection]) -> list[dict[str, Any]]:
-    """As documents have them: one entry a load case, one in it a gauge; numbers in SI."""
-    return [
-        {
-            "load_case": case.name,
-            "strained_as_in_the_tests": case.seen,
-            "readings": [
-                {
-                    "gauge": gauge.name,
-                    "at": gauge.at,
-                    "kind": gauge.kind.value,
-                    "unit": gauge.unit,
-                    "value": float(case.value[k]),
-                    "std": float(case.std[k]),
-                    "interval_95": case.interval[k].tolist(),
-                    "of_the_refined_article": float(case.of_the_article[k]),
-                    "std_by": {
-                        "unknowns_and_errors_seen": float(case.by_unknowns[k]),
-                        "errors_not_seen": float(case.by_unseen[k]),
-                        "each_reading": float(case.by_own[k]),
-                        "gauge": float(case.by_gauge[k]),
-                    },
-                }
-                for k, gauge in enumerate(case.gauges)
-            ],
-        }
-        for case in predicted
-    ]

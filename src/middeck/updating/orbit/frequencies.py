@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.updating.refinement.left_out import left_out
+from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.own_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import Refined

@@ -62,7 +62,7 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
     late = float(loop.plant.delay_s.max(initial=0.0))
     if late > 0.0:
         lines.append(np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late)
-    omega = np.unique(np.concatenate(lines))
+    omega: np.ndarray = np.unique(np.concatenate(lines))
     return omega[(omega >= low) & (omega <= top) & ~_on_pole(features, omega)]
 
 

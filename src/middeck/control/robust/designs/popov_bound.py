@@ -18,15 +18,13 @@ At L + L At' + B B' = 0, it is 2 (P + C0' N R0^-1 S) L for A, 2 (P + C0' M N C0)
 
 from __future__ import annotations
 
-from typing import Any, cast
-
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
-from scipy.linalg import lapack
 
 from middeck.control.h2.closed_cost import Law, LawCost, closed_matrices, law_gradient, solve_gramian
 from middeck.control.h2.generalized_plant import GeneralizedPlant
+from middeck.control.riccati.lyapunov import solve_lyapunov
+from middeck.control.riccati.subspace import solve_by_subspace
 from middeck.control.robust.problem.directions import Directions
 from middeck.values import record
 
@@ -109,14 +107,11 @@ def _solve(
     moved = A + into @ (fixed / R0[:, None])
     R, Q = (into / R0) @ into.T, C.T @ C + fixed.T @ (fixed / R0[:, None])
     unit = np.sqrt(np.linalg.norm(Q) / np.linalg.norm(R))
-    scaled = _stable_subspace(np.block([[moved, unit * R], [-Q / unit, -moved.T]]))
+    scaled = solve_by_subspace(moved, -unit * R, Q / unit)
     if scaled is None:
         return None
     P = unit * scaled
-    step = _lyapunov(moved + R @ P, _defect(P, moved, R, Q)[0])
-    if step is None:
-        return None
-    solved = P + step
+    solved = P + solve_lyapunov(moved + R @ P, _defect(P, moved, R, Q)[0])
     lowest, *_, highest = np.linalg.eigvalsh(solved)
     # A guaranteed bound needs a positive solution accurate to nearly rounding.
     sound = _defect(solved, moved, R, Q)[1] <= SOUND and lowest >= -SOUND * highest
@@ -129,31 +124,3 @@ def _defect(P: np.ndarray, A: np.ndarray, R: np.ndarray, Q: np.ndarray) -> tuple
     defect = linear + linear.T + square + Q
     size = 2.0 * np.linalg.norm(linear) + np.linalg.norm(square) + np.linalg.norm(Q)
     return (defect + defect.T) / 2.0, float(np.linalg.norm(defect) / size)
-
-
-def _stable_subspace(hamiltonian: np.ndarray) -> Float[np.ndarray, "state state"] | None:
-    n = len(hamiltonian) // 2
-    try:
-        T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(hamiltonian, check_finite=False))
-    except (sla.LinAlgError, ValueError):
-        return None
-    stable = np.diag(T) < 0.0
-    if np.count_nonzero(stable) != n:
-        return None
-    ordered = cast("Any", lapack).dtrsen(stable.astype(np.int32), T, np.eye(2 * n), job="N")
-    if int(ordered[-1]) != 0:
-        return None
-    basis = U @ np.asarray(ordered[1])[:, :n]
-    if np.linalg.cond(basis[:n]) > 1e14:
-        return None
-    P = np.linalg.solve(basis[:n].T, basis[n:].T)
-    return (P + P.T) / 2.0
-
-
-def _lyapunov(A: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"] | None:
-    """X of A'X + X A + Q = 0 where A is stable."""
-    T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
-    if not np.diag(T).max(initial=-np.inf) < 0.0:
-        return None
-    solved, scale, _ = cast("Any", lapack).dtrsyl(T, T, -(U.T @ Q @ U), trana="T")
-    return U @ (solved / scale) @ U.T

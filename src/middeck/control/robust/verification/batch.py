@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Complex, Float
 
 DOUBLINGS = 60
+
+
+def same_shapes(shapes: Sequence[tuple[int, ...]]) -> list[list[int]]:
+    """Groups of indices of equal shapes, which can be stacked."""
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for i, shape in enumerate(shapes):
+        groups.setdefault(shape, []).append(i)
+    return list(groups.values())
 
 
 def sampled_covariances(

@@ -24,10 +24,11 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import resolve, transfer_of
-from middeck.control.h2.generalized_plant import generalize, square_root
+from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import FAR, REST, NoiseOutcome
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
+from middeck.systems.norms.rms import square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent, balance_states
 from middeck.systems.state_space.modal import ModalSystem, output_rows

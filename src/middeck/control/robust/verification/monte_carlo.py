@@ -15,6 +15,7 @@ from middeck.control.law.compensator import Compensator, idle_compensator, locat
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg.weights import LQGWeights
+from middeck.control.robust.verification.batch import same_shapes
 from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.control.robust.verification.many_loops import measure_many
@@ -236,11 +237,3 @@ def _rms(
             rms[i] = np.linalg.norm(each[j, :outputs])
             control[i] = np.linalg.norm(each[j, outputs:])
     return poles, rms, control
-
-
-def same_shapes(shapes: Sequence[tuple[int, ...]]) -> list[list[int]]:
-    """Groups of indices of equal shapes, which can be stacked."""
-    groups: dict[tuple[int, ...], list[int]] = {}
-    for i, shape in enumerate(shapes):
-        groups.setdefault(shape, []).append(i)
-    return list(groups.values())

@@ -8,12 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.h2.generalized_plant import square_root
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.verification.batch import row_rms, sampled_covariances
+from middeck.control.robust.verification.batch import row_rms, same_shapes, sampled_covariances
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.systems.delay.delay_approximation import approximate_delays
@@ -53,10 +52,7 @@ def sampled_outcomes(
     loops = [_sampled_loop(plant, law, weights, period) for plant in plants]
     stable = np.zeros(len(loops), dtype=bool)
     rms, control = np.full(len(loops), np.inf), np.full(len(loops), np.inf)
-    groups: dict[int, list[int]] = {}
-    for i, loop in enumerate(loops):
-        groups.setdefault(len(loop.A), []).append(i)
-    for group in groups.values():
+    for group in same_shapes([loop.A.shape for loop in loops]):
         values, X = sampled_covariances(
             np.array([loops[i].A for i in group]), np.array([loops[i].Q for i in group])
         )
@@ -75,11 +71,9 @@ def _sampled_loop(plant: Plant, law: SampledStateSpace, weights: LQGWeights, per
     active = partition_modes(active).active
     held = sample_dynamics(subsystem(active, active.u, (*active.z, *active.y)), period, late)
     noise = subsystem(active, weights.disturbed, active.y)
-    root = square_root(weights.process)
     n, size = len(noise.A), len(held.A)
     Q = np.zeros((size, size))
-    into = noise.B @ root
-    Q[:n, :n] = spread_noise(noise.A, into @ into.T, period).covariance
+    Q[:n, :n] = spread_noise(noise.A, noise.B @ weights.process @ noise.B.T, period).covariance
     sensor = (np.diag(weights.sensor) + noise.D @ weights.process @ noise.D.T) / period
     nz = len(active.z)
     return _close(held, law, Q, sensor, nz, weights)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
-from scipy.linalg import lapack
 
+from middeck.control.h2.closed_cost import solve_triangular
 from middeck.control.robust.verification.batch import row_rms
 from middeck.systems.poles.stability import all_decay, growth_rates, none_grows
 from middeck.systems.state_space.balancing import balance
@@ -47,22 +47,15 @@ def _in_units(
     """Rms and error of outputs, residual, and rms of the states in these units."""
     F, G, H = A * (unit / unit[:, None]), B / unit[:, None], C * unit
     T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(F))
-    X = U @ _triangular(T, U.T @ G, forward=True) @ U.T
+    X = U @ solve_triangular(T, U.T @ G, transposed=False) @ U.T
     gap, sizes = F @ X, [float(np.linalg.norm(M)) for M in (F, X, G @ G.T)]
     lost = float(np.linalg.norm(gap + gap.T + G @ G.T))
     whole = 2.0 * sizes[0] * sizes[1] + sizes[2]
     rms = row_rms(H[None], X[None])[0]
-    seen = np.array([np.trace(_triangular(T, h[:, None], forward=False)) for h in H @ U])
+    seen = np.array([np.trace(solve_triangular(T, h[:, None], transposed=True)) for h in H @ U])
     seen = np.where(seen >= 0.0, seen, np.inf)  # a trace below zero is rounding alone
     wrong = lost * seen + EPS * np.vecdot(H, H) * sizes[1]
     return rms, relative_error(wrong, rms**2), lost / whole if whole else 0.0, np.sqrt(np.abs(np.diag(X)))
-
-
-def _triangular(T: np.ndarray, F: np.ndarray, *, forward: bool) -> np.ndarray:
-    """X of T X + X T' + F F' = 0 if ``forward``, else of T' X + X T + F F' = 0; T is triangular."""
-    sides = {"trana": "N", "tranb": "T"} if forward else {"trana": "T", "tranb": "N"}
-    X, scale, _ = cast("Any", lapack).dtrsyl(T, T, -F @ F.T, **sides)
-    return X / scale
 
 
 def relative_error(wrong: np.ndarray, square: np.ndarray) -> np.ndarray:

@@ -123,7 +123,11 @@ def convert_deck(
         "equation": _tables(standing, "equation"),
         "load_case": cases,
     }
-    environment = {"schema": 1, "name": f"{name}-supports", **({"constants": constants} if constants else {})}
+    environment: dict[str, Any] = {
+        "schema": 1,
+        "name": f"{name}-supports",
+        **({"constants": constants} if constants else {}),
+    }
     environment |= {"clamp": clamps + loose + single.clamps, "bushing": grounds + single.grounds}
     return Conversion(
         document=_filled(document),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import BASIC, Places
+from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.entries import Entries, Entry
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
@@ -133,16 +133,11 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
     return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), stiffness)
 
 
-def _rectangular(cid: int, places: Places) -> np.ndarray:
-    system = BASIC if cid == 0 else places.systems.get(cid)
-    if system is None or system.kind != "R":
-        raise ValueError(f"there is no rectangular coordinate system {cid}")
-    return system.axes
-
-
 def _axes(entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: Places) -> np.ndarray:
     if entry["cid"] is not None:
-        return _rectangular(entry["cid"], places)
+        if entry["cid"] not in places.systems:
+            raise ValueError(f"there is no coordinate system {entry['cid']}")
+        return places.systems[entry["cid"]].axes_at(a)
     length = float(np.linalg.norm(b - a))
     if length <= APART * max(np.linalg.norm(a), np.linalg.norm(b)):
         raise ValueError("a bushing between grids in one place needs a CID")

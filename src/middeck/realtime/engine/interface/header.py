@@ -63,7 +63,7 @@ def layout(record: str) -> np.dtype:
 def _fields(body: str, inner: dict[str, np.dtype] | None = None) -> np.dtype:
     fields: list[tuple[str, object, tuple[int, ...]]] = []
     for declaration in filter(None, (part.strip() for part in body.split(";"))):
-        kind, names = re.fullmatch(r"(unsigned char|\w+)\s+(.*)", declaration, re.DOTALL).groups()  # type: ignore[union-attr]
+        ((kind, names),) = re.findall(r"^(unsigned char|\w+)\s+(.*)$", declaration, re.DOTALL)
         for name in names.split(","):
             field, *sizes = re.findall(r"\w+", name)
             shape = tuple(int(size) if size.isdigit() else constants()[size] for size in sizes)

@@ -12,6 +12,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 from scipy.spatial import ConvexHull
 
+from middeck.plot.shapes import round_down
 from middeck.plot.style import COLOUR, new_figure, note, styled
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
@@ -37,7 +38,8 @@ class Drawing(NamedTuple):
 @styled
 def figure_3(comparison: ModeComparison) -> Figure:
     """The article in both environments: side view and, from the end of the first node, end view."""
-    factor = _round_factor(SHOWN_M, _largest_displacement(comparison.lab.equilibrium))
+    moved = _largest_displacement(comparison.lab.equilibrium)
+    factor = round_down(SHOWN_M / moved) if moved > 0.0 else 1.0
     figure = new_figure(4.3)
     grid = figure.subplots(2, 2, sharex="col", sharey="row")
     titles = {
@@ -97,14 +99,6 @@ def _name_parts(axes: Axes, model: Model) -> None:
             text = f"payload\n{joint.name.partition('_')[0]}"
             left = centre[0] > np.mean([node.position[0] for node in model.structure.nodes])
             note(axes, text, centre[:2], (-16 if left else 16, -9), ha="right" if left else "left")
-
-
-def _round_factor(wanted: float, have: float) -> float:
-    """The largest of 1, 2, 5, 10, 20 ... that does not exceed wanted / have; 1 where nothing moves."""
-    if have <= 0.0 or wanted <= have:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(wanted / have))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted / have))
 
 
 def _largest_displacement(rest: Equilibrium) -> float:
@@ -180,9 +174,10 @@ def _draw_line(axes: Axes, drawing: Drawing, view: str, points: list[tuple[int, 
 
 def _draw_cables(axes: Axes, drawing: Drawing, view: str) -> None:
     """The lowest part of each cable, along the straight line to its anchor."""
-    rest = drawing.rest
+    rest, points = drawing.rest, drawing.rest.model.points
+    at = rest.loads.attach_point
     right, up = VIEWS[view]
-    feet = _shown(drawing, _attach_points(rest.model, rest.loads.attach_point))
+    feet = _shown(drawing, PosePoints(points.frame[at], points.offset[at]))
     for k in range(len(rest.suspension.attach)):
         span = rest.loads.anchor[k] - feet[k]
         top = feet[k] + span * min(1.0, CABLE_SHOWN_M / float(np.linalg.norm(span)))
@@ -194,7 +189,3 @@ def _draw_cables(axes: Axes, drawing: Drawing, view: str) -> None:
             text = f"{rest.suspension.attach[k]}: {rest.tension[k]:.1f} N\n{length:.2f} m cable"
             last = k == len(feet) - 1
             note(axes, text, top[[right, up]], (-6 if last else 6, -14), ha="right" if last else "left")
-
-
-def _attach_points(model: Model, poses: np.ndarray) -> PosePoints:
-    return PosePoints(model.points.frame[poses], model.points.offset[poses])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -16,7 +18,7 @@ WAYS = {"sheet": ("rig", "s"), "refined": ("orbit", "o")}
 
 def promised_and_came(kept: PromiseKept) -> Figure:
     """Intervals promised before flight, and what the rig in orbit then showed."""
-    came = {
+    came: dict[tuple[str, str], Any] = {
         (v.kind, v.name): {"value": o.value, "stable": o.stable, "inside": v.inside}
         for v, o in zip(kept.verdicts, kept.outcomes, strict=True)
     }

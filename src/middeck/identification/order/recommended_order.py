@@ -1,4 +1,4 @@
-"""The likeliest of several starts for one order, and the order that a response asks for."""
+"""The order that a response asks for: models of rising order, each the best of a few starts, compared."""
 
 from __future__ import annotations
 
@@ -10,106 +10,29 @@ import numpy as np
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order import order
-from middeck.identification.order.exchange import exchanges, grown, shrunk
-from middeck.identification.order.thinning import take_lines, thin_lines
+from middeck.identification.order.best_start import (
+    FEW_STEPS,
+    further,
+    heats,
+    hopeful,
+    model_error,
+    some_lines,
+)
+from middeck.identification.order.exchanged_modes import grown, shrunk
+from middeck.identification.order.thinning import take_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Start
 from middeck.identification.search.polish import Polished, polish
-from middeck.identification.search.refine import weighted
 from middeck.identification.spectra.weights import Spread
 from middeck.identification.start.start import few_starts, starts
 from middeck.systems.plants.response import FrequencyResponse
 
-# Steps of all starts, of the best few of them, of the best, and of modes exchanged.
-HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
-# A start that costs so many times the best, before any step, is not refined at all.
-HOPELESS = 3.0
-# Exchanges are tried at any rate when more than this share of the variance is not the measured one, and one
-# counts when it gains more likelihood than rounding and an unsettled search may.
-WORTH_EXCHANGE = 0.1
-EXCHANGE_GAIN = 1.0
 # An order is given up to so many turns of a few steps before it is compared.
 MOST_TURNS = 6
 # Steps on half of the lines, from the model on all of them.
 HELD_OUT_STEPS = 3
 # A fit that misses more of the lines kept out than this share and their noise lacks a mode that can be found.
 LACKING = 0.2
-
-
-def race(data: Data, spread: Spread, options: FitOptions) -> Polished:
-    """The likeliest of the starts, refined on some of the lines, then its exchanges.
-
-    Successive halving: all starts take a few steps, the best of them a few more, and the best of those goes
-    on. A start in the wrong valley is far behind after a few steps.
-    """
-    part, some = _some_lines(data, spread, options)
-    best = _heats(part, some, [(start, None) for start in _hopeful(part, list(starts(part, options)))])
-    if best is None:
-        raise FitError(
-            f"no start for {options.moving} states could be refined",
-            hint="fewer states, a wider band or a longer period",
-        )
-    best = _further(part, some, best, LAST_STEPS)
-    followed = spread_to_follow(best, some)
-    if followed is not some:
-        best = _further(part, followed, best, FEW_STEPS)
-    return _exchange(part, followed, options, best)
-
-
-def spread_to_follow(best: Polished, spread: Spread) -> Spread:
-    """The spread itself for a model that explains its data, the even one for a model that leaves more."""
-    return spread.even if model_error(best, spread) > WORTH_EXCHANGE else spread
-
-
-def _hopeful(part: Data, started: list[Start]) -> list[Start]:
-    """The starts that are worth a few steps."""
-    steps = [weighted(start.layout, part, start.theta) for start in started]
-    costs = [np.inf if step is None else step.cost for step in steps]
-    return [start for start, cost in zip(started, costs, strict=True) if cost <= HOPELESS * min(costs)]
-
-
-def _heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]) -> Polished | None:
-    """The likeliest of several starts (each with the share of its weights, if known) after a few steps."""
-    runs = [polish(part, start, spread, steps=HEAT, rounds=1, share=share) for start, share in started]
-    ranked = sorted((run for run in runs if run is not None), key=_negative_likelihood)
-    few = [_further(part, spread, run, FEW_STEPS) for run in ranked[:FEW]]
-    return min(few, key=_negative_likelihood, default=None)
-
-
-def _further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
-    return polish(part, run.start, spread, steps=steps, rounds=1, share=run.share) or run
-
-
-def _negative_likelihood(run: Polished) -> float:
-    # A model without a finite response is the least likely of all.
-    return run.likelihood if np.isfinite(run.likelihood) else np.inf
-
-
-def _exchange(part: Data, spread: Spread, options: FitOptions, best: Polished) -> Polished:
-    """Exchange modes as long as that pays; where no excess is left, only as far as it promises to."""
-    while True:
-        large = model_error(best, spread) > WORTH_EXCHANGE
-        runs = [
-            polish(part, start, spread, steps=EXCHANGE_STEPS, rounds=1, share=best.share)
-            for start in exchanges(part, options, best, spread, at_any_rate=large)
-        ]
-        found = min((run for run in runs if run is not None), key=_negative_likelihood, default=None)
-        if found is None:
-            return best
-        found = _further(part, spread, found, LAST_STEPS)
-        if _negative_likelihood(found) >= best.likelihood - EXCHANGE_GAIN:
-            return best
-        best = found
-
-
-def model_error(best: Polished, spread: Spread) -> float:
-    """Part of the variance behind the weights that is not the measured one."""
-    return float(best.share * np.mean(spread.size / spread.at(best.share)))
-
-
-def _some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, Spread]:
-    outputs, _, inputs = data.H.shape
-    return take_lines(data, spread, thin_lines(data, spread, options.moving * (outputs + inputs)))
 
 
 def recommend_states(
@@ -120,7 +43,7 @@ def recommend_states(
     As long as a mode is lacking (`LACKING`) an order has all starts, and the search does not end: what a few
     sizes do not find is no sign that there is nothing more.
     """
-    part, some = _some_lines(data, spread, options)
+    part, some = some_lines(data, spread, options)
     runs: dict[int, tuple[order.Tried, Polished]] = {}
 
     def judge(run: Polished) -> order.Tried:
@@ -141,7 +64,7 @@ def recommend_states(
         if 2 * count_unknowns(measured, sized) > part.H.size:
             break
         first = starts(part, sized) if lacking else few_starts(part, sized)
-        best = _heats(part, some, _started(part, some, sized, best, first)) or best
+        best = heats(part, some, _started(part, some, sized, best, first)) or best
         if best is None or best.layout.states != states:
             continue
         best = _as_long_as_it_tells(part, some, best)
@@ -187,7 +110,7 @@ def _started(
 ) -> list[tuple[Start, float | None]]:
     """Starts of an order: the hopeful of the first ones, and the order before grown."""
     started: list[tuple[Start, float | None]] = []
-    started += [(start, None) for start in _hopeful(part, list(first))]
+    started += [(start, None) for start in hopeful(part, list(first))]
     if best is not None and (larger := _grown(part, some, options, best)) is not None:
         started.append(larger)
     return started
@@ -196,7 +119,7 @@ def _started(
 def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:
     """Refined until some steps more gain no more than one unknown costs in the description."""
     for _ in range(MOST_TURNS):
-        before, run = run, _further(part, spread, run, FEW_STEPS)
+        before, run = run, further(part, spread, run, FEW_STEPS)
         if before.likelihood - run.likelihood <= 0.5 * np.log(2 * part.H.size):
             break
     return run
@@ -224,7 +147,7 @@ def _held_out(data: Data, spread: Spread, part: Data, some: Spread, best: Polish
     run = best
     if not len(unseen):
         half, spread_of_half = take_lines(part, some, np.arange(0, len(part.s), 2))
-        run = _further(half, spread_of_half, best, HELD_OUT_STEPS)
+        run = further(half, spread_of_half, best, HELD_OUT_STEPS)
         unseen = np.arange(1, len(data.s), 2)
     r = run.residual(data)[:, unseen]
     return float(np.sqrt(np.mean(np.abs(r) ** 2 / spread.at(1.0)[:, unseen])))

@@ -17,11 +17,11 @@ import numpy as np
 from middeck.errors import MiddeckError, NumericalError
 from middeck.joints import balance
 from middeck.joints.attachment import only_friction
-from middeck.laboratory.rig.hybrid_plant import HybridPlant
-from middeck.laboratory.rig.motors import LimitedMotors
+from middeck.laboratory.rig.parts.motors import LimitedMotors
+from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.state import RigState
-from middeck.laboratory.rig.tick import converter_ends
+from middeck.laboratory.rig.ticks.state import RigState
+from middeck.laboratory.rig.ticks.tick import converter_ends
 from middeck.realtime.generate.compiler import NoCompilerError, compile_once
 
 Array = np.ndarray
@@ -142,7 +142,11 @@ def run_compiled(
 @functools.cache
 def _library() -> ctypes.CDLL | None:
     """The compiled loop; None without a compiler, and where its work fails, which is said once."""
-    text = resources.files("middeck.laboratory.rig").joinpath("source", "ticks.c").read_text(encoding="utf-8")
+    text = (
+        resources.files("middeck.laboratory.rig.ticks")
+        .joinpath("source", "ticks.c")
+        .read_text(encoding="utf-8")
+    )
     try:
         return ctypes.CDLL(str(compile_once("ticks", {"ticks.c": text}, flags=("-shared", "-fPIC"))))
     except NoCompilerError:

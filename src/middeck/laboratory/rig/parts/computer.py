@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.laboratory.rig.sensors import Sensor, is_summed
+from middeck.laboratory.rig.parts.sensors import Sensor, is_summed
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -46,7 +46,7 @@ def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace
     """Readings to measured outputs: y = s + T/2 r with s[k+1] = s + T r for a gyro at an angle, y = r
     for the others.
 
-    >>> from middeck.laboratory.rig.sensors import Encoder, Gyro
+    >>> from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
     >>> integrators([Encoder(0.1), Gyro()], 0.5).D.tolist()
     [[1.0, 0.0], [0.0, 0.25]]
     """

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from middeck.control.sampled.integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, add_viscous
-from middeck.laboratory.rig.sensor_filters import anti_alias, sensor_filter
-from middeck.laboratory.rig.sensors import Gyro, Sensor, is_summed
+from middeck.laboratory.rig.parts.sensor_filters import anti_alias, sensor_filter
+from middeck.laboratory.rig.parts.sensors import Gyro, Sensor, is_summed
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace, select_paths

@@ -16,15 +16,15 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.laboratory.rig.ageing import follow_ageing
-from middeck.laboratory.rig.compiled import TickRows, run_compiled
-from middeck.laboratory.rig.computer import Computer, build_computer
-from middeck.laboratory.rig.hybrid_plant import HybridPlant
-from middeck.laboratory.rig.law import place_law
 from middeck.laboratory.rig.linear_view import close_rig
+from middeck.laboratory.rig.parts.computer import Computer, build_computer
+from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.plant.ageing import follow_ageing
+from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.state import RigBlock, RigState, check_start, start_at_rest
-from middeck.laboratory.rig.tick import Tick
+from middeck.laboratory.rig.ticks.compiled import TickRows, run_compiled
+from middeck.laboratory.rig.ticks.state import RigBlock, RigState, check_start, start_at_rest
+from middeck.laboratory.rig.ticks.tick import Tick
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace
 

@@ -16,8 +16,8 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, check_collocated
-from middeck.laboratory.rig.filtered_plant import filter_outputs, sample_noise
-from middeck.laboratory.rig.sensors import Sensor
+from middeck.laboratory.rig.parts.sensors import Sensor
+from middeck.laboratory.rig.plant.filtered_plant import filter_outputs, sample_noise
 from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import WHOLE, hold_inputs, split_delay
 from middeck.systems.state_space.statespace import StateSpace

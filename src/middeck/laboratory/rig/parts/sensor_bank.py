@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.laboratory.rig.motors import EXACT
-from middeck.laboratory.rig.sensors import Encoder, Gyro, Sampler, Sensor, is_summed
+from middeck.laboratory.rig.parts.motors import EXACT
+from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler, Sensor, is_summed
 from middeck.values import record
 
 

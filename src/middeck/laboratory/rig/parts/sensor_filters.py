@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from middeck.laboratory.rig.sensors import BUTTERWORTH_DELAY, Gyro, Sampler, Sensor
+from middeck.laboratory.rig.parts.sensors import BUTTERWORTH_DELAY, Gyro, Sampler, Sensor
 from middeck.systems.state_space.statespace import StateSpace, gain_system, series
 
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from middeck.joints.attachment import only_friction
 from middeck.joints.balance import Balance
-from middeck.laboratory.rig.hybrid_plant import HybridPlant
-from middeck.laboratory.rig.motors import EXACT, WHOLE, LimitedMotors
-from middeck.laboratory.rig.products import blas_sums, column_sums
-from middeck.laboratory.rig.readout import Readout
+from middeck.laboratory.rig.parts.motors import EXACT, WHOLE, LimitedMotors
+from middeck.laboratory.rig.parts.sensor_bank import Readout
+from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.state import RigState
+from middeck.laboratory.rig.ticks.products import blas_sums, column_sums
+from middeck.laboratory.rig.ticks.state import RigState
 
 Array = np.ndarray
 

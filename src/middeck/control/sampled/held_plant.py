@@ -14,7 +14,7 @@ from middeck.control.sampled.period import Between, Segment, follow_period
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, name_states, subsystem
-from middeck.systems.sampling.sampling import WHOLE
+from middeck.systems.sampling.delayed_sampling import tidy_samples
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -77,8 +77,8 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
         V=noise.B @ weights.process @ noise.B.T,
         C=control.C[len(active.z) :],
         D=control.D[len(active.z) :],
-        late_in=_in_samples(timed.input_s, period_s),
-        late_out=_in_samples(timed.output_s, period_s),
+        late_in=tidy_samples(timed.input_s / period_s),
+        late_out=tidy_samples(timed.output_s / period_s),
         period_s=period_s,
     )
     system, added, segments = follow_period(between)
@@ -122,9 +122,3 @@ def _check(plant: Plant, weights: LQGWeights) -> None:
                 f"process noise reaches {what} directly: a sample of white noise is infinite",
                 hint="put a filter between them: filter_measurements, or a coloured disturbance",
             )
-
-
-def _in_samples(late_s: np.ndarray, period_s: float) -> np.ndarray:
-    late = late_s / period_s
-    nearest = np.round(late)
-    return np.where(np.abs(late - nearest) < WHOLE, nearest, late)

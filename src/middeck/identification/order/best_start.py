@@ -1,0 +1,103 @@
+"""The likeliest of several starts for one order, by a race: few steps of all, more of the best."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from middeck.errors import FitError
+from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.order.exchanged_modes import exchanges
+from middeck.identification.order.thinning import take_lines, thin_lines
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.layout import Start
+from middeck.identification.search.polish import Polished, polish
+from middeck.identification.search.refine import weighted
+from middeck.identification.spectra.weights import Spread
+from middeck.identification.start.start import starts
+
+# Steps of all starts, of the best few of them, of the best, and of modes exchanged.
+HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
+# A start that costs so many times the best, before any step, is not refined at all.
+HOPELESS = 3.0
+# Exchanges are tried at any rate when more than this share of the variance is not the measured one, and one
+# counts when it gains more likelihood than rounding and an unsettled search may.
+WORTH_EXCHANGE = 0.1
+EXCHANGE_GAIN = 1.0
+
+
+def race(data: Data, spread: Spread, options: FitOptions) -> Polished:
+    """The likeliest of the starts, refined on some of the lines, then its exchanges.
+
+    Successive halving: all starts take a few steps, the best of them a few more, and the best of those goes
+    on. A start in the wrong valley is far behind after a few steps.
+    """
+    part, some = some_lines(data, spread, options)
+    best = heats(part, some, [(start, None) for start in hopeful(part, list(starts(part, options)))])
+    if best is None:
+        raise FitError(
+            f"no start for {options.moving} states could be refined",
+            hint="fewer states, a wider band or a longer period",
+        )
+    best = further(part, some, best, LAST_STEPS)
+    followed = spread_to_follow(best, some)
+    if followed is not some:
+        best = further(part, followed, best, FEW_STEPS)
+    return _exchange(part, followed, options, best)
+
+
+def spread_to_follow(best: Polished, spread: Spread) -> Spread:
+    """The spread itself for a model that explains its data, the even one for a model that leaves more."""
+    return spread.even if model_error(best, spread) > WORTH_EXCHANGE else spread
+
+
+def hopeful(part: Data, started: list[Start]) -> list[Start]:
+    """The starts that are worth a few steps."""
+    steps = [weighted(start.layout, part, start.theta) for start in started]
+    costs = [np.inf if step is None else step.cost for step in steps]
+    return [start for start, cost in zip(started, costs, strict=True) if cost <= HOPELESS * min(costs)]
+
+
+def heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]) -> Polished | None:
+    """The likeliest of several starts (each with the share of its weights, if known) after a few steps."""
+    runs = [polish(part, start, spread, steps=HEAT, rounds=1, share=share) for start, share in started]
+    ranked = sorted((run for run in runs if run is not None), key=_negative_likelihood)
+    few = [further(part, spread, run, FEW_STEPS) for run in ranked[:FEW]]
+    return min(few, key=_negative_likelihood, default=None)
+
+
+def further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
+    """A run refined by so many steps more; itself where none leads on."""
+    return polish(part, run.start, spread, steps=steps, rounds=1, share=run.share) or run
+
+
+def _negative_likelihood(run: Polished) -> float:
+    # A model without a finite response is the least likely of all.
+    return run.likelihood if np.isfinite(run.likelihood) else np.inf
+
+
+def _exchange(part: Data, spread: Spread, options: FitOptions, best: Polished) -> Polished:
+    """Exchange modes as long as that pays; where no excess is left, only as far as it promises to."""
+    while True:
+        large = model_error(best, spread) > WORTH_EXCHANGE
+        runs = [
+            polish(part, start, spread, steps=EXCHANGE_STEPS, rounds=1, share=best.share)
+            for start in exchanges(part, options, best, spread, at_any_rate=large)
+        ]
+        found = min((run for run in runs if run is not None), key=_negative_likelihood, default=None)
+        if found is None:
+            return best
+        found = further(part, spread, found, LAST_STEPS)
+        if _negative_likelihood(found) >= best.likelihood - EXCHANGE_GAIN:
+            return best
+        best = found
+
+
+def model_error(best: Polished, spread: Spread) -> float:
+    """Part of the variance behind the weights that is not the measured one."""
+    return float(best.share * np.mean(spread.size / spread.at(best.share)))
+
+
+def some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, Spread]:
+    """As many lines as models of this order need."""
+    outputs, _, inputs = data.H.shape
+    return take_lines(data, spread, thin_lines(data, spread, options.moving * (outputs + inputs)))

@@ -1,0 +1,1 @@
+"""The rig's plant: behind filters and between samples, drifting and ageing."""
