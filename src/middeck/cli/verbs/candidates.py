@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,9 +10,7 @@ from middeck.cli import options
 from middeck.cli.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.files.refinements.candidates import Candidates
     from middeck.updating.candidates.candidates import Ranking
-    from middeck.updating.orbit.deflections import Deflection
     from middeck.updating.refinement.refine import Refined
 
 EPILOG = """\
@@ -48,23 +45,10 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     asked = load_candidates(candidates, body)
     with reading(body, candidates):
         refined = refine(asked.structure, *asked.refinement.of_refine)
-        ranking = rank_tests(
-            refined, asked.tests, asked.environments, count=asked.modes, readings=_readings(asked)
-        )
+        readings = asked.loads and asked.loads.of
+        ranking = rank_tests(refined, asked.tests, asked.environments, count=asked.modes, readings=readings)
     document = describe(refined, ranking)
     show(as_json, document, *_blocks(document))
-
-
-def _readings(asked: Candidates) -> Callable[[Refined], Sequence[Deflection]] | None:
-    from middeck.updating.orbit.deflections import predict_deflections
-
-    loads = asked.loads
-    if loads is None:
-        return None
-    return lambda refined: predict_deflections(
-        refined, loads.environment, loads.load_cases, loads.gauges,
-        since_unloaded=loads.since_unloaded, series=loads.series,
-    )  # fmt: skip
 
 
 def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:

@@ -55,7 +55,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--reference",
     multiple=True,
-    callback=options.joined(),
+    callback=options.listed,
     metavar="CHANNEL,...",
     help="Channels from outside a closed loop.",
 )
@@ -84,7 +84,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--friction",
     multiple=True,
-    callback=options.joined(),
+    callback=options.listed,
     metavar="JOINT,...",
     help="Joints, as MOTOR=ANGLE or a name that both have, whose friction is found and taken out.",
 )
@@ -100,16 +100,14 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @options.common
 def verb(
     records: tuple[str, ...],
-    inputs: str | None,
-    outputs: str | None,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
     sample_hz: float | None,
     variable: str,
     validate: tuple[str, ...],
     model_file: str | None,
     figure_file: str | None,
     stabilisation_file: str | None,
-    reference: str | None,
-    friction: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
@@ -128,9 +126,7 @@ def verb(
     from middeck.files.any_value import write
     from middeck.files.records import require_record
 
-    names = None if reference is None else options.separate_names((reference,))
-    joints = None if friction is None else options.separate_names((friction,))
-    settings = settle(FitSettings, given | {"reference": names, "friction": joints}, overrides)
+    settings = settle(FitSettings, given, overrides)
     told = told_columns(inputs, outputs, sample_hz, variable)
     for file in validate:
         require_record(file)

@@ -62,8 +62,8 @@ Examples:
 @options.common
 def verb(
     records: tuple[str, ...],
-    inputs: str | None,
-    outputs: str | None,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
     sample_hz: float | None,
     variable: str,
     states: int | None,

@@ -38,7 +38,6 @@ Examples:
 @click.option(
     "--about",
     multiple=True,
-    callback=options.joined(""),
     metavar="AXES",
     help="Axes of the tilts to remove, of x, y, z.  [default: both level axes]",
 )
@@ -51,7 +50,7 @@ def verb(
     environment: str,
     load_case: str | None,
     offsets: tuple[str, ...],
-    about: str | None,
+    about: tuple[str, ...],
     node: str | None,
     limit: float,
     figure_file: str | None,
@@ -70,7 +69,7 @@ def verb(
 
     files = find_case(article, environment)
     structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
-    axes = None if about is None else about.replace(",", "")
+    axes = "".join(about).replace(",", "") if about else None
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):
         found = level(structure, surroundings, free=free, about=axes, node=node, limit=limit)

@@ -46,8 +46,8 @@ Examples:
 @options.common
 def verb(
     files: tuple[str, ...],
-    inputs: str | None,
-    outputs: str | None,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
     sample_hz: float | None,
     variable: str,
     periods: int | None,
