@@ -5,8 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import resource
 import struct
+import tempfile
+import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +18,7 @@ from engine_destabilising import scaled_rows, shifted_truth
 from engine_rigs import design, nominal_article, pack, settings_of
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.recording.run_file import read_run
 from middeck.realtime.engine.rigs.article import Fault, LinearArticle, with_faults
 from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
@@ -210,7 +215,8 @@ PACKAGES: dict[str, Callable] = {
 SOUND = {"package destabilises", "package with too much gain", "compensator unstable", "package replayed"}
 REFUSED = PACKAGES.keys() - SOUND
 ASKED = ("crew STOP", "supervisor silent", "commands out of place", "records not read")
-KINDS = (*RIG, *ARTICLES, *PACKAGES, *ASKED)
+DISKS = ("disk full", "disk full for a while")
+KINDS = (*RIG, *ARTICLES, *PACKAGES, *ASKED, *DISKS)
 
 
 def play(kind: str, state: str, seed: int) -> Ending:
@@ -231,6 +237,8 @@ def play(kind: str, state: str, seed: int) -> Ending:
             answers = [engine.load(made, slot=1).word, engine.command("engage", slot=1, values=[1.0]).word]
         elif kind in ASKED:
             records, answers = _ask(engine, kind, rng)
+        elif kind in DISKS:
+            records, answers = _fill_disk(engine, kind, rng)
         if kind != "records not read":
             records.append(engine.run(AFTER))
         trips = tuple(event.kind for event in engine.events() if event.trips)
@@ -276,6 +284,31 @@ def _ask(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[
     return [], [engine.command(words[i][0], slot=words[i][1], values=words[i][2]).word for i in order]
 
 
+def _fill_disk(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[np.ndarray], list[str]]:
+    """Record, let the system refuse all after some bytes, and say what is wrong with the file."""
+    most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        file = Path(folder) / "run.mdr"
+        recorder = engine.record(file)
+        first = engine.sample
+        try:
+            resource.setrlimit(
+                resource.RLIMIT_FSIZE, (file.stat().st_size + int(rng.integers(200_000)), most[1])
+            )
+            records = [engine.run(AFTER)]
+            if kind == "disk full":
+                engine.end_recording()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, most)
+        engine.end_recording()
+        run = read_run(file)
+    found = run.records["sequence"]
+    whole = len(found) >= AFTER if kind != "disk full" else bool(recorder.faults)
+    ordered = np.array_equal(found[-AFTER:], first + 1 + np.arange(len(found[-AFTER:])))
+    return records, [] if whole and ordered else [f"a record of {len(found)} samples, {recorder.faults}"]
+
+
 def _finish(engine: Supervisor, before: str) -> list[np.ndarray]:
     """Complete what goes on; a loop in SAFE stays there."""
     if engine.state == "safe":
@@ -304,6 +337,8 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
             return f"{sensor.port.name} at {share:.2f} of its envelope"
     if kind in REFUSED and answers[0] == "done":
         return "a package accepted that must be refused"
+    if kind in DISKS and answers:
+        return answers[0]
     if kind == "commands out of place" and "done" in answers:
         return "a command carried out that must be refused"
     if engine.state == "safe":

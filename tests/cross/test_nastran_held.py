@@ -163,6 +163,8 @@ def linked_deck(deck: RandomDeck, text: str, seed: int) -> tuple[str, np.ndarray
     at, zero = rng.uniform(-1.0, 1.0, 3), np.zeros(3)
     some = [int(g) for g in rng.choice(names, 4, replace=False)]
     moves = ["123", "123", "123456", str(rng.choice(["12", "3", "1235"]))]
+    if seed % 3 == 0:  # shifts and turns of the same grids, each with a weight of its own
+        some, moves = 2 * some, [*(m.strip("456") or "3" for m in moves), *("456", "4", "56", "5")]
     shares = [(g, float(rng.uniform(0.5, 2.0)), m) for g, m in zip(some, moves, strict=True)]
     carrier = int(rng.choice(names))
     place = deck.places[carrier] + rng.uniform(-0.5, 0.5, 3)

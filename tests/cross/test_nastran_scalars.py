@@ -116,6 +116,30 @@ def test_scalar_points_are_those_of_the_textbook(tmp_path, campaign, held):
         assert worst < DIGITS, (seed, worst)
 
 
+def test_equations_with_scalar_points_are_those_of_the_textbook(tmp_path, campaign):
+    """One that ties two of them to a grid; a held one counts as zero; one that stands alone means nothing."""
+    for seed in campaign(40):
+        deck = random_deck(3000 + seed)
+        rng = np.random.default_rng([12, seed])
+        text, K, M = scalar_deck(deck, seed, held=True)
+        grid, component = int(rng.choice(deck.free[1:])), int(rng.integers(1, 7))
+        a, b, c = rng.uniform(0.5, 2.0, 3)
+        ties = card(rng, "MPC", 77, 501, 0, a, grid, component, b, None, None, 504, None, c, HELD, 0, 3.0)
+        ties += card(rng, "SPOINT", 506) + card(rng, "MPC", 77, 506, 0, 1.0, grid, component, 1.0)
+        text = text.replace("SPC = 72", "SPC = 72\nMPC = 77")
+        text = text.replace("ENDDATA", "\n".join([*ties, "ENDDATA"]))
+        # Consistent units of any kind have the same frequencies, if shifts and turns are told apart.
+        _, (structure, environment) = converted(tmp_path, text, ("m-kg-s-N", "mm-t-s-N")[seed % 2])
+        own, size = textbook(deck, "consistent"), 6 * len(deck.free)
+        K[:size, :size] += own[0]
+        M[:size, :size] += own[1]
+        row = a * row_of(deck, (501, 0)) + b * row_of(deck, (grid, component)) + c * row_of(deck, (504, 0))
+        free = scipy.linalg.null_space(row[None, 6:])
+        expected = frequencies(free.T @ K[6:, 6:] @ free, free.T @ M[6:, 6:] @ free)
+        omega = md.solve_modes(md.solve_equilibrium(structure, environment)).omega
+        np.testing.assert_allclose(omega, expected[: len(omega)], rtol=DIGITS)
+
+
 CHAIN = "SPC1,1,0,9\nCELAS4,1,4.,9,1\nCMASS4,2,2.,1\nCELAS2,3,4.,1,,2\nCMASS2,4,2.,2\nCELAS4,5,4.,2\n"
 TUNED = """\
 MAT1,1,7.+4,,.3,0.
@@ -196,7 +220,9 @@ def test_gravity_does_not_load_scalar_points(tmp_path):
         ("SPOINT,1", "SPOINT 1 field 2 (IDS) = 1: there is a grid 1 too"),
         ("SPC1,1,3,50", "scalar point 50 has no components"),
         ("CELAS2,20,1.,60,,61\nCMASS2,21,1.,60", "joins scalar point '60', '61' to the rest"),
-        ("MPC,7,50,,1.,2,3,-1.", "scalar point 50 in an equation"),
+        ("SPOINT,60\nMPC,7,60,,1.,2,3,-1.\nMPC,7,2,2,1.,60,,-1.", "scalar point 60 in equations"),
+        ("MPC,7,60,,1.,2,3,-1.", "MPC 7 field 3 (TERMS) = 60: ['60', None, '1.'] is no grid"),
+        ("MPC,7,50,,1.,2,3,-1.\nMPC,7,50,,1.,2,2,-1.", "scalar point 50 is dependent twice"),
     ],
 )
 def test_connections_that_make_no_sense(tmp_path, card, words):

@@ -66,7 +66,11 @@ def test_the_deck_is_sound(tmp_path):
         ("RBE3,20,,1,123456,1.,123,2,99", "there is no grid 99"),
         ("RBE3,20,,1,123456,123,2,4", "the first weight is missing"),
         ("RBE3,20,,1,123456,1.,127,2,4", "a group is a weight > 0, components and grids"),
-        ("RBE3,20,,1,123456,1.,123,2,2", "a grid is named twice"),
+        ("RBE3,20,,1,123456,1.,123,1,4", "RBE3 20 field 6 (REST) = 1.: grid 1 follows itself"),
+        (
+            "GRID,8,,5.\nCONM2,9,8,,1.\nRBE3,20,,8,123,1.,123,2,4,+\n+,.5,456,2",
+            "RBE3 20 field 6 (REST) = 1.: grids that are not named equally often, while turns count",
+        ),
         ("CBAR,21,1,1,9,0.,1.,0.", "CBAR 21 field 5 (GB) = 9: there is no grid 9"),
         ("CBAR,21,5,1,4,0.,1.,0.", "there is no PBAR or PBARL 5"),
         ("CBAR,21,1,1,4,1.,0.,0.", "its orientation vector is zero or along the member"),
@@ -348,6 +352,21 @@ def test_masses_by_weight_and_length(tmp_path):
         assert section["rho_I_y_kg_m"] == pytest.approx(factor * 2700.0 * 2e-9)
         assert section["EI_z_nm2"] == pytest.approx(70.0)
         assert made.document["node"][2]["mass_kg"] == pytest.approx(factor * 2.5)
+
+
+@pytest.mark.parametrize(
+    ("card", "said"),
+    [
+        ("EIGRL,1,,200.,12", "EIGRL 1 asks for 12 modes up to 200 Hz: middeck modes --count 12"),
+        ("EIGR,1,LAN,1.,50.", "EIGR 1 asks for modes up to 50 Hz, at most: see middeck modes --count"),
+        ("EIGR,1,MGIV,,,,7", "EIGR 1 asks for 7 modes: middeck modes --count 7"),
+        ("EIGR,1,AHOU", ""),
+        ("EIGRL,3,,200.,12", ""),
+    ],
+)
+def test_what_the_deck_asks_of_its_solver_is_a_hint(tmp_path, card, said):
+    notes = [n for n in convert(write(tmp_path, card)).notes if "asks for" in n]
+    assert notes == [said] * bool(said)
 
 
 def test_json_and_settings(capfd, tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
+from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import Actuator, ActuatorKind, Damping, Sensor, SensorKind
 from middeck.structure.model.clamps import Clamp
@@ -87,3 +88,20 @@ def test_what_it_is_not():
     box = structure([node("n", (0, 0, 0), body(MASS, inertia=INERTIA))], sensors=[laser((1.0, 0, 0))])
     with pytest.raises(ConfigError, match="is no accelerometer"):
         accelerometer_offset(solve_equilibrium(box, Environment.orbit()), "laser")
+
+
+def test_its_metres_are_not_mixed_with_radians():
+    """The noise of a test follows what translates, and what turns, each by its own rms."""
+    beam = structure(
+        [node("a", (0, 0, 0)), node("n", (1.0, 0, 0), body(1.0))],
+        [member("a", "n", TUBE, 4)],
+        sensors=[laser((0, 1.0, 0))],
+    )
+    held = Environment(title="held", gravity=np.zeros(3), clamps=(Clamp(node="a"),))
+    modes = solve_modes(solve_equilibrium(beam, held))
+    channels = [("laser", "sensor"), ("n", "z"), ("n", "rz")]
+    noise, rng = MeasurementNoise(0.0, 0.01), np.random.default_rng(0)
+    plain = measure_modes(modes, channels, chosen=[0, 1, 2]).shape
+    std = measure_modes(modes, channels, chosen=[0, 1, 2], noise=noise, rng=rng).shape_std
+    straight = 0.01 * np.sqrt(np.mean(plain[:2] ** 2, axis=0))
+    np.testing.assert_allclose(std, [straight, straight, 0.01 * np.abs(plain[2])], rtol=1e-12)

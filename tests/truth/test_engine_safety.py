@@ -451,9 +451,43 @@ def test_sensors_that_read_one_thing_must_agree():
         faulty = with_faults(rig, Fault(kind="sensor add", channel=1, start=50, value=value))
         with Supervisor(plain_settings(spreads=(spread,)), faulty) as engine:
             engine.reset()
-            engine.run(100, keep=False)
+            last = engine.run(100)[-1]
             assert (engine.state == "safe") == trips
             assert [e.sample for e in engine.events() if e.kind == "spread"] == ([59] if trips else [])
+            assert last["unhealthy"] == (0b11 if trips else 0)  # nobody knows which of them it is
+
+
+@pytest.mark.parametrize(("length", "trips"), [(10, []), (11, [61])])
+def test_a_sensor_that_gives_one_value_for_too_long_is_stuck(length, trips):
+    """Ten times in a row the same as before, in noise; one that is not asked may stand for ever."""
+    plain = plain_settings()
+    sensors = (plain.sensors[0], dataclasses.replace(plain.sensors[1], stuck_s=10 * PERIOD_S))
+    rig = still_article([0.1, 0.1], C=np.eye(2), sensor_noise=np.array([0.0, 1e-3]))
+    stuck = Fault(kind="sensor stuck", channel=1, start=51, end=51 + length)
+    with Supervisor(plain_settings(sensors=sensors), with_faults(rig, stuck)) as engine:
+        engine.reset()
+        engine.run(100, keep=False)
+        assert [(e.kind, e.sample) for e in engine.events() if e.trips] == [("stuck", k) for k in trips]
+
+
+@pytest.mark.parametrize("hz", [20.0, 45.0])
+def test_a_limit_cycle_of_hundredths_of_a_degree_trips_by_its_band(hz):
+    """Where its rms exceeds the limit of its band; an envelope of 2 degrees sees nothing of it."""
+    angle, limit = 2.0 * np.pi * hz * PERIOD_S, np.radians(0.03)
+    A = np.eye(3)
+    A[:2, :2] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    monitor = Monitor(channel="y0", band_hz=(12.0, np.inf), limit=limit, seconds=0.1)
+    passed = 1.0 / np.sqrt(
+        1.0 + (np.tan(0.024 * np.pi) / np.tan(angle / 2.0)) ** 4
+    )  # of the band's high pass
+    plain = plain_settings(monitors=(monitor,))
+    sensors = tuple(dataclasses.replace(sensor, envelope=np.radians(2.0)) for sensor in plain.sensors)
+    for rms, trips in ((0.9, []), (1.2, ["band power"])):  # a mean of 0.1 s has a ripple of 4 % at 20 Hz
+        rig = still_article([rms * limit / passed * np.sqrt(2.0), 0.0, 0.0], A=A)
+        with Supervisor(dataclasses.replace(plain, sensors=sensors), rig) as engine:
+            engine.reset()
+            engine.run(1000, keep=False)
+            assert [event.kind for event in engine.events() if event.trips] == trips
 
 
 def test_outputs_may_have_the_names_of_sensors():

@@ -15,11 +15,12 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest, hash_hold
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import linear_article
-from middeck.realtime.gate.gate import examine_package
+from middeck.realtime.gate.gate import NO_HOLD, examine_package
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import GateMargins, GateStep
 from middeck.realtime.gate.trials import GateRig, GateTrials, check_dry_run, check_engagement
+from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.section import LoopPath, Section, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
@@ -172,6 +173,13 @@ def test_a_verdict_with_its_proof_lets_the_gain_adapt_and_no_other_does():
         assert loop.load(damper(1.9), proof=verdict.proved_gain).word == "bad proof"
         assert loop.load(damper(), proof=verdict.proved_gain).done
         assert loop.command("adapt", values=[1.0]).done
+        assert loop.load(encode_package(damper(1.9))).done  # where no verdict is asked for
+    for hold, word in ((verdict.hold, "done"), (NO_HOLD, "not admitted")):
+        with Supervisor(engine, rig, admitted={verdict.sha256: hold}) as loop:
+            assert loop.load(damper()).word == loop.load(encode_package(damper())).word == word
+            for other in (damper(1.9), encode_package(damper(1.9)), b""):
+                assert loop.load(other).reason.startswith("no gate has passed this package")
+            assert [event.kind for event in loop.events()] == ["loaded"] * 2 * (word == "done")
     faster = dataclasses.replace(engine, adaptive=dataclasses.replace(gain, rate=0.051))
     with Supervisor(faster, rig) as loop:
         assert loop.load(damper(), proof=verdict.proved_gain).done

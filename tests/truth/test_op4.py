@@ -79,6 +79,9 @@ def test_long_integers_and_many_rows(tmp_path):
     with pytest.raises(ConfigError, match="70000 rows are too many"):
         write_op4(tmp_path / "b.op4", [matrix], layout="nonbigmat")
     assert not (tmp_path / "b.op4").exists()
+    for text in (False, True):
+        write_op4(tmp_path / "b.op4", [matrix], layout="dense", text=text)
+        assert not (read_op4(tmp_path / "b.op4")[0].value - matrix.value).nnz
 
 
 def test_exponents_of_three_digits_without_a_letter(tmp_path):

@@ -17,7 +17,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from repeats import repeats
 
 pytestmark = pytest.mark.kernels
@@ -189,3 +189,27 @@ def test_roots_counted_by_unit_gain_are_the_eigenvalues(seed):
             assert (
                 margin(loop.channel, limit * (1.0 - 1e-4)) > 0.0 > margin(loop.channel, limit * (1.0 + 1e-4))
             )
+
+
+def test_loops_that_share_a_slow_free_body_are_those_of_continuous_laws():
+    """What the sampling takes of the delay is less than a period, though beside the body's poles each loop
+    is unbounded and all channels' ratios are not."""
+    slow, names = 1e-4, ("x", "v", "p", "q")
+    body = ModalSystem(
+        omega=[0.0],
+        zeta=[0.0],
+        psi=[[1.0, 0.7]],
+        phi=[[1.0], [0.0], [0.8], [0.0]],
+        phi_rate=[[0.0], [1.0], [0.0], [0.8]],
+        names=("body",),
+    )
+    u, y = (Port("f", "N"), Port("g", "N")), tuple(Port(name, "m") for name in names)
+    plant = Plant(dynamics=body, inputs=u, outputs=y, u=("f", "g"), y=names)
+    gain = -np.array([[slow**2, 1.4 * slow, 0.0, 0.0], [0.0, 0.0, slow**2, 1.1 * slow]])
+    held = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((2, 0)), gain, period_s=PERIOD)
+    sampled, continuous = (
+        [m.delay_limit_s for m in measure_margins(plant, Compensator(one, y, u)).loops]
+        for one in (held, gain_system(gain))
+    )
+    assert continuous[1] == sampled[1] == np.inf
+    assert continuous[0] - PERIOD < sampled[0] < continuous[0]

@@ -146,12 +146,10 @@ def verb(
 
 def _draw(found: Identified, figure_file: str | None, stabilisation_file: str | None) -> None:
     from middeck.cli.fitting import response_of
-    from middeck.identification.order.stabilisation import stabilisation
-    from middeck.plot.fit import fit_figure
-    from middeck.plot.stabilisation import stabilisation as stabilisation_figure
 
-    model = found.fit.model
     if figure_file is not None:
+        from middeck.plot.fit import fit_figure
+
         figures.write_figure(
             fit_figure(response_of(found), found.fit),
             figure_file,
@@ -160,7 +158,10 @@ def _draw(found: Identified, figure_file: str | None, stabilisation_file: str | 
             description="Magnitude of each path with the bounds of the fit",
         )
     if stabilisation_file is not None:
-        measured = response_of(found)
+        from middeck.identification.order.stabilisation import stabilisation
+        from middeck.plot.stabilisation import stabilisation as stabilisation_figure
+
+        model, measured = found.fit.model, response_of(found)
         figures.write_figure(
             stabilisation_figure(
                 stabilisation(measured, sample_hz=model.sample_hz), measured, states=model.states

@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.records.decimals import separator_of, with_points
-from middeck.structure.correlation.measured_modes import DIRECTIONS, STRAIGHT, MeasuredModes
+from middeck.structure.correlation.measured_modes import DIRECTIONS, PORTS, STRAIGHT, MeasuredModes
 
 ADVICE = "the first line must read like: frequency [Hz],damping,n1.x,n1.y,n2.x"
 FREQUENCY = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi}
@@ -111,11 +111,16 @@ def _key(cell: str, where: str) -> tuple[str, float]:
         if not node or way not in DIRECTIONS:
             hint = f"{ADVICE}; directions are {', '.join(DIRECTIONS)}"
             raise DataError(f"a column is headed {cell!r}", where=where, hint=hint)
-        plain, scales, plain_unit = name, LENGTH if way in STRAIGHT else ANGLE, unit
+        plain, scales, plain_unit = name, _scales(way), unit
     if plain_unit not in scales:
         known = ", ".join(u for u in scales if u)
         raise DataError(f"{name} is in {unit!r}", where=where, hint=f"one of {known}")
     return plain, scales[plain_unit]
+
+
+def _scales(way: str) -> dict[str, float]:
+    """Units of a direction; a port may read or move metres or radians."""
+    return LENGTH | ANGLE if way in PORTS else LENGTH if way in STRAIGHT else ANGLE
 
 
 def _numbers(cells: list[str], where: str) -> list[float]:

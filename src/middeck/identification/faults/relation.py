@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-import scipy.signal
 from jaxtyping import Float
+from scipy.fft import next_fast_len
 
 from middeck.identification.faults.runs import Found, fault
 from middeck.signals.excitation.repetition import find_repetition
@@ -36,8 +36,9 @@ SURE, SHARE = 7.0, 0.02
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
 # Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
-# input does between samples.
-LEADS = 2
+# input does between samples. Before it begins, an answer that a filter cuts off near half the rate follows a
+# sum of (-1)^n / n^k of inputs n samples later: so many powers k are enough.
+LEADS, TAILS = 2, 3
 # Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
 ANSWERED = 7.0
 # A delay is told from so many samples, and this share of the record.
@@ -68,19 +69,23 @@ def whitened(x: Signal) -> Signal:
     past = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * len(x))) ** 2)[: PAST + 1]
     column = past[:-1] + np.eye(1, PAST)[0] * FLOOR * past[0]
     weights = scipy.linalg.solve_toeplitz(column, past[1:])
-    left = np.asarray(scipy.signal.lfilter(np.concatenate([[1.0], -weights]), [1.0], x))
+    left = np.convolve(np.concatenate([[1.0], -weights]), x)[: len(x)]
     left[:PAST] = 0.0
     size = float(left.std())
     return left / size if size > FORETOLD * float(x.std()) else np.zeros_like(x)
 
 
-def _correlation(u: Signal, y: Signal, first: int, last: int) -> Float[np.ndarray, " lag"]:
+def _correlation(
+    U: Float[np.ndarray, "input sample"], Y: Float[np.ndarray, "output sample"], first: int, last: int
+) -> Float[np.ndarray, "output input lag"]:
     """Sum of u[n - lag] y[n] over the deviation that it has without relation, for lags first to last."""
-    size = 2 * len(u)
-    cross = np.fft.irfft(np.conj(np.fft.rfft(u, size)) * np.fft.rfft(y, size), size)
-    return cross[np.arange(first, last + 1)] / np.sqrt(
-        max(float(u @ u), 1e-300) * float(y @ y) / len(u) + 1e-300
-    )
+    count, lags = U.shape[1], np.arange(first, last + 1)
+    size = int(next_fast_len(count + max(last, -first), real=True))
+    spectra = np.conj(np.fft.rfft(U, size))
+    cross = np.stack([np.fft.irfft(spectra * np.fft.rfft(y, size), size)[:, lags] for y in Y])
+    size_u = np.maximum(np.sum(U**2, axis=1), 1e-300)
+    deviation = np.sqrt(size_u * np.sum(Y**2, axis=1)[:, None] / count + 1e-300)
+    return cross / deviation[:, :, None]
 
 
 # Samples that were lost, or repeated.
@@ -88,10 +93,17 @@ def _correlation(u: Signal, y: Signal, first: int, last: int) -> Float[np.ndarra
 
 def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
     """Outputs whose response shifts in time against the inputs: either side lost samples."""
+    length = Y.shape[1] // PARTS
+    parts = [slice(k * length // 2, k * length // 2 + length) for k in range(2 * PARTS - 1)]
+    answers = np.stack([_correlation(U[:, p], Y[:, p], -APART, ANSWER) for p in parts], axis=1)
     found: list[Place] = []
     for o, y in enumerate(Y):
         # All inputs together tell most; where one alone lost samples, only it shows that.
-        tried = (_shift(u, y) for u in ([U] if len(U) == 1 else [U, *(one[None] for one in U)]))
+        every = list(range(len(U)))
+        tried = (
+            _shift(U[of], y, parts, answers[o][:, of])
+            for of in ([every] if len(U) == 1 else [every, *([k] for k in every)])
+        )
         step = next((s for s in tried if s is not None), None)
         if step is not None:
             found.append((_lost(record, *step), record.outputs[o]))
@@ -108,13 +120,15 @@ def _lost(record: Record, near: int, shift: int) -> Found:
     return fault("shift", what, hint, samples=((max(near - 1, 0), near + 1),))
 
 
-def _shift(U: Float[np.ndarray, "input sample"], y: Signal) -> tuple[int, int] | None:
+def _shift(
+    U: Float[np.ndarray, "input sample"],
+    y: Signal,
+    parts: list[slice],
+    answers: Float[np.ndarray, "part input lag"],
+) -> tuple[int, int] | None:
     """Sample near which, and samples by which, the answer moves within the record; None if it does not."""
     if not (U.any() and y.any()):
         return None
-    length = len(y) // PARTS
-    parts = [slice(k * length // 2, k * length // 2 + length) for k in range(2 * PARTS - 1)]
-    answers = np.array([[_correlation(u[p], y[p], -APART, ANSWER) for u in U] for p in parts])
     lags = _lags(answers)
     step = None if lags is None else _best_step(lags)
     return None if step is None else (_where(U, y, parts, *step), step[1])
@@ -152,8 +166,8 @@ def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) 
     low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
     until = parts[max(part - 2, 0)].stop
     told = np.zeros_like(y)
-    for u in U:
-        g = _correlation(u[:until], y[:until], 0, ANSWER)
+    answers = _correlation(U[:, :until], y[None, :until], 0, ANSWER)[0]
+    for u, g in zip(U, answers, strict=True):
         told += np.convolve(u, np.where(np.abs(g) > 4.0, g, 0.0) / np.sqrt(until))[: len(u)]
     moved = np.roll(told, shift)
     # Before the step the shift explains less: the sum rises up to there, and falls from there on.
@@ -169,15 +183,16 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
     Each output is explained by its own past and by the inputs until then. What is left is noise. No later
     input knows of it but through a loop (Sims 1972); a loop that acts within some samples and forgets is a
-    direct term as well, and cannot be told. And noise has no sample that stands alone, unless others were
-    lost before it.
+    direct term as well, and cannot be told, nor what is the tail of a filter. And noise has no sample that
+    stands alone, unless others were lost before it.
     """
     u, y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
     U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (u, y))
     lags = max(4, PAST // len(U))
     later = max(2, lags // 2) + LEADS
     span = lags, U.shape[1] - lags - later
-    until, after = _beside(U, range(-lags, LEADS + 1), *span), _beside(U, range(LEADS + 1, later + 1), *span)
+    after = _beside(U, range(LEADS + 1, later + 1), *span)
+    until = np.vstack([_beside(U, range(-lags, LEADS + 1), *span), _tails(after, len(U))])
     repeated = record.periodic or find_repetition(record.u.reshape(len(record.u), -1, len(u))) is not None
     found: list[Place] = []
     for o, port in enumerate(record.outputs):
@@ -192,6 +207,14 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
         elif at is not None:
             found.append((_joined(record, at + lags), port))
     return found
+
+
+def _tails(after: Float[np.ndarray, "row sample"], inputs: int) -> Float[np.ndarray, "tail sample"]:
+    """What later samples of each input tell of an answer that is band-limited between samples."""
+    n = np.arange(LEADS + 1.0, LEADS + 1 + len(after) // inputs)
+    powers = np.arange(1.0, min(TAILS, len(n) // 2) + 1)
+    weights = np.cos(np.pi * n) * n ** -powers[:, None]
+    return np.einsum("kn,nis->kis", weights, after.reshape(len(n), inputs, -1)).reshape(-1, after.shape[1])
 
 
 def _alone(left: Signal) -> int | None:
@@ -271,5 +294,5 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
 
 
 def _first_answers(u: Signal, y: Signal, most: int) -> list[int]:
-    r = _correlation(u, y, 0, most)
+    r = _correlation(u[None], y[None], 0, most)[0, 0]
     return [int(np.argmax(np.abs(r) > ANSWERED))] if np.any(np.abs(r) > ANSWERED) else []

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import scipy.linalg
 import scipy.ndimage
-import scipy.signal
 
 from middeck.identification.faults.runs import Found, Levels, Runs, Signal, equal_runs, fault, runs_of
 
@@ -216,9 +215,9 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     column = past[:-1] + np.eye(1, before)[0] * 1e-9 * past[0]
     weights = scipy.linalg.solve_toeplitz(column, past[1:]) if past[0] > 0.0 else np.zeros(before)
     ahead = np.concatenate([[1.0], -weights])
-    left = np.abs(scipy.signal.lfilter(ahead, [1.0], x - level.mean()))
+    left = np.abs(np.convolve(ahead, x - level.mean())[: len(x)])
     # The first samples have none before them: they are foretold from those after, by the same weights.
-    left[:before] = np.abs(scipy.signal.lfilter(ahead, [1.0], x[::-1] - level.mean()))[::-1][:before]
+    left[:before] = np.abs(np.convolve(ahead, x[::-1] - level.mean())[: len(x)])[::-1][:before]
     clean = np.sort(left[rest])
     large = clean[-max(FEWEST_LARGE, int(LARGE * len(clean))) :]
     least = max(float(large[0]), np.finfo(float).tiny)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import scipy.signal
+from jaxtyping import Float
 
 from middeck.errors import FitError
 from middeck.identification.model.measurement_model import MeasurementModel
@@ -72,7 +72,7 @@ def without_drift(record: Record) -> Record:
     def level(x: np.ndarray) -> np.ndarray:
         run = x.reshape(len(x), -1, x.shape[3])
         flat = run - run.mean(axis=1, keepdims=True)
-        even = scipy.signal.detrend(run, axis=1, type="linear")
+        even = _without_line(run)
         drifts = np.sum(even**2, axis=1, keepdims=True) < (1.0 - DRIFT) * np.sum(
             flat**2, axis=1, keepdims=True
         )
@@ -91,9 +91,16 @@ def without_trend(record: Record, *, inputs: bool) -> Record:
 
     def level(x: np.ndarray) -> np.ndarray:
         run = x.reshape(experiments, periods * samples, -1)
-        return scipy.signal.detrend(run, axis=1, type="linear").reshape(x.shape)
+        return _without_line(run).reshape(x.shape)
 
     return dataclasses.replace(record, y=level(record.y), u=level(record.u) if inputs else record.u)
+
+
+def _without_line(x: Float[np.ndarray, "run sample channel"]) -> Float[np.ndarray, "run sample channel"]:
+    """Each channel without the straight line that fits it best."""
+    t = np.linspace(-1.0, 1.0, x.shape[1])[:, None]
+    flat = x - x.mean(axis=1, keepdims=True)
+    return flat - t * np.sum(t * flat, axis=1, keepdims=True) / np.sum(t**2)
 
 
 def cut_samples(record: Record, first: int, last: int) -> Record:

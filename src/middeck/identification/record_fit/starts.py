@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from typing import get_args
 
 import numpy as np
-import scipy.signal
 from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.model.fit_options import FitOptions
@@ -88,6 +87,8 @@ def past_of(record: Record, data: Data) -> PastOfRecord:
     thin = max(1, int(record.sample_hz / (DENSE * highest_hz)))
     u, y = _in_deviations(record.u), _in_deviations(record.y)
     if thin > 1:
+        import scipy.signal  # takes a second, which dense samples alone need
+
         # One filter for all channels leaves what is between them.
         u, y = (scipy.signal.resample_poly(x, 1, thin, axis=1) for x in (u, y))
     numbers = u.shape[0] * u.shape[1]

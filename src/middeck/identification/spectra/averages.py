@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Complex, Float
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import get_window
 
 from middeck.errors import DataError
 from middeck.identification.model.checks import Swing, check_record, check_swing, widen
@@ -118,6 +117,8 @@ def _cut(
     if period is not None:
         return period, period, np.ones(period)
     shortest = min(stream.samples for stream in streams)
+    from scipy.signal import get_window  # a second of import that whole periods need not wait for
+
     size = max(SHORTEST, 2 ** int(np.log2(2 * shortest / (SEGMENTS + 1)))) if segment is None else segment
     if not (SHORTEST <= size <= shortest and 0.0 <= overlap < 1.0):
         raise DataError(

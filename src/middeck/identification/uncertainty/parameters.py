@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
@@ -75,7 +75,7 @@ def quantile(level: float, degrees: float) -> float:
     (1.96, 2.228)
     """
     check_level(level)
-    return float(scipy.stats.t.ppf(0.5 + 0.5 * level, degrees))
+    return float(scipy.special.stdtrit(degrees, 0.5 + 0.5 * level))
 
 
 def joint_factor(level: float, numbers: int, degrees: float) -> float:
@@ -85,8 +85,8 @@ def joint_factor(level: float, numbers: int, degrees: float) -> float:
     2.448
     """
     if np.isinf(degrees):
-        return float(np.sqrt(scipy.stats.chi2.ppf(level, numbers)))
-    return float(np.sqrt(numbers * scipy.stats.f.ppf(level, numbers, degrees)))
+        return float(np.sqrt(2.0 * scipy.special.gammaincinv(0.5 * numbers, level)))
+    return float(np.sqrt(numbers * scipy.special.fdtri(numbers, degrees, level)))
 
 
 def joint_tail(squared: np.ndarray | float, numbers: int, degrees: np.ndarray | float) -> np.ndarray:
@@ -96,7 +96,9 @@ def joint_tail(squared: np.ndarray | float, numbers: int, degrees: np.ndarray | 
     (np.float64(0.05), np.float64(1.0))
     """
     # F of infinitely many degrees is not in the library; beyond 1e9 it is the same to nine digits.
-    return np.asarray(scipy.stats.f.sf(np.asarray(squared) / numbers, numbers, np.minimum(degrees, 1e9)))[()]
+    return np.asarray(scipy.special.fdtrc(numbers, np.minimum(degrees, 1e9), np.asarray(squared) / numbers))[
+        ()
+    ]
 
 
 def check_level(level: float) -> None:

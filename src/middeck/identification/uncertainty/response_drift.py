@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
@@ -130,7 +130,7 @@ def compare_responses(
     share = v[0] / (v[0] + v[1])
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
     degrees = 1.0 / np.maximum(slowness, 1e-9)
-    inflation = max(1.0, float(np.median(statistic / scipy.stats.f.median(2, degrees))))
+    inflation = max(1.0, float(np.median(statistic / scipy.special.fdtri(2, degrees, 0.5))))
     p = joint_tail(2.0 * statistic / inflation, 2, degrees)
     moved = holm(p.ravel(), level).reshape(p.shape)
     f = before.frequency_hz[a]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.signal
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
@@ -46,6 +45,8 @@ def design_mls(
             hint=f"an order of 2 to {LARGEST_ORDER} and one sample or more",
         )
     _refuse_slew(limits)
+    import scipy.signal  # takes a second, which no other signal needs
+
     state = rng.integers(2, size=order)
     state[0] |= not state.any()  # a register of zeros stays one
     bits = np.asarray(scipy.signal.max_len_seq(order, state=state)[0], dtype=float)

@@ -128,7 +128,7 @@ def correlate_modes(
             "the test has frequencies alone", where="measured modes", hint="compare_frequencies judges these"
         )
     measured = place_channels(modes.equilibrium.model, measured)
-    spread = stated_noise(measured, noise)
+    spread = stated_noise(modes, measured, noise)
     if spread is None:
         raise ConfigError(
             "the test does not state how well it knows its frequencies and shapes",

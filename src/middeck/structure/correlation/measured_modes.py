@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from middeck.errors import ConfigError, DataError
 from middeck.structure.assembly.linked import dynamic_coordinates
@@ -174,7 +174,8 @@ def measure_modes(
         )
     if rng is None:
         raise ConfigError("noise without a random generator", hint="rng=np.random.default_rng(seed)")
-    hz_std, shape_std = noise.frequency * hz, noise.shape * sort_rms(direction, shape)
+    straight = straight_channels(modes, node, direction)
+    hz_std, shape_std = noise.frequency * hz, noise.shape * sort_rms(straight, shape)
     return MeasuredModes(
         position_m=at_m,
         frequency_hz=hz + hz_std * rng.standard_normal(hz.shape),
@@ -196,12 +197,28 @@ def every_channel(model: Model) -> list[tuple[str, str]]:
     return nodes + [(j.name, TRAVEL if j.slides else ANGLE) for j in joints]
 
 
+def straight_channels(
+    modes: Modes, node: Sequence[str], direction: Sequence[str]
+) -> Bool[np.ndarray, " channel"]:
+    """Which channels are in metres; the others are in radians. A port is of the sort that it reads or moves.
+
+    Raises `ConfigError` for a port that the model does not have.
+    """
+    rest = modes.equilibrium
+
+    def is_straight(name: str, way: str) -> bool:
+        if way == SENSOR:
+            return output_rows(rest, [name]).ports[0].unit == "m"
+        return input_rows(rest, [name]).ports[0].unit == "N" if way == ACTUATOR else way in STRAIGHT
+
+    return np.array([is_straight(*channel) for channel in zip(node, direction, strict=True)], dtype=bool)
+
+
 def sort_rms(
-    direction: Sequence[str], shape: Complex[np.ndarray, "channel mode"]
+    straight: Bool[np.ndarray, " channel"], shape: Complex[np.ndarray, "channel mode"]
 ) -> Float[np.ndarray, "channel mode"]:
     """At each channel the rms of its mode over the channels of its sort: translations, or rotations."""
     rms = np.zeros(shape.shape)
-    straight = np.array([d in STRAIGHT for d in direction], dtype=bool)
     for sort in (straight, ~straight):
         if np.any(sort):
             rms[sort] = np.sqrt(np.mean(np.abs(shape[sort]) ** 2, axis=0))

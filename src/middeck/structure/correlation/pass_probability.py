@@ -7,8 +7,14 @@ import scipy.special as ssp
 from jaxtyping import Bool, Float
 
 from middeck.structure.correlation.evaluation import Candidates, Evaluation, criterion_values, evaluate_shapes
-from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, sort_rms
+from middeck.structure.correlation.measured_modes import (
+    MeasuredModes,
+    MeasurementNoise,
+    sort_rms,
+    straight_channels,
+)
 from middeck.structure.correlation.profiles import Profile
+from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
 CONFIDENCE = 0.95
@@ -74,11 +80,11 @@ class CorrectModel:
 
 
 def stated_noise(
-    measured: MeasuredModes, noise: MeasurementNoise | None
+    modes: Modes, measured: MeasuredModes, noise: MeasurementNoise | None
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Standard deviations of frequencies [Hz] and shapes: of ``noise`` if given, else the test's own."""
     if noise is not None:
-        rms = sort_rms(measured.direction, measured.shape)
+        rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
         return noise.frequency * measured.frequency_hz, noise.shape * rms
     if measured.frequency_std_hz is None or measured.shape_std is None:
         return None

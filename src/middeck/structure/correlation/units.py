@@ -10,7 +10,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes, seen, sensor_rows, sort_rms
+from middeck.structure.correlation.measured_modes import (
+    MeasuredModes,
+    seen,
+    sensor_rows,
+    sort_rms,
+    straight_channels,
+)
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 
@@ -59,7 +65,7 @@ def doubt_units(
     modes: Modes, measured: MeasuredModes, shapes: Float[np.ndarray, "channel mode"]
 ) -> tuple[str, ...]:
     """Warnings of wrong units in ``measured``; ``shapes`` are those of the model at its channels."""
-    straight = np.array([d in STRAIGHT for d in measured.direction])
+    straight = straight_channels(modes, measured.node, measured.direction)
     movable = np.array([kind != "rigid" for kind in modes.kind]) & (modes.frequency_hz > 0.0)
     index = np.flatnonzero(movable)
     if not len(index):
@@ -74,7 +80,7 @@ def doubt_units(
     said += _damping(modes, measured, index[ours], theirs)
     sorts = _sorts(phi, np.asarray(measured.shape), straight, alike)
     # One channel of a thousandfold scale makes any two shapes alike: then frequencies tell the pairs.
-    channels = sorts or _channels(phi, measured, alike) or _channels(phi, measured, near)
+    channels = sorts or _channels(phi, measured, straight, alike) or _channels(phi, measured, straight, near)
     return tuple(said + ([] if levels else channels))
 
 
@@ -185,12 +191,12 @@ def _sorts(phi: np.ndarray, shape: np.ndarray, straight: np.ndarray, pairs: np.n
     )
 
 
-def _channels(phi: np.ndarray, measured: MeasuredModes, pairs: np.ndarray) -> list[str]:
+def _channels(phi: np.ndarray, measured: MeasuredModes, straight: np.ndarray, pairs: np.ndarray) -> list[str]:
     """Channels whose scale differs from that of most others by a unit's factor, alike in all modes."""
     if len(pairs) < FEWEST:
         return []
     a, b = phi[:, pairs[:, 0]], np.asarray(measured.shape)[:, pairs[:, 1]]
-    moves = np.abs(a) > MOVES * sort_rms(measured.direction, a)
+    moves = np.abs(a) > MOVES * sort_rms(straight, a)
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.where(moves, np.abs(b) / np.abs(a), np.nan)
         gain = gain / np.array([np.nanmedian(g) if np.isfinite(g).any() else np.nan for g in gain.T])

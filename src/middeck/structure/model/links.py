@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import field
 
@@ -138,14 +139,28 @@ def link_faults(link: AnyLink, joints: set[str]) -> Iterator[str]:
             check_axes(np.real(part.axes), what)
         except ConfigError as error:
             yield f"{what}: {error.what}"
-    if len(set(link.frames)) < len(link.frames):
-        yield f"{what} names a frame twice, among {', '.join(map(repr, link.frames))}"
+    if (twice := _twice(link)) is not None:
+        yield f"{what} names a frame twice, among {', '.join(map(repr, link.frames))}{twice}"
     if isinstance(link, Interpolation):
         weights = np.real([share.weight for share in link.shares])
         if not len(weights) or not np.all(np.isfinite(weights)) or np.any(weights <= 0.0):
             yield f"{what} needs frames that it follows, each of positive weight"
     elif not np.all(np.isfinite(link.offset)):
         yield f"{what} has an offset that is no place"
+
+
+def _twice(link: Link | Interpolation) -> str | None:
+    """None where no frame is named twice, or an average follows each in several ways, all equally often.
+
+    Otherwise the mean distance, by which turns that count are weighted, would not be one.
+    """
+    count = Counter(link.frames)
+    if max(count.values()) == 1:
+        return None
+    if not isinstance(link, Interpolation) or count.pop(link.frame) > 1:
+        return ""
+    unlike = len(set(count.values())) > 1 and any(share.about for share in link.shares)
+    return ", and not each equally often, while turns count" if unlike else None
 
 
 def _equation_faults(link: Equation, joints: set[str]) -> Iterator[str]:

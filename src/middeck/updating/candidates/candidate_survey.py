@@ -11,13 +11,13 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.structure.correlation.measured_modes import (
     COUNT,
-    STRAIGHT,
     MeasuredModes,
     every_channel,
     measure_modes,
     seen,
     sensor_rows,
     sort_rms,
+    straight_channels,
 )
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
@@ -94,13 +94,14 @@ def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
             f"its channels see none of {len(chosen)} modes", hint="other nodes, or other directions"
         )
     found = measure_modes(modes, candidate.channels, chosen=moved)
+    rms = sort_rms(straight_channels(modes, found.node, found.direction), found.shape)
     # Channels of a sort that stands still in a mode have the noise of those that would just see it.
     still = SEEN * np.max(np.abs(found.shape), axis=0, initial=0.0)
     return Seen(
         dataclasses.replace(
             found,
             frequency_std_hz=candidate.frequency_std * found.frequency_hz,
-            shape_std=candidate.shape_std * np.maximum(sort_rms(found.direction, found.shape), still),
+            shape_std=candidate.shape_std * np.maximum(rms, still),
         ),
         tuple((modes.name[i], float(modes.frequency_hz[i])) for i in chosen if i not in moved),
     )
@@ -112,14 +113,15 @@ def _sees(modes: Modes, channels: Sequence[tuple[str, str]] | None, chosen: Sequ
         return np.ones(len(chosen), dtype=bool)
     every = measure_modes(modes, every_channel(modes.equilibrium.model), chosen=chosen)
     own = measure_modes(modes, channels, chosen=chosen)
-    most = {straight: _most(every, straight) for straight in (True, False)}
-    large = np.any([_most(own, straight) > SEEN * most[straight] for straight in (True, False)], axis=0)
+    most, moved = (_most(modes, one) for one in (every, own))
+    large = np.any(moved > SEEN * most, axis=0)
     nodes, directions = zip(*channels, strict=True)
     # Of a mode without any motion of a sort, rounding would be its largest part.
     return large & np.any(seen(sensor_rows(modes, nodes, directions), modes)[:, list(chosen)], axis=0)
 
 
-def _most(measured: MeasuredModes, straight: bool) -> np.ndarray:
-    """The largest motion in each mode, along a direction or about one."""
-    sort = [k for k, d in enumerate(measured.direction) if (d in STRAIGHT) == straight]
-    return np.max(np.abs(measured.shape[sort]), axis=0, initial=0.0)
+def _most(modes: Modes, measured: MeasuredModes) -> np.ndarray:
+    """The largest motion in each mode, along a direction and about one."""
+    straight = straight_channels(modes, measured.node, measured.direction)
+    sorts = (np.abs(measured.shape[sort]) for sort in (straight, ~straight))
+    return np.array([np.max(motion, axis=0, initial=0.0) for motion in sorts])

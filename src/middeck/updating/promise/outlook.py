@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.stats import beta, rankdata
-from scipy.stats import t as student
+from scipy.special import betaincinv, stdtrit
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -112,8 +111,8 @@ def probability_interval(count: int, of: int, confidence: float = CONFIDENCE) ->
     [0.99, 1.0]
     """
     tail = 0.5 * (1.0 - confidence)
-    low = float(beta.ppf(tail, count, of - count + 1)) if count else 0.0
-    high = float(beta.ppf(1.0 - tail, count + 1, of - count)) if count < of else 1.0
+    low = float(betaincinv(count, of - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
     return low, high
 
 
@@ -208,16 +207,22 @@ def risk_of(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
 
     Chance of so many names together is 5 % (Bonferroni), by Student's distribution of r sqrt((n-2)/(1-r^2)).
     """
-    ranks = rankdata(db)
+    ranks = _ranks(db)
     spread = float(np.std(ranks))
     n = len(ranks)
     if not spread > 0.0 or not drawn.names or n < FEW:
         return "", 0.0
-    others = rankdata(drawn.drawn, axis=0)
+    others = np.apply_along_axis(_ranks, 0, drawn.drawn)
     others = others - others.mean(axis=0)
     size = np.linalg.norm(others, axis=0) * np.linalg.norm(ranks - ranks.mean())
     found = (ranks - ranks.mean()) @ others / np.where(size > 0.0, size, 1.0)
     k = int(np.argmax(np.abs(found)))
-    beyond = student.ppf(1.0 - 0.5 * (1.0 - CONFIDENCE) / len(drawn.names), n - 2)
+    beyond = stdtrit(n - 2, 1.0 - 0.5 * (1.0 - CONFIDENCE) / len(drawn.names))
     chance = float(beyond / np.sqrt(n - 2 + beyond**2))
     return (drawn.names[k], float(found[k])) if abs(found[k]) > chance else ("", 0.0)
+
+
+def _ranks(values: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]:
+    """From one up; equal values share the mean of theirs."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - 0.5 * (count - 1))[place]

@@ -11,7 +11,13 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.measured_modes import MeasuredModes, seen, sensor_rows, sort_rms
+from middeck.structure.correlation.measured_modes import (
+    MeasuredModes,
+    seen,
+    sensor_rows,
+    sort_rms,
+    straight_channels,
+)
 from middeck.structure.correlation.units import doubt_survey_units
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -217,7 +223,7 @@ def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarr
     c, c_std = np.eye(count), np.zeros((count, count))
     channels = len(measured.node)
     basis = at_channels(modes, measured)[:, pairs[:, 0]] if channels else np.zeros((0, count))
-    shape, std = _real_shapes(measured), _shape_std(measured)
+    shape, std = _real_shapes(measured), _shape_std(modes, measured)
     near = _neighbours(modes, pairs) | np.eye(count, dtype=bool)
     for k, a in enumerate(pairs[:, 1]):
         own = np.arange(count) if channels > count else np.flatnonzero(near[k])
@@ -239,12 +245,12 @@ def _real_shapes(measured: MeasuredModes) -> np.ndarray:
     return np.real(measured.shape * np.exp(-1j * phase))
 
 
-def _shape_std(measured: MeasuredModes) -> np.ndarray:
+def _shape_std(modes: Modes, measured: MeasuredModes) -> np.ndarray:
     """As the test states it, else `SHAPE_STD` of each mode's channels of its sort."""
     stated = measured.shape_std
     if stated is not None and np.all(stated > 0.0):
         return stated
-    rms = sort_rms(measured.direction, measured.shape)
+    rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
     return SHAPE_STD * np.where(rms > 0.0, rms, 1.0)
 
 

@@ -6,7 +6,8 @@ of unstable roots thus follows for all n from that at n = 0 and from the frequen
 Marshall 1987, IEE Proceedings D 134, "Direct method for TDS stability analysis", for sampled loops).
 
 A delay of a part of a period does not turn L: each mode turns at its own frequency, also beyond half the
-rate, where its image may turn the other way. So the plant is sampled anew at every part.
+rate, where its image may turn the other way. So the channel's own paths are sampled anew at every part
+(`delayed_channel`); unstable roots are counted by how often 1 + L then goes round the origin.
 """
 
 from __future__ import annotations
@@ -17,15 +18,14 @@ from typing import Any
 
 import numpy as np
 import scipy.optimize as opt
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float
 
-from middeck.control.analysis.loop.feedback_loop import At, form_loop, loop_path
-from middeck.control.analysis.loop.lines import place_lines, refine_lines
-from middeck.control.analysis.margins.crossings import circle_crossings
-from middeck.control.analysis.margins.return_ratio import broken_ratio
-from middeck.control.analysis.stability.stability import decide_loop
+from middeck.control.analysis.loop.feedback_loop import At, FeedbackLoop, loop_path
+from middeck.control.analysis.loop.lines import refine_lines
+from middeck.control.analysis.margins.crossings import Crossings, circle_crossings
+from middeck.control.analysis.margins.delayed_channel import DelayedChannel, delayed_channels
 from middeck.control.law.compensator import Compensator
-from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
 
@@ -35,6 +35,9 @@ over less of a turn, 2 arccos(1/L), has a gain within 3 % of the limit."""
 LOOKED = 20
 """Periods searched beyond the first turn of the slowest frequency of falling unit gain."""
 AT_ONCE = 2**16
+FORWARD = 1.0
+"""Largest step ahead [rad] of the phase from line to line: a longer one passes a pole on the circle, by half
+a turn back."""
 PRECISION = 1e-10
 
 
@@ -58,54 +61,79 @@ class UnitGain:
     open_end: bool
 
 
-def sampled_delay_limits(plant: Plant, compensator: Compensator, at: At) -> list[float]:
+def sampled_delay_limits(
+    loop: FeedbackLoop,
+    plant: Plant,
+    compensator: Compensator,
+    at: At,
+    lines: Float[np.ndarray, " line"],
+) -> list[float]:
     """Least additional delay [s] of each channel alone that makes the sampled loop unstable; ``inf`` if none.
 
-    The continuous plant is sampled anew with that channel delayed.
+    ``loop`` is ``plant`` sampled, with ``compensator``, and stable; ``lines`` [rad/s] resolve its ratios.
     """
     path, period = loop_path(plant, compensator), compensator.sampled.period_s
     system = remove_delays(path).system
-    ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
     limits: list[float] = []
-    for end in ends:
-        loop = form_loop(path, compensator)
-        lines = place_lines(loop, end, broken_ratio(loop, end))
-        later = (
-            np.eye(len(path.inputs))[:, None, :] if end == "inputs" else np.eye(len(path.outputs))[:, :, None]
-        )
-        for i, one in enumerate(later):
-            gain_at = functools.partial(_unit_gain, path, compensator, one * period, (end, i), lines)
-            limits.append(find_delay_limit(gain_at, system, period))
+    for channel in delayed_channels(loop, path, at, lines):
+        gain_at = functools.partial(_unit_gain, channel, period, lines, _trace(channel, lines, 0.0))
+        limits.append(find_delay_limit(gain_at, system, period))
     return limits
 
 
-def _unit_gain(
-    path: Plant,
-    compensator: Compensator,
-    period_later: np.ndarray,
-    where: tuple[At, int],
-    lines: np.ndarray,
-    part: float,
-) -> UnitGain:
-    """The loop with one channel delayed by ``part`` of ``period_later``."""
-    loop = form_loop(delay_plant(path, part * period_later), compensator)
-    end, i = where
-    ratio = broken_ratio(loop, end)
+@record
+class _Curve:
+    """The ratio of a channel on lines, its frequencies of unit gain, and how far 1 + L turns [rad]."""
 
-    def alone(s: np.ndarray) -> np.ndarray:
-        return ratio(s)[:, [i]]
+    omega: Float[np.ndarray, " line"]
+    L: Complex[np.ndarray, " line"]
+    found: Crossings
+    turned: float
 
-    omega, L = refine_lines(alone, lines)
-    found = circle_crossings(alone, omega, L)
+
+def _trace(channel: DelayedChannel, lines: np.ndarray, part: float) -> _Curve:
+    ratio = channel(part)
+    omega, L = refine_lines(ratio, lines)
+    found = circle_crossings(ratio, omega, L)
     order = np.argsort(found.omega, kind="stable")
-    above = np.abs(L[:, 0]) > 1.0
+    found = Crossings(found.omega[order], found.channel[order], found.L[order])
+    return _Curve(omega, L[:, 0], found, _turn(omega, L[:, 0], found))
+
+
+def _unit_gain(
+    channel: DelayedChannel, period_s: float, lines: np.ndarray, now: _Curve, part: float
+) -> UnitGain:
+    """The loop with one channel delayed by ``part`` of a period, from the stable one ``now``."""
+    curve = _trace(channel, lines, part) if part else now
+    # A delay does not change the ratio at rest, where both would start.
+    apart = float(np.angle((1.0 + curve.L[0]) / (1.0 + now.L[0])))
+    above = np.abs(curve.L) > 1.0
     return UnitGain(
-        growing=decide_loop(loop).growing,
-        angle=found.omega[order] * compensator.sampled.period_s,
-        lag=np.mod(np.angle(found.L[order]) + np.pi, 2.0 * np.pi),
-        falling=(np.arange(len(order)) % 2 == 0) == bool(above[0]),
+        growing=-round((curve.turned - now.turned + apart) / np.pi),
+        angle=curve.found.omega * period_s,
+        lag=np.mod(np.angle(curve.found.L) + np.pi, 2.0 * np.pi),
+        falling=(np.arange(len(curve.found.omega)) % 2 == 0) == bool(above[0]),
         open_end=bool(above[-1]),
     )
+
+
+def _turn(omega: np.ndarray, L: np.ndarray, found: Crossings) -> float:
+    """Change of the argument of 1 + L along the lines [rad].
+
+    Where the gain is below one it stays within a quarter turn; above, 1 + L turns as L and 1 + 1/L.
+    """
+    place = np.searchsorted(omega, found.omega)
+    unit = found.L / np.abs(found.L)
+    values = np.insert(L, place, unit)
+    crossed = np.insert(np.zeros(len(L), dtype=bool), place, True)
+    above = (np.cumsum(crossed)[:-1] % 2 == 0) == bool(np.abs(L[0]) > 1.0)
+    inverse = np.abs(values) > 1.0
+    small = np.where(inverse, 1.0 / np.where(inverse, values, 1.0), values)
+    # At unit gain the angles of 1 + L and of 1 + 1/L are half of that of L, ahead and back.
+    inside = np.where(crossed, 0.5 * np.angle(values), np.angle(1.0 + small))
+    outside = np.where(crossed, -inside, inside)
+    step = np.mod(np.diff(np.angle(values)) - FORWARD, 2.0 * np.pi) + FORWARD - 2.0 * np.pi
+    return float(np.sum(np.where(above, step + np.diff(outside), np.diff(inside))))
 
 
 def find_delay_limit(gain_at: Callable[[float], UnitGain], system: StateSpace, period_s: float) -> float:

@@ -209,15 +209,18 @@ def measure_margins(
     ]
     if loop.period_s is not None:
         known = delays and plant.period_s is None
+
+        def limits() -> list[float]:
+            if not stability.stable:
+                return [0.0] * len(loops)
+            return sampled_delay_limits(loop, plant, compensator, at, curve[0])
+
         loops = [dataclasses.replace(one, delay_s=None) for one in loops]
-        loops = _with_limits(loops, plant, compensator, at, stability.stable) if known else loops
+        loops = _with_limits(loops, limits()) if known else loops
     return Margins(stability, tuple(loops))
 
 
-def _with_limits(
-    loops: list[LoopMargins], plant: Plant, compensator: Compensator, at: At, stable: bool
-) -> list[LoopMargins]:
-    limits = sampled_delay_limits(plant, compensator, at) if stable else [0.0] * len(loops)
+def _with_limits(loops: list[LoopMargins], limits: list[float]) -> list[LoopMargins]:
     return [
         dataclasses.replace(loop, delay_s=np.array([limit] if 0.0 < limit < np.inf else []))
         for loop, limit in zip(loops, limits, strict=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
 from middeck.files.nastran.article.standing import Standing
-from middeck.files.nastran.deck.deck import asked_formulation
+from middeck.files.nastran.deck.deck import Deck, asked_formulation
 from middeck.files.nastran.deck.formats import DIVIDING
+from middeck.files.nastran.deck.numbers import integer
 from middeck.files.nastran.deck.units import doubt_modulus
 from middeck.files.nastran.masses_and_springs.scalars import MASSES
 
@@ -92,4 +94,20 @@ def note_doubts(basis: Basis, parts: Parts) -> list[str]:
             f"the deck's own program would give its bars {asked} mass (PARAM COUPMASS), "
             f"the article has {basis.formulation} mass: with {asked} it compares with that program"
         )
-    return notes
+    return [*notes, *_modes_asked(deck)]
+
+
+def _modes_asked(deck: Deck) -> Iterator[str]:
+    """What the selected EIGR or EIGRL, or any where none is selected, asks for, as `modes` is told it."""
+    chosen = {n for command in ("METHOD", "METH") for n in deck.selection.sets.get(command, ())}
+    for entry in deck.entries.of("EIGR", "EIGRL"):
+        if chosen and entry.id not in chosen:
+            continue
+        if entry.name == "EIGRL":
+            top, count = entry["v2"], entry["nd"]
+        else:
+            top, count = entry["f2"], integer((entry["rest"][1:2] or [""])[0] or "")
+        wants = [f"{count} modes" if count else "modes", *([f"up to {top:g} Hz"] if top else [])]
+        if top or count:
+            how = f": middeck modes --count {count}" if count else ", at most: see middeck modes --count"
+            yield f"{entry.label} asks for {' '.join(wants)}{how}"

@@ -89,9 +89,11 @@ def read_parts(basis: Basis) -> Parts:
     points = scalar_points(entries, places, faults)
     held = read_restraints(deck, places, points, faults)
     properties = scalar_masses(entries, faults)
-    scalars = _scalars(basis, points, properties, held, faults)
+    still = held_points(deck, points, faults)
+    scalars = _scalars(basis, points, properties, (held, still), faults)
     direct = direct_component(deck, basis.units, faults)
-    constraints = [_in_metres(c, basis.units) for c in read_constraints(deck, places, faults)]
+    read = read_constraints(deck, places, points, still, faults)
+    constraints = [_in_metres(c, basis.units) for c in read]
     ties = read_ties(entries, places, points, held, faults)
     masses += read_scalar_masses(entries, places, points, held, linked_grids(entries), properties, faults)
     if direct is not None and direct.modal and scalars:
@@ -132,13 +134,12 @@ def _scalars(
     basis: Basis,
     points: dict[int, Entry],
     masses: dict[int, float],
-    held: dict[int, str],
+    held: tuple[dict[int, str], set[int]],
     faults: list[Fault],
 ) -> list[Element]:
     """Springs and masses with scalar points that are free to move."""
     values = {"PELAS": {e.id: e["k"] for e in basis.entries.of("PELAS")}, "PMASS": masses}
-    still = held_points(basis.deck, points, faults)
-    return read_elements(basis.entries, points, basis.places, values, (held, still), faults)
+    return read_elements(basis.entries, points, basis.places, values, held, faults)
 
 
 def _tied(element: Element, basis: Basis) -> Constraint:
@@ -160,8 +161,10 @@ def _in_metres(constraint: Constraint, units: Units) -> Constraint:
 
 
 def _scaled(terms: list[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
-    """Factors of turns times the length unit: shifts are in metres."""
+    """Factors of turns of grids times the length unit: shifts are in metres, and scalar points."""
     return [
-        term | {"coefficient": term["coefficient"] * (units.length if term["direction"][0] == "r" else 1.0)}
+        term | {"coefficient": term["coefficient"] * units.length}
+        if term["frame"][0] == "g" and term["direction"][0] == "r"
+        else term
         for term in terms
     ]

@@ -57,7 +57,10 @@ def find_standing(
     used |= on_components
     carriers = find_carriers(basis.entries, grids)
     pushed = {entry["g"] for entry in basis.entries.of("FORCE", "MOMENT")}
-    tied = that_matter(parts.constraints, used | set(parts.held) | pushed | {*carriers, *carriers.values()})
+    single = {point for element in parts.scalars for point in element.points}
+    known = used | single | set(parts.held) | pushed | {*carriers, *carriers.values()}
+    tied = that_matter(parts.constraints, known)
+    raise_some(_bare(parts.constraints if any(c.modal for c in components) else tied, single))
     _check(basis, parts, tied, carriers, left_out)
     linked = {g for c in tied for g in c.grids} | on_components
     riders = {g: carriers.pop(g) for g in grids if g in linked and g in carriers}
@@ -76,6 +79,13 @@ def find_standing(
         account=used | set(parts.held),
         bodies=merged(mass._replace(grid=carriers.get(mass.grid, mass.grid)) for mass in masses),
     )
+
+
+def _bare(constraints: Sequence[Constraint], single: set[int]) -> list[Fault]:
+    """Equations that join what else they name by scalar points on which nothing stands."""
+    why = "scalar point {} in equations, on which no spring and no mass stands: not converted yet"
+    found = [(c, point) for c in constraints for point in c.points if point not in single]
+    return [c.entry.fault(why.format(point), c.key) for c, point in found]
 
 
 def _moving(basis: Basis, parts: Parts, on_components: set[int], left_out: list[LeftOut]) -> list[Mass]:

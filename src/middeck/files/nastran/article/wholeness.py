@@ -37,8 +37,11 @@ def _pairs(parts: Parts, standing: Standing) -> list[tuple[str, str]]:
         for part in (*parts.bars, *parts.ties)
         if len(part.grids) > 1
     ]
-    links = [*(c.grids for c in standing.tied), *standing.riders.items(), *standing.joined]
+    links = [*standing.riders.items(), *standing.joined]
     pairs += [(f"{grids[0]}", f"{g}") for grids in links for g in grids[1:]]
+    for tied in standing.tied:
+        names = [*(f"{on(grid)}" for grid in tied.grids), *(f"s{point}" for point in tied.points)]
+        pairs += [(names[0], name) for name in names[1:]]
     for element in parts.scalars:
         ends = [f"{on(point)}" if component else f"s{point}" for point, component in element.ends]
         pairs += [(ends[0], end) for end in ends[1:]]

@@ -19,6 +19,8 @@ from middeck.structure.model.clamps import LETTERS
 
 # Directions of an equation's terms, shifts and turns in W.
 WAYS = ("x", "y", "z", "rx", "ry", "rz")
+# The component of a scalar point, which has one motion.
+ONLY = "0"
 # Of a direction cosine: what rounding leaves of none.
 SQUARE = 1e-14
 
@@ -26,8 +28,8 @@ SQUARE = 1e-14
 class Constraint(NamedTuple):
     """One constraint: the kind of its table in an article, that table, and what depends by which field.
 
-    ``moves`` are the components of grids that it joins. It means nothing where nothing else knows of all that
-    one of ``defines`` names.
+    ``moves`` are the components of grids that it joins, and `ONLY` of scalar points. It means nothing
+    where nothing else knows of all that one of ``defines`` names.
     """
 
     kind: str
@@ -41,16 +43,26 @@ class Constraint(NamedTuple):
     @property
     def grids(self) -> tuple[int, ...]:
         """The grids that it joins."""
-        return tuple(dict.fromkeys(grid for grid, _ in self.moves))
+        return tuple(dict.fromkeys(grid for grid, some in self.moves if some != ONLY))
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """The scalar points that it joins."""
+        return tuple(dict.fromkeys(point for point, some in self.moves if some == ONLY))
 
 
-def read_constraints(deck: Deck, places: Places, faults: list[Fault]) -> list[Constraint]:
-    """All constraints, whether they mean anything or not; appends to ``faults`` what is wrong."""
+def read_constraints(
+    deck: Deck, places: Places, points: Container[int], still: Container[int], faults: list[Fault]
+) -> list[Constraint]:
+    """All constraints, whether they mean anything or not; appends to ``faults`` what is wrong.
+
+    The ground holds the scalar ``points`` that are ``still``: they have no part in an equation.
+    """
     found = [
         *_averages(deck, places, faults),
         *_links(deck, places, faults),
         *_rigid(deck, places, faults),
-        *_equations(deck, places, faults),
+        *_equations(deck, places, points, still, faults),
     ]
     absent = [(c, g) for c in found for g in c.grids if g not in places.grids]
     faults += [c.entry.fault(f"there is no grid {grid}", c.key) for c, grid in absent]
@@ -86,7 +98,8 @@ def check_dependent(
     first: dict[tuple[int, str], Constraint] = {}
     for c in constraints:
         for grid, component in c.dependent:
-            what = f"component {component} of grid {grid}"
+            only = component == ONLY
+            what = f"scalar point {grid}" if only else f"component {component} of grid {grid}"
             other = first.setdefault((grid, component), c)
             if grid in carriers:
                 faults.append(c.entry.fault(f"{what} depends on grid {carriers[grid]} already", c.key))
@@ -121,8 +134,10 @@ def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Const
         for weight, moves, grids in groups:
             shares += [{"frame": f"g{g}", "weight": weight, **_directions(places, g, moves)} for g in grids]
         grids = (at, *(g for _, _, found in groups for g in found))
-        if len(set(grids)) < len(grids):
-            faults.append(entry.fault("a grid is named twice, which is not converted", "rest"))
+        if at in grids[1:]:
+            faults.append(entry.fault(f"grid {at} follows itself", "rest"))
+        if len(set(Counter(grids[1:]).values())) > 1 and any(set(m) & set("456") for _, m, _ in groups):
+            faults.append(entry.fault("grids that are not named equally often, while turns count", "rest"))
         table = {"name": f"rbe3_{entry.id}", "frame": f"g{at}", **_directions(places, at, components)}
         table["follows"] = shares
         joins = ((at, components), *((g, moves) for _, moves, found in groups for g in found))
@@ -168,11 +183,13 @@ def _carrying(places: Places, carrier: int, grid: int, components: str) -> str:
     return ("123" if shifts else "") + ("456" if turns or (shifts and apart) else "")
 
 
-def _equations(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+def _equations(
+    deck: Deck, places: Places, points: Container[int], still: Container[int], faults: list[Fault]
+) -> Iterator[Constraint]:
     count: dict[int, int] = {}
     for entry in deck.selected("MPC"):
         number = count[entry.id] = count.get(entry.id, 0) + 1
-        terms = _terms(entry, faults)
+        terms = [term for term in _terms(entry, points, faults) if term[0] not in still]
         if terms:
             joins = tuple((grid, component) for grid, component, _ in terms)
             each = tuple((move,) for move in joins)
@@ -184,13 +201,21 @@ def term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[d
     """Grids, components in their axes and factors as terms of an equation in W."""
     total: dict[tuple[int, str], float] = {}
     for grid, component, factor in terms:
+        if component == ONLY:
+            total[grid, ONLY] = total.get((grid, ONLY), 0.0) + factor
+            continue
         axes = places.displacement_axes(grid) if grid in places.grids else np.eye(3)
         way = int(component) - 1
         for k, cosine in enumerate(axes[:, way % 3].tolist()):
             if abs(cosine) > SQUARE:
                 direction = grid, WAYS[k + 3 * (way // 3)]
                 total[direction] = total.get(direction, 0.0) + factor * cosine
-    return [{"frame": f"g{g}", "direction": w, "coefficient": a} for (g, w), a in total.items()]
+    return [
+        {"frame": f"s{g}", "direction": WAYS[3], "coefficient": a}
+        if w == ONLY
+        else {"frame": f"g{g}", "direction": w, "coefficient": a}
+        for (g, w), a in total.items()
+    ]
 
 
 def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
@@ -220,8 +245,8 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
                 yield Constraint("equation", table, entry, key, joins, joins[:1], (joins[:1],))
 
 
-def _terms(entry: Entry, faults: list[Fault]) -> list[tuple[int, str, float]]:
-    """Grid, component and factor of each term: two in a line, its first and last fields blank."""
+def _terms(entry: Entry, points: Container[int], faults: list[Fault]) -> list[tuple[int, str, float]]:
+    """Point, component and factor of each term: two in a line, its first and last fields blank."""
     texts = [entry.id, *entry["terms"]]
     found: list[tuple[int, str, float]] = []
     for start in range(0, len(texts), 8):
@@ -230,9 +255,9 @@ def _terms(entry: Entry, faults: list[Fault]) -> list[tuple[int, str, float]]:
             if three == [None] * 3:
                 continue
             grid, component, factor = integer(three[0] or ""), three[1] or "", real(three[2] or "")
-            if grid is not None and component in ("", "0") and factor is not None:
-                faults.append(entry.fault(f"scalar point {grid} in an equation: not converted yet", "terms"))
-                return []
+            if grid is not None and grid in points and component in ("", ONLY) and factor is not None:
+                found.append((grid, ONLY, factor))
+                continue
             if grid is None or component not in tuple(ALL) or factor is None:
                 faults.append(entry.fault(f"{three} is no grid, component 1 to 6 and factor", "terms"))
                 return []

@@ -82,7 +82,7 @@ def _matrix(source: Source, head: Head) -> Op4Matrix:
         if dense not in (None, row > 0):
             source.fail("a dense column and a sparse one in one matrix")
         dense = row > 0
-        if dense and head.big:
+        if dense and head.big and head.rows < BIG:  # beyond that the sign of the rows is free
             source.fail(f"a dense column (row {row}) of a sparse matrix")
         below = 1
         for start, numbers in _strings(source, head, row, words):

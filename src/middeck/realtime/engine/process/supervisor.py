@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -32,7 +32,7 @@ from middeck.realtime.engine.interface.commands import (
     read_event,
 )
 from middeck.realtime.engine.interface.header import layout
-from middeck.realtime.engine.interface.settings import EngineSettings, time_to_rest
+from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold, time_to_rest
 from middeck.realtime.engine.interface.shared_file import SharedFile, make_shared_file, open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.process.build import build_engine
@@ -50,6 +50,7 @@ from middeck.realtime.engine.process.launch import (
 from middeck.realtime.engine.recording.recorder import Recorder
 from middeck.realtime.engine.recording.run_head import run_head
 from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
+from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
 
 __all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
@@ -76,6 +77,8 @@ class Supervisor:
         pretrip_s: Time before a trip that is kept until its reset.
         program: The compiled engine; that of `build_engine` if it is left out.
         blacklist: Laws that it refuses from the start, by their `hash_law`: what `load_blacklist` reads.
+        admitted: What gates have passed: the ``hold`` of each verdict by its ``sha256``. Any other package,
+            or one that was judged beside another hold, is refused. If left out, none is asked for a verdict.
     """
 
     def __init__(
@@ -90,8 +93,10 @@ class Supervisor:
         pretrip_s: float = 30.0,
         program: Path | None = None,
         blacklist: Collection[str] = (),
+        admitted: Mapping[str, str] | None = None,
     ) -> None:
         self._begin(settings, real_time)
+        self._admitted = admitted
         banned = banned_hashes(blacklist)
         try:
             self._start(rig, waveform, folder, ring, pretrip_s, program, banned)
@@ -153,7 +158,9 @@ class Supervisor:
         self.file.asks["supervisor"] = os.getpid()
 
     @classmethod
-    def attach(cls, path: Path, settings: EngineSettings) -> Supervisor:
+    def attach(
+        cls, path: Path, settings: EngineSettings, *, admitted: Mapping[str, str] | None = None
+    ) -> Supervisor:
         """Take over an engine whose supervisor is gone, by its shared file ("engine.shared" in its folder).
 
         Its heart beats again at once; records go on where they were last read. Of an engine that has ended as
@@ -165,6 +172,7 @@ class Supervisor:
             raise ConfigError("is run with other settings", where=str(path), hint="those it was started with")
         made = cls.__new__(cls)
         made._begin(settings, bool(file.settings["clock"]))
+        made._admitted = admitted
         made.file = file
         made.process = AdoptedEngine(file)
         with locked(path.parent):
@@ -181,6 +189,7 @@ class Supervisor:
 
     def _begin(self, settings: EngineSettings, real_time: bool) -> None:
         self.settings, self.real_time = settings, real_time
+        self._admitted: Mapping[str, str] | None
         self.file: SharedFile
         self.recorder: Recorder | None = None
         self.seen_events = self._said = 0
@@ -330,8 +339,11 @@ class Supervisor:
     ) -> Answer:
         """Put a package into a slot that does not run: it is checked there, its test vectors replayed.
 
-        ``proof`` is what the gate has proved of the adaptive gain: without it "adapt" is refused.
+        ``proof`` is what the gate has proved of the adaptive gain: without it "adapt" is refused. A package
+        that is not ``admitted`` does not reach the engine: its answer has the number 0.
         """
+        if self._admitted is not None and self._admitted.get(_seal(package)) != hash_hold(self.settings):
+            return Answer(0, self.sample, "not admitted")
         sealed = b"" if proof is None else encode_proof(proof)
         return self.command("load", slot=slot, values=[self.file.stage(package, sealed), bool(sealed)])
 
@@ -521,3 +533,8 @@ def kind_of_end(supervisor: Supervisor) -> bool:
     except DataError:
         return False
     return True
+
+
+def _seal(package: ControllerPackage | bytes) -> str:
+    """The SHA-256 that a package says it has; the engine computes it anew."""
+    return (package if isinstance(package, bytes) else encode_package(package))[-32:].hex()
