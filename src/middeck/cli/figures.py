@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
     from middeck.structure.gravity.comparison import ModeComparison
-    from middeck.structure.modes.drawing import Drawing
+    from middeck.structure.modes.results.drawing import Drawing
     from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.gyroscopic import GyroscopicModes
 
@@ -76,7 +76,7 @@ def draw_modes_to(
     from middeck.files.exchange.vtu import write_vtu
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     lowest = range(min(count, len(modes.omega)))
     drawing = _upright(
@@ -102,7 +102,7 @@ def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[s
     from middeck.files.exchange.vtu import write_vtu
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
     drawing = _upright(build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)]), up)
@@ -128,7 +128,7 @@ def draw_comparison_to(
 ) -> None:
     """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
     alone = [j for j in range(comparison.count) if j not in pairs[:, 1] and lab.kind[j] != "rigid"]

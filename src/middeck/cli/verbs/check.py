@@ -94,7 +94,7 @@ def _in_environment(
 
     from middeck.cli.summary import attitude_numbers
     from middeck.errors import NumericalError
-    from middeck.structure.modes.mesh_error import mesh_warnings
+    from middeck.structure.modes.doubts.mesh_error import mesh_warnings
     from middeck.structure.modes.solve import solve_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium
     from middeck.structure.summary.environment_plausibility import doubt_environment

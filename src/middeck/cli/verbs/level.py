@@ -86,7 +86,7 @@ def verb(
 def _draw(structure: Structure, found: Levelling, file: str) -> None:
     """How it hung and how it hangs, in one scale."""
     from middeck.plot.shapes import rest_figure
-    from middeck.structure.modes.drawing import build_rest_drawing
+    from middeck.structure.modes.results.drawing import build_rest_drawing
     from middeck.structure.rest.equilibrium import solve_equilibrium
 
     before = solve_equilibrium(structure, found.equilibrium.environment)

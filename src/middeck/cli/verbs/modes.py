@@ -110,7 +110,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
 
     from middeck.cli.summary import summary_numbers
     from middeck.files.json.results import mode_numbers, most_strained, rest_numbers
-    from middeck.structure.modes.mesh_error import estimate_mesh_error
+    from middeck.structure.modes.doubts.mesh_error import estimate_mesh_error
     from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance
 
     zeta, said = _damping(modes, count)
