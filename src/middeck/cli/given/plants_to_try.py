@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from middeck.cli.blame import reading
-from middeck.cli.cases import solve_case
-from middeck.cli.plants import tell_warnings
+from middeck.cli.given.cases import solve_case
+from middeck.cli.given.design_plants import tell_warnings
+from middeck.cli.shown.blame import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.cli.blame import reading
+from middeck.cli.shown.blame import reading
 from middeck.errors import MiddeckError
 from middeck.files.disk.looks import ARTICLE
 from middeck.files.documents import BUILT_IN, find_document, load_setup
