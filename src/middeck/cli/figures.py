@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
     from middeck.structure.gravity.comparison import ModeComparison
-    from middeck.structure.modes.drawing import Drawing
+    from middeck.structure.modes.results.drawing import Drawing
     from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.gyroscopic import GyroscopicModes
 
@@ -73,7 +73,7 @@ def draw_modes_to(
     modes: Modes, count: int, file: str, table: Sequence[Sequence[str]], up: str | None
 ) -> None:
     """The lowest ``count`` shapes, those of rigid-body modes only where there are no others."""
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     lowest = range(min(count, len(modes.omega)))
     shown = [i for i in lowest if modes.kind[i] != "rigid"] or lowest
@@ -83,7 +83,7 @@ def draw_modes_to(
 
 def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]], up: str | None) -> None:
     """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real one."""
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
     drawing = _upright(build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)]), up)
@@ -128,7 +128,7 @@ def draw_comparison_to(
 ) -> None:
     """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
     alone = [j for j in range(comparison.count) if j not in pairs[:, 1] and lab.kind[j] != "rigid"]

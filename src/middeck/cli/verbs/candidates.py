@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.updating.candidates.candidates import Ranking
@@ -35,7 +35,7 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
     is optimised.
     """
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.documents import find_document
     from middeck.files.refinements.candidates import load_candidates
     from middeck.updating.candidates.candidates import rank_tests

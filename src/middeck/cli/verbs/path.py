@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.path import GravityPath
@@ -70,8 +70,8 @@ def verb(
     gravity and mode. Devices are tuned in the environment's own gravity, and released in orbit. A load case
     acts all the way.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import apply_case, case_doubts, find_case
+    from middeck.cli.given.cases import apply_case, case_doubts, find_case
+    from middeck.cli.shown.blame import reading
     from middeck.files.documents import load_setup
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import DeviceRule
