@@ -45,7 +45,7 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     asked = load_candidates(candidates, body)
     with reading(body, candidates):
         refined = refine(asked.structure, *asked.refinement.of_refine)
-        readings = asked.loads and asked.loads.of
+        readings = None if asked.loads is None else asked.loads.of
         ranking = rank_tests(refined, asked.tests, asked.environments, count=asked.modes, readings=readings)
     document = describe(refined, ranking)
     show(as_json, document, *_blocks(document))
