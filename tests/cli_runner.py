@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from middeck.cli.fitting import identify
 from middeck.cli.main import execute
+from middeck.cli.work.fit_records import identify
 from middeck.identification.faults import detect_faults
 from middeck.updating.candidates.foreseen import foresee
 from middeck.updating.orbit.frequencies import solve_there
@@ -39,7 +39,7 @@ def middeck(capfd: pytest.CaptureFixture[str], *arguments: object) -> Ended:
 
 
 def identify_once(*asked: Any) -> Any:
-    """For `middeck.cli.fitting.identify`: what examples of several verbs ask for alike is fitted once."""
+    """For `middeck.cli.work.fit_records.identify`: what examples of many verbs ask alike is fitted once."""
     if not all(Path(file).is_file() for file in asked[0]):
         return identify(*asked)
     given = [hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in asked[0]]
@@ -69,8 +69,8 @@ foresee_once, solve_there_once = once(foresee), once(solve_there)
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs search faults, fit, refine, rank and promise once where several examples ask alike."""
-    monkeypatch.setattr("middeck.cli.fitting.identify", identify_once)
-    monkeypatch.setattr("middeck.cli.fitting.detect_faults", detect_faults_once)
+    monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
+    monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.identification.faults.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)
     monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)

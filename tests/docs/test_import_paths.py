@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from doc_pages import ROOT
 
-from middeck.cli.advice import public_names
+from middeck.cli.shown.advice import public_names
 
 SOURCE = ROOT / "src" / "middeck"
 PAGES = sorted([*ROOT.glob("docs/explanation/*.md"), *ROOT.glob("docs/how-to/*.md")])

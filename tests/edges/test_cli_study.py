@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from cli_runner import ROOT, middeck, script
-from middeck.cli.progress import follow
+from middeck.cli.shown.progress import follow
 from middeck.study.mission import CHAPTERS
 from repeats import LONG, repeats
 
@@ -166,7 +166,7 @@ def test_progress_on_a_terminal_tells_the_remaining_time(
     monkeypatch: pytest.MonkeyPatch, capfd: Capture
 ) -> None:
     shares: Mapping[str, float] = {"one": 0.25, "two": 0.75}
-    monkeypatch.setattr("middeck.cli.progress.is_terminal", lambda stream: True)
+    monkeypatch.setattr("middeck.cli.shown.progress.is_terminal", lambda stream: True)
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     with follow(shares) as (begin, end):

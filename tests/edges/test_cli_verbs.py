@@ -26,7 +26,7 @@ Capture = pytest.CaptureFixture[str]
 @pytest.fixture(autouse=True)
 def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Faults of one record are looked for once."""
-    monkeypatch.setattr("middeck.cli.fitting.detect_faults", detect_faults_once)
+    monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
 
 
 def document(capfd: Capture, *arguments: object) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from middeck.files.exchange.vtu import vtu_text
 from middeck.plot.response import response_lines
 from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes_figure, upright
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
-from middeck.structure.modes.drawing import build_mode_drawing
+from middeck.structure.modes.results.drawing import build_mode_drawing
 from structure_builders import TUBE, straight_beam
 from trusses import truss
 

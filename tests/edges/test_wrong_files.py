@@ -13,8 +13,8 @@ import pytest
 
 from cli_runner import ROOT
 from cli_runner import middeck as run
-from middeck.cli.advice import on_command_line, public_names
 from middeck.cli.app import VERBS, verb_options
+from middeck.cli.shown.advice import on_command_line, public_names
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.articles.form import ArticleForm
 from middeck.files.disk.looks import KEYS, looks_like

@@ -18,7 +18,7 @@ from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.comparison import ModeComparison, compare_modes
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.kinds import find_kinds, kinds_by_rank
+from middeck.structure.modes.names.kinds import find_kinds, kinds_by_rank
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium

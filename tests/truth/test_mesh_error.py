@@ -11,7 +11,7 @@ from random_articles import draw_article, write_tables
 from middeck.files.documents import load_setup, load_structure
 from middeck.structure.model.article import Section, Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
+from middeck.structure.modes.doubts.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import straight_beam

@@ -9,11 +9,11 @@ import pytest
 
 import middeck as md
 from middeck.structure.model.article import Section, Structure
-from middeck.structure.modes.equivalent_beam import on_one_line
-from middeck.structure.modes.kinds import find_kinds
-from middeck.structure.modes.naming import name_modes
-from middeck.structure.modes.repeated import repeated
-from middeck.structure.modes.strained_parts import member_parts, strained_parts
+from middeck.structure.modes.eigenproblem.repeated import repeated
+from middeck.structure.modes.motions.equivalent_beam import on_one_line
+from middeck.structure.modes.motions.strained_parts import member_parts, strained_parts
+from middeck.structure.modes.names.kinds import find_kinds
+from middeck.structure.modes.names.naming import name_modes
 from repeats import repeats
 from structure_builders import TUBE, body, member, node, straight_beam, structure
 from trusses import bar, truss

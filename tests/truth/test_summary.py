@@ -17,7 +17,7 @@ from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.model.article import Body, Joint, Section, Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigen import solve_lowest
+from middeck.structure.modes.eigenproblem.eigen import solve_lowest
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.summary.summary import summarise

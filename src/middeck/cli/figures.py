@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
     from middeck.structure.gravity.comparison import ModeComparison
-    from middeck.structure.modes.drawing import Drawing
+    from middeck.structure.modes.results.drawing import Drawing
     from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.gyroscopic import GyroscopicModes
 
@@ -73,52 +73,52 @@ def draw_modes_to(
     modes: Modes, count: int, file: str, table: Sequence[Sequence[str]], up: str | None
 ) -> None:
     """The lowest ``count`` shapes, those of rigid-body modes only where there are no others."""
-    from middeck.files.exchange.vtu import write_vtu
-    from middeck.plot.shapes import Shown
-    from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     lowest = range(min(count, len(modes.omega)))
-    drawing = _upright(
-        build_mode_drawing(modes, [i for i in lowest if modes.kind[i] != "rigid"] or lowest), up
-    )
-    if file.lower().endswith(".vtu"):
-        write_vtu(file, drawing)
-        return
-    page = ShapePage(
-        title=f"Modes of {drawing.title} in {drawing.environment}",
-        drawings=(drawing,),
-        sides=("",),
-        rows=tuple((Shown(0, i),) for i in range(len(drawing.number))),
-        headers=tuple(table[0]),
-        table=tuple(tuple(row) for row in table[1:]),
-        warnings=modes.warnings,
-    )
-    _write_shapes(page, file)
+    shown = [i for i in lowest if modes.kind[i] != "rigid"] or lowest
+    drawing = _upright(build_mode_drawing(modes, shown), up)
+    _draw_listed(drawing, len(shown), file, table, modes.warnings)
 
 
 def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]], up: str | None) -> None:
     """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real one."""
-    from middeck.files.exchange.vtu import write_vtu
-    from middeck.plot.shapes import Shown
-    from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
     drawing = _upright(build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)]), up)
     drawing = dataclasses.replace(drawing, alike=(1,) * len(drawing.number))
+    _draw_listed(
+        drawing, len(moving), file, table, (*found.standstill.warnings, *found.warnings), spinning=True
+    )
+
+
+def _draw_listed(
+    drawing: Drawing,
+    count: int,
+    file: str,
+    table: Sequence[Sequence[str]],
+    warnings: Sequence[str],
+    *,
+    spinning: bool = False,
+) -> None:
+    """The first ``count`` shapes of one drawing, above their table, whose first row has the headers."""
+    from middeck.files.exchange.vtu import write_vtu
+    from middeck.plot.shapes import Shown
+    from middeck.report.shape_page import ShapePage
+
     if file.lower().endswith(".vtu"):
         write_vtu(file, drawing)
         return
     page = ShapePage(
-        title=f"Modes of {drawing.title} in {drawing.environment}, wheels spinning",
+        title=f"Modes of {drawing.title} in {drawing.environment}{', wheels spinning' if spinning else ''}",
         drawings=(drawing,),
         sides=("",),
-        rows=tuple((Shown(0, i),) for i in range(len(moving))),
+        rows=tuple((Shown(0, i),) for i in range(count)),
         headers=tuple(table[0]),
         table=tuple(tuple(row) for row in table[1:]),
-        warnings=(*found.standstill.warnings, *found.warnings),
-        circling=True,
+        warnings=tuple(warnings),
+        circling=spinning,
     )
     _write_shapes(page, file)
 
@@ -128,7 +128,7 @@ def draw_comparison_to(
 ) -> None:
     """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.drawing import build_mode_drawing
+    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
     alone = [j for j in range(comparison.count) if j not in pairs[:, 1] and lab.kind[j] != "rigid"]

@@ -61,8 +61,8 @@ def _translated(error: Exception, arguments: Sequence[str]) -> Exception:
 
     if not isinstance(error, MiddeckError) or not error.hint or "faults" in error.data:
         return error
-    from middeck.cli.advice import on_command_line, public_names
     from middeck.cli.app import VERBS, verb_options
+    from middeck.cli.shown.advice import on_command_line, public_names
 
     typed = next((a for a in arguments if a in VERBS), "")
     error.hint = on_command_line(error.hint, typed, {v: verb_options(v) for v in VERBS}, public_names())

@@ -205,9 +205,9 @@ def require_folder(ctx: click.Context, param: click.Parameter, value: Path) -> P
     return value
 
 
-def joined(separator: str = ",") -> Callable[[click.Context, click.Parameter, tuple[str, ...]], str | None]:
-    """A callback for an option of names that may be repeated: all of them as one text, None without any."""
-    return lambda ctx, param, value: separator.join(value) if value else None
+def listed(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...] | None:
+    """A callback for an option of names that may be repeated: all of them, None without any."""
+    return separate_names(value) if value else None
 
 
 def chained(
@@ -243,11 +243,11 @@ def columns(command: F) -> F:
 
 
 def _named(option: str, help: str) -> Callable[[F], F]:
-    return click.option(option, multiple=True, callback=joined(), metavar="COLUMNS", help=help)
+    return click.option(option, multiple=True, metavar="COLUMNS", help=help)
 
 
 def told_columns(
-    inputs: str | None, outputs: str | None, sample_hz: float | None, variable: str
+    inputs: tuple[str, ...], outputs: tuple[str, ...], sample_hz: float | None, variable: str
 ) -> Columns | None:
     """Columns by the options; None without any, so that a file of channels beside the record is read."""
     from middeck.errors import ConfigError
@@ -255,8 +255,5 @@ def told_columns(
 
     if sample_hz is not None and not sample_hz > 0.0:
         raise ConfigError(f"--sample-hz is {sample_hz:g}", hint="a rate > 0 Hz")
-    return name_columns(_split(inputs), _split(outputs), sample_hz=sample_hz, variable=variable)
-
-
-def _split(texts: str | None) -> Sequence[str]:
-    return () if texts is None else texts.split(",")
+    u, y = ([text for value in side for text in value.split(",")] for side in (inputs, outputs))
+    return name_columns(u, y, sample_hz=sample_hz, variable=variable)

@@ -22,7 +22,7 @@ from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.record import Record
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.structure.model.component import Component
-from middeck.structure.modes.drawing import Drawing
+from middeck.structure.modes.results.drawing import Drawing
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace

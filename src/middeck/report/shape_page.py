@@ -24,7 +24,7 @@ from middeck.plot.shapes import (
     upright,
 )
 from middeck.plot.svg import svg_text
-from middeck.structure.modes.drawing import Drawing
+from middeck.structure.modes.results.drawing import Drawing
 from middeck.values import record
 
 # Steps of the largest motion, and of the article's size: finer than a pixel.

@@ -14,11 +14,11 @@ from .correlation.reduction import Reduction as Reduction
 from .gimbals.amplitude import sweep_amplitude as sweep_amplitude
 from .model.article import PointLoad as PointLoad
 from .model.component import Component as Component
-from .modes.drawing import (
+from .modes.results.drawing import (
     Drawing as Drawing,
     build_mode_drawing as build_mode_drawing,
 )
-from .modes.recovery import recover_outputs as recover_outputs
+from .modes.results.recovery import recover_outputs as recover_outputs
 from .plants.residual_flexibility import compare_static_gain as compare_static_gain
 from .rest.link_loads import link_loads as link_loads
 from .sensitivity.parameters import find_parameters as find_parameters

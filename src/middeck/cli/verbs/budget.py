@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.budget import GravityBudget
@@ -47,7 +47,7 @@ def verb(
 
     import numpy as np
 
-    from middeck.cli.cases import apply_case, find_case, solve_in
+    from middeck.cli.given.cases import apply_case, find_case, solve_in
     from middeck.errors import ConfigError
     from middeck.files.documents import load_setup
     from middeck.structure.gravity.budget import build_budget
@@ -81,7 +81,7 @@ def verb(
 
 def describe(found: GravityBudget) -> dict[str, Any]:
     """The JSON document; ``omega2`` has an axis off/on for each of the effects, in their order."""
-    from middeck.cli.cases import both_sides
+    from middeck.cli.given.cases import both_sides
     from middeck.structure.gravity.budget import EFFECTS, ORDERS
 
     lab = found.lab

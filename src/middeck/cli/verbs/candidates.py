@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.files.refinements.candidates import Candidates
     from middeck.updating.candidates.candidates import Ranking
-    from middeck.updating.orbit.deflections import Deflection
     from middeck.updating.refinement.refine import Refined
 
 EPILOG = """\
@@ -38,7 +35,7 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
     is optimised.
     """
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.documents import find_document
     from middeck.files.refinements.candidates import load_candidates
     from middeck.updating.candidates.candidates import rank_tests
@@ -48,23 +45,10 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     asked = load_candidates(candidates, body)
     with reading(body, candidates):
         refined = refine(asked.structure, *asked.refinement.of_refine)
-        ranking = rank_tests(
-            refined, asked.tests, asked.environments, count=asked.modes, readings=_readings(asked)
-        )
+        readings = None if asked.loads is None else asked.loads.of
+        ranking = rank_tests(refined, asked.tests, asked.environments, count=asked.modes, readings=readings)
     document = describe(refined, ranking)
     show(as_json, document, *_blocks(document))
-
-
-def _readings(asked: Candidates) -> Callable[[Refined], Sequence[Deflection]] | None:
-    from middeck.updating.orbit.deflections import predict_deflections
-
-    loads = asked.loads
-    if loads is None:
-        return None
-    return lambda refined: predict_deflections(
-        refined, loads.environment, loads.load_cases, loads.gauges,
-        since_unloaded=loads.since_unloaded, series=loads.series,
-    )  # fmt: skip
 
 
 def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import show
+from middeck.cli.shown.screen import show
 
 if TYPE_CHECKING:
     from middeck.structure.model.article import Structure
@@ -45,9 +45,9 @@ def verb(
     (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import apply_case, find_case
-    from middeck.cli.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
+    from middeck.cli.given.cases import apply_case, find_case
+    from middeck.cli.shown.blame import reading
+    from middeck.cli.shown.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
     from middeck.files.documents import find_document, load_setup, load_structure
     from middeck.structure.assembly.linked import check_links
     from middeck.structure.assembly.mesh import mesh_structure
@@ -92,9 +92,9 @@ def _in_environment(
     """How the article hangs (None in orbit, clamped, or without a rest state), and the findings."""
     import numpy as np
 
-    from middeck.cli.summary import attitude_numbers
+    from middeck.cli.shown.summary import attitude_numbers
     from middeck.errors import NumericalError
-    from middeck.structure.modes.mesh_error import mesh_warnings
+    from middeck.structure.modes.doubts.mesh_error import mesh_warnings
     from middeck.structure.modes.solve import solve_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium
     from middeck.structure.summary.environment_plausibility import doubt_environment

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.comparison import ModeComparison
@@ -44,7 +44,7 @@ def verb(
     the rigid-body and the suspension modes. A load case is part of the environment: in orbit the article has
     neither its loads nor its masses.
     """
-    from middeck.cli.cases import apply_case, find_case, solve_in
+    from middeck.cli.given.cases import apply_case, find_case, solve_in
     from middeck.files.documents import load_setup
     from middeck.structure.gravity.comparison import compare_modes
     from middeck.structure.model.environment import Environment
@@ -65,7 +65,7 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
     """The JSON document; keys as in figures 4 and 5 of numbers.json."""
     import numpy as np
 
-    from middeck.cli.cases import both_sides
+    from middeck.cli.given.cases import both_sides
     from middeck.study.chapters.gravity_modes.numbers import figure_4, figure_5
 
     orbit, lab = comparison.orbit, comparison.lab

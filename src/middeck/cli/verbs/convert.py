@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.files.nastran.article.convert import Conversion
@@ -76,8 +76,8 @@ def verb(
     in NPZ files beside the article. Without --units their likeliest set is named, and nothing is written.
     --set takes units, mass_formulation and subcase.
     """
-    from middeck.cli.settings import ConvertSettings, settle
-    from middeck.cli.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.cli.given.settings import ConvertSettings, settle
+    from middeck.cli.shown.summary import measure_lines, summary_lines, summary_numbers
     from middeck.files.nastran.article.convert import convert_deck
 
     if target and held_target and Path(target).resolve() == Path(held_target).resolve():
@@ -188,7 +188,7 @@ def _written(
     """What the article is, read back and meshed; nothing is written where that fails."""
     from tempfile import TemporaryDirectory
 
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import replacing

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
@@ -112,8 +112,8 @@ def verb(
     """
     import numpy as np
 
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import solve_case
+    from middeck.cli.given.cases import solve_case
+    from middeck.cli.shown.blame import reading
     from middeck.files.measured.modes import load_measured_modes
     from middeck.structure.correlation.correlate import correlate_modes
     from middeck.structure.correlation.frequencies import compare_frequencies

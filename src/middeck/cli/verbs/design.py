@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.cli.lqg import DesignedLoop
-    from middeck.cli.plants import FittedPlant, Wanted
-    from middeck.cli.settings import LoopSettings
+    from middeck.cli.given.design_plants import FittedPlant, Wanted
+    from middeck.cli.given.settings import LoopSettings
+    from middeck.cli.work.design_loop import DesignedLoop
     from middeck.systems.plants.plant import Plant
 
 EPILOG = """\
@@ -85,10 +85,10 @@ def verb(
     --set takes the article's and the environment's keys, or for a fitted plant log10_authority, angle_noise,
     disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.lqg import design_loop
-    from middeck.cli.plants import Wanted
-    from middeck.cli.settings import LoopSettings, settle
+    from middeck.cli.given.design_plants import Wanted
+    from middeck.cli.given.settings import LoopSettings, settle
+    from middeck.cli.shown.blame import reading
+    from middeck.cli.work.design_loop import design_loop
     from middeck.files.any_value import write
 
     measured = (".json", ".npy", *options.RECORDS)
@@ -103,8 +103,8 @@ def verb(
     wanted = Wanted(options.separate_names(control), options.separate_names(measure))
     warnings: tuple[str, ...] = ()
     if from_article:
-        from middeck.cli.cases import solve_case
-        from middeck.cli.plants import article_plant
+        from middeck.cli.given.cases import solve_case
+        from middeck.cli.given.design_plants import article_plant
 
         modes = solve_case(sources[0], environment, overrides, case=load_case, standstill=True)
         plant, band_hz = article_plant(modes, count, wanted)
@@ -151,10 +151,10 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
 
 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
-    from middeck.cli.blame import reading
-    from middeck.cli.fitting import identify
-    from middeck.cli.plants import model_plant
-    from middeck.cli.settings import FitSettings, settle
+    from middeck.cli.given.design_plants import model_plant
+    from middeck.cli.given.settings import FitSettings, settle
+    from middeck.cli.shown.blame import reading
+    from middeck.cli.work.fit_records import identify
     from middeck.files.measured.models import load_fitted
 
     if len(sources) == 1 and Path(sources[0]).suffix.lower() == ".json":

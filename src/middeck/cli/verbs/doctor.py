@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.realtime.engine.trials.timing import TimingReport

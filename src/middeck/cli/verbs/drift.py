@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.cli.settings import FitSettings
+    from middeck.cli.given.settings import FitSettings
     from middeck.identification.model.measurement_model import MeasurementModel
     from middeck.identification.uncertainty.drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
@@ -73,7 +73,7 @@ def verb(
     AFTER is then fitted as the model was; a model without the covariance of a fit is taken as exact. --set
     takes what it takes of identify.
     """
-    from middeck.cli.settings import FitSettings, settle
+    from middeck.cli.given.settings import FitSettings, settle
 
     given = {"states": states, "band_hz": band_hz, "sampled": sampled, "periods": periods}
     document = compare(before, after, settle(FitSettings, given, overrides), level)
@@ -84,8 +84,8 @@ def verb(
 
 def compare(before: str, after: str, settings: FitSettings, level: float) -> dict[str, Any]:
     """The JSON document of a comparison."""
-    from middeck.cli.blame import reading
-    from middeck.cli.fitting import alike, identify
+    from middeck.cli.shown.blame import reading
+    from middeck.cli.work.fit_records import alike, identify
     from middeck.errors import ConfigError
     from middeck.files.disk.looks import SCHEMAS, looks_like
     from middeck.files.measured.models import load_fitted

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.cli.exciting import ExciteSettings
+    from middeck.cli.work.design_excitation import ExciteSettings
     from middeck.identification.uncertainty.accuracy import ExpectedAccuracy
     from middeck.signals.excitation.signal import Excitation
 
@@ -75,8 +75,8 @@ def verb(
     With --model and --noise it says how well a test of so many periods would identify that model.
     --set takes the names of the options, with units: band_hz, period_s, sample_hz.
     """
-    from middeck.cli.exciting import ExciteSettings, design, expect
-    from middeck.cli.settings import settle
+    from middeck.cli.given.settings import settle
+    from middeck.cli.work.design_excitation import ExciteSettings, design, expect
     from middeck.errors import ConfigError
     from middeck.files.records.commands import write_command
     from middeck.signals.ports import Port

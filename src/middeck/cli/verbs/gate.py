@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -136,8 +136,8 @@ def verb(
     engine, or by the reference law where no C compiler is at hand. Exit code 1 where a step is not passed.
     --set takes the keys of articles and environments.
     """
-    from middeck.cli.qualifying import gather_plants
-    from middeck.cli.sweeping import all_plants
+    from middeck.cli.given.plants_to_try import gather_plants
+    from middeck.cli.given.shifted_plants import all_plants
     from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
     from middeck.files.laws.blacklists import add_to_blacklist, load_blacklist

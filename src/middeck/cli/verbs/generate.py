@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -80,7 +80,7 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     of the C here, on a small processor and in the reference. LAW is a compensator (at --rate, if it is
     continuous), or a package, which is written anew or in single precision.
     """
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.laws.packages import write_package
 
     _require_consistent(law_file, target, given)
@@ -112,7 +112,7 @@ def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str,
 def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
     from pathlib import Path
 
-    from middeck.cli.systems import load_law
+    from middeck.cli.given.compensators import load_law
     from middeck.control.sampled.emulation import emulate
     from middeck.errors import ConfigError
     from middeck.files.laws.packages import is_package, load_package

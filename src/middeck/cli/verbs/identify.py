@@ -9,10 +9,10 @@ import click
 
 from middeck.cli import figures, options
 from middeck.cli.options import columns, told_columns
-from middeck.cli.screen import Table, deviation_words, show
+from middeck.cli.shown.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:
-    from middeck.cli.fitting import Identified
+    from middeck.cli.work.fit_records import Identified
     from middeck.files.records import Columns
     from middeck.identification.friction import JointFriction
     from middeck.identification.model.measurement_model import MeasurementModel
@@ -55,7 +55,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--reference",
     multiple=True,
-    callback=options.joined(),
+    callback=options.listed,
     metavar="CHANNEL,...",
     help="Channels from outside a closed loop.",
 )
@@ -84,7 +84,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--friction",
     multiple=True,
-    callback=options.joined(),
+    callback=options.listed,
     metavar="JOINT,...",
     help="Joints, as MOTOR=ANGLE or a name that both have, whose friction is found and taken out.",
 )
@@ -100,16 +100,14 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @options.common
 def verb(
     records: tuple[str, ...],
-    inputs: str | None,
-    outputs: str | None,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
     sample_hz: float | None,
     variable: str,
     validate: tuple[str, ...],
     model_file: str | None,
     figure_file: str | None,
     stabilisation_file: str | None,
-    reference: str | None,
-    friction: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
@@ -122,15 +120,13 @@ def verb(
     --set takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants,
     delay, rigid, integrators, residuals, full_rank, relative_degree, friction and periods.
     """
-    from middeck.cli.fitting import identify
-    from middeck.cli.progress import status
-    from middeck.cli.settings import FitSettings, settle
+    from middeck.cli.given.settings import FitSettings, settle
+    from middeck.cli.shown.progress import status
+    from middeck.cli.work.fit_records import identify
     from middeck.files.any_value import write
     from middeck.files.records import require_record
 
-    names = None if reference is None else options.separate_names((reference,))
-    joints = None if friction is None else options.separate_names((friction,))
-    settings = settle(FitSettings, given | {"reference": names, "friction": joints}, overrides)
+    settings = settle(FitSettings, given, overrides)
     told = told_columns(inputs, outputs, sample_hz, variable)
     for file in validate:
         require_record(file)
@@ -149,7 +145,7 @@ def verb(
 
 
 def _draw(found: Identified, figure_file: str | None, stabilisation_file: str | None) -> None:
-    from middeck.cli.fitting import response_of
+    from middeck.cli.work.fit_records import response_of
 
     if figure_file is not None:
         from middeck.plot.fit import fit_figure
@@ -185,8 +181,8 @@ def _validate(
     In the steady state of a periodic record; of another, from the state that its first quarter tells. Offsets
     and ramps are taken out as the fit takes them out: no model has them.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.fitting import load_periods
+    from middeck.cli.shown.blame import reading
+    from middeck.cli.work.fit_records import load_periods
     from middeck.identification.model.simulation import nrmse
     from middeck.identification.record_fit.simulation import record_nrmse
     from middeck.identification.record_fit.spectra import as_fitted

@@ -9,7 +9,7 @@ import click
 
 from middeck.cli import options
 from middeck.cli.options import columns, told_columns
-from middeck.cli.screen import Table, deviation_words, show
+from middeck.cli.shown.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:
     from middeck.identification.fit.fit_response import FitResult
@@ -62,8 +62,8 @@ Examples:
 @options.common
 def verb(
     records: tuple[str, ...],
-    inputs: str | None,
-    outputs: str | None,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
     sample_hz: float | None,
     variable: str,
     states: int | None,
@@ -83,8 +83,8 @@ def verb(
     blows, blows cut short and those struck while the article still rings are listed with their reason and
     left out. --set takes states and band_hz.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.settings import ImpactSettings, settle
+    from middeck.cli.given.settings import ImpactSettings, settle
+    from middeck.cli.shown.blame import reading
     from middeck.files.any_value import write
     from middeck.files.records import load_records, write_response
     from middeck.identification.impact import average_blows, fit_impact

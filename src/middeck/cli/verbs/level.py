@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.model.article import Structure
@@ -38,7 +38,6 @@ Examples:
 @click.option(
     "--about",
     multiple=True,
-    callback=options.joined(""),
     metavar="AXES",
     help="Axes of the tilts to remove, of x, y, z.  [default: both level axes]",
 )
@@ -51,7 +50,7 @@ def verb(
     environment: str,
     load_case: str | None,
     offsets: tuple[str, ...],
-    about: str | None,
+    about: tuple[str, ...],
     node: str | None,
     limit: float,
     figure_file: str | None,
@@ -63,14 +62,14 @@ def verb(
     Prints how it hangs before and after, and the new offsets by their keys in the article's file, as --set
     takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import apply_case, case_doubts, find_case
+    from middeck.cli.given.cases import apply_case, case_doubts, find_case
+    from middeck.cli.shown.blame import reading
     from middeck.files.documents import load_offset_keys, load_setup
     from middeck.structure.suspension.levelling import level
 
     files = find_case(article, environment)
     structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
-    axes = None if about is None else about.replace(",", "")
+    axes = "".join(about).replace(",", "") if about else None
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):
         found = level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
@@ -86,7 +85,7 @@ def verb(
 def _draw(structure: Structure, found: Levelling, file: str) -> None:
     """How it hung and how it hangs, in one scale."""
     from middeck.plot.shapes import rest_figure
-    from middeck.structure.modes.drawing import build_rest_drawing
+    from middeck.structure.modes.results.drawing import build_rest_drawing
     from middeck.structure.rest.equilibrium import solve_equilibrium
 
     before = solve_equilibrium(structure, found.equilibrium.environment)
@@ -122,7 +121,7 @@ def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
     """The JSON document."""
     import numpy as np
 
-    from middeck.cli.summary import attitude_numbers
+    from middeck.cli.shown.summary import attitude_numbers
 
     moved = {name for name, _ in found.moved}
     return {
@@ -138,7 +137,7 @@ def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
 
 
 def _blocks(document: dict[str, Any]) -> list[str | Table]:
-    from middeck.cli.summary import attitude_lines
+    from middeck.cli.shown.summary import attitude_lines
 
     rows = [[name, f"{1e3 * by:+z.3f}"] for name, by in document["change_m"].items()]
     keys = [f"{key}={_toml(offset)}" for key, offset in document["offsets"].items()]

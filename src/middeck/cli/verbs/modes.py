@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -63,9 +63,9 @@ def verb(
     count as the article's. Where wheels spin, the modes are those at their speeds, forward and backward;
     those at standstill stand below them.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import apply_case, find_case, solve_in
-    from middeck.cli.summary import summary_lines, summary_numbers
+    from middeck.cli.given.cases import apply_case, find_case, solve_in
+    from middeck.cli.shown.blame import reading
+    from middeck.cli.shown.summary import summary_lines, summary_numbers
     from middeck.files.documents import load_setup
     from middeck.structure.summary.summary import summarise
 
@@ -108,9 +108,9 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     """The JSON document; keys as in numbers.json."""
     import numpy as np
 
-    from middeck.cli.summary import summary_numbers
+    from middeck.cli.shown.summary import summary_numbers
     from middeck.files.json.results import mode_numbers, most_strained, rest_numbers
-    from middeck.structure.modes.mesh_error import estimate_mesh_error
+    from middeck.structure.modes.doubts.mesh_error import estimate_mesh_error
     from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance
 
     zeta, said = _damping(modes, count)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import show
+from middeck.cli.shown.screen import show
 
 if TYPE_CHECKING:
     from middeck.signals.record import Record

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 EPILOG = """\
 \b
@@ -41,7 +41,7 @@ def verb(
     said. The comparison is a document of its own, which names the promise by its hash; a promise that was
     changed is refused.
     """
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.json.output import write_json
     from middeck.files.promises.form import read_promise
     from middeck.files.promises.outcomes import comparison_document, load_outcomes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.path import GravityPath
@@ -31,7 +31,7 @@ RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help m
 @click.option(
     "--through",
     multiple=True,
-    callback=options.joined(),
+    callback=options.listed,
     metavar="PLACES",
     help="earth, mars, moon, orbit or m/s^2, with commas.  [default: the environment's own gravity,orbit]",
 )
@@ -56,7 +56,7 @@ def verb(
     environment: str,
     load_case: str | None,
     count: int,
-    through: str | None,
+    through: tuple[str, ...] | None,
     tilt: tuple[float, ...] | None,
     devices: str,
     require: bool,
@@ -70,8 +70,8 @@ def verb(
     gravity and mode. Devices are tuned in the environment's own gravity, and released in orbit. A load case
     acts all the way.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import apply_case, case_doubts, find_case
+    from middeck.cli.given.cases import apply_case, case_doubts, find_case
+    from middeck.cli.shown.blame import reading
     from middeck.files.documents import load_setup
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import DeviceRule
@@ -101,7 +101,7 @@ def verb(
 
 
 def _places(
-    environment: Environment, through: str | None, tilt: tuple[float, ...] | None
+    environment: Environment, through: tuple[str, ...] | None, tilt: tuple[float, ...] | None
 ) -> tuple[Place, ...] | None:
     import numpy as np
 
@@ -115,7 +115,7 @@ def _places(
         return start, tilt_place(start, float(np.radians(tilt[0])), np.array(tilt[1:]))
     if through is None:
         return None
-    return tuple(find_place(name, environment.gravity) for name in options.separate_names((through,)))
+    return tuple(find_place(name, environment.gravity) for name in through)
 
 
 def _is_released(e: Environment) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def verb(
 
 
 def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.promises.documents import hash_files, promise_document
     from middeck.files.promises.plans import load_plan
     from middeck.updating.promise.promise import promise
@@ -86,10 +86,9 @@ def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.promises.documents import hash_files, loads_document
     from middeck.files.refinements.loads import load_promised_loads
-    from middeck.updating.orbit.deflections import predict_deflections
     from middeck.updating.orbit.frequencies import predict_modes
     from middeck.updating.refinement.refine import refine
 
@@ -97,10 +96,7 @@ def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     files = hash_files(asked.files)
     with reading(body, load_cases):
         refined = refine(asked.structure, *asked.refinement.of_refine)
-        deflections = predict_deflections(
-            refined, asked.environment, asked.load_cases, asked.gauges,
-            since_unloaded=asked.since_unloaded, series=asked.series,
-        )  # fmt: skip
+        deflections = asked.of(refined)
         modes = predict_modes(refined, asked.environment, count=asked.modes) if asked.modes else None
     return loads_document(refined, asked.environment_name, deflections, modes, files=files, date=day)
 

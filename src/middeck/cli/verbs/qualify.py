@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.requirements import Requirement, meets, read_requirements
-from middeck.cli.screen import Table, show
+from middeck.cli.given.requirements import Requirement, meets, read_requirements
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.cli.qualifying import Law
+    from middeck.cli.given.plants_to_try import Law
     from middeck.control.qualification import Qualified
 
 EPILOG = """\
@@ -112,9 +112,9 @@ def _qualify(
 ) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None, list[str]]:
     import numpy as np
 
-    from middeck.cli.qualifying import allowed_shifts, gather_plants, say_hold
-    from middeck.cli.sweeping import all_plants
-    from middeck.cli.systems import load_law
+    from middeck.cli.given.compensators import load_law
+    from middeck.cli.given.plants_to_try import allowed_shifts, gather_plants, say_hold
+    from middeck.cli.given.shifted_plants import all_plants
     from middeck.control.lqg.weights import LQGWeights
     from middeck.control.qualification import qualify_compensator
 

@@ -9,7 +9,7 @@ import click
 
 from middeck.cli import options
 from middeck.cli.options import columns, told_columns
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.files.records import Columns
@@ -46,8 +46,8 @@ Examples:
 @options.common
 def verb(
     files: tuple[str, ...],
-    inputs: str | None,
-    outputs: str | None,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
     sample_hz: float | None,
     variable: str,
     periods: int | None,
@@ -66,7 +66,7 @@ def verb(
     the file lacks. -o converts to the kind that the ending names. --set takes sample_hz, variable and
     periods.
     """
-    from middeck.cli.settings import RecordSettings, settle
+    from middeck.cli.given.settings import RecordSettings, settle
 
     given = {"sample_hz": sample_hz, "variable": variable or None, "periods": periods}
     chosen = settle(RecordSettings, given, overrides)
@@ -103,7 +103,7 @@ def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | No
 def _read(
     files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
 ) -> tuple[Record, Recognised | None, tuple[Fault, ...]]:
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.files.records import join_records, read_record, split_periods
     from middeck.identification.faults import detect_faults
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.craig_bampton import Reduced
@@ -61,7 +61,7 @@ def verb(
     Modes up to three times the frequency of interest are usual. Angles of free joints remain, ahead of the
     modal coordinates.
     """
-    from middeck.cli.blame import reading
+    from middeck.cli.shown.blame import reading
     from middeck.errors import ConfigError
     from middeck.files.articles.components import write_component
     from middeck.files.documents import find_document, load_structure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.updating.orbit.frequencies import Prediction
@@ -65,8 +65,8 @@ def verb(
     """
     from pathlib import Path
 
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import find_case
+    from middeck.cli.given.cases import find_case
+    from middeck.cli.shown.blame import reading
     from middeck.files.documents import load_setup
     from middeck.files.refinements.documents import load_refinement, refined_text, write_article
     from middeck.updating.orbit.frequencies import predict_modes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,8 +78,8 @@ def verb(
     """
     import numpy as np
 
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import find_case, solve_case
+    from middeck.cli.given.cases import find_case, solve_case
+    from middeck.cli.shown.blame import reading
     from middeck.structure.plants.modal_plant import build_plant
     from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
     from middeck.systems.plants.response import evaluate_plant

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -73,8 +73,8 @@ def verb(
     by part and field, as in node.n1.cg.y, member.n1-n2.EI_y, joint.pri_x.angle, environment.gravity.y.
     --json has all of them for every mode up to the last one printed.
     """
-    from middeck.cli.blame import reading
-    from middeck.cli.cases import find_case, solve_case
+    from middeck.cli.given.cases import find_case, solve_case
+    from middeck.cli.shown.blame import reading
     from middeck.errors import ConfigError
     from middeck.structure.sensitivity.frequencies import differentiate_frequencies
     from middeck.structure.sensitivity.parameters import find_parameters

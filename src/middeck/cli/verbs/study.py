@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from middeck.cli import options
-from middeck.cli.screen import Table, show
+from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
     from middeck.files.studies.documents import Study
@@ -53,7 +53,7 @@ def _run(study: Study, out: Path) -> dict[str, float]:
     """Seconds that each stage and its figures took."""
     import time
 
-    from middeck.cli.progress import follow
+    from middeck.cli.shown.progress import follow
     from middeck.report.build import StudyWriter
     from middeck.study.mission import chapters_in, run_chapters
 

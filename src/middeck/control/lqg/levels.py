@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.control.lqg.design import LQGCompensator, design_lqg
-from middeck.control.lqg.estimator import KalmanFilter, design_filter
-from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.estimator import design_filter
 from middeck.control.lqg.weights import LQGWeights
 from middeck.systems.plants.plant import Plant
 
@@ -24,8 +23,6 @@ def design_levels(
     weights: LQGWeights,
     levels: Sequence[float],
     *,
-    kalman: KalmanFilter | None = None,
-    shaping: Shaping | None = None,
     warm_states: int = WARM_STATES,
 ) -> tuple[LQGCompensator, ...]:
     """`design_lqg` at each authority of ``levels``, in the order given, with one filter for all.
@@ -33,11 +30,11 @@ def design_levels(
     With ``warm_states`` states or more, each regulator is found by Newton's method from an extrapolation of
     the two before it; where this does not stabilise, the level is solved afresh. Raises as `design_lqg` does.
     """
-    kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
+    kalman = design_filter(plant, weights)
     laws: list[LQGCompensator] = []
     for level in levels:
         start = _foretell(laws, float(level)) if len(kalman.gain) >= warm_states else None
-        laws.append(design_lqg(plant, weights, float(level), kalman=kalman, shaping=shaping, start=start))
+        laws.append(design_lqg(plant, weights, float(level), kalman=kalman, start=start))
     return tuple(laws)
 
 

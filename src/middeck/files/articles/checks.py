@@ -156,32 +156,30 @@ def _kind(section: Table | None) -> tuple[object, ...] | None:
 
 def _names(data: Table) -> Iterator[Finding]:
     """Frames share one name space; attach points, members and either side of ports have theirs."""
-    frames: list[tuple[Path, Any]] = [(("node", i, "name"), t.get("name")) for i, t in tables(data, "node")]
+    frames = _named(data, "node")
     for i, t in tables(data, "gimbal"):
         frames += [(("gimbal", i, "name"), f"{t.get('name')}_{a}") for a in "xz"]
     for table in ("revolute", "proof_mass"):
-        frames += [((table, i, "name"), t.get("name")) for i, t in tables(data, table)]
+        frames += _named(data, table)
     yield from _twice(frames, "frame")
     points: list[tuple[Path, Any]] = [
         (("suspension", "nodes", i), n) for i, n in enumerate(array_of(table_of(data, "suspension"), "nodes"))
     ]
-    points += [(("attach", i, "name"), t.get("name")) for i, t in tables(data, "attach")]
-    yield from _twice(points, "attach point")
-    cases = [(("load_case", i, "name"), t.get("name")) for i, t in tables(data, "load_case")]
-    yield from _twice(cases, "load case")
-    yield from _twice(
-        [(("component", i, "name"), t.get("name")) for i, t in tables(data, "component")], "component"
-    )
-    yield from _twice([(("wheel", i, "name"), t.get("name")) for i, t in tables(data, "wheel")], "wheel")
+    yield from _twice([*points, *_named(data, "attach")], "attach point")
+    yield from _twice(_named(data, "load_case"), "load case")
+    yield from _twice(_named(data, "component"), "component")
+    yield from _twice(_named(data, "wheel"), "wheel")
     yield from _twice(link_names(data), "link")
     for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
         yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
     for kind in ("actuator", "sensor"):
         ports: list[tuple[Path, Any]] = [((kind,), name) for name in _default_ports(data, kind)]
-        yield from _twice(
-            [*ports, *(((kind, i, "name"), t.get("name")) for i, t in tables(data, kind))], kind
-        )
+        yield from _twice([*ports, *_named(data, kind)], kind)
+
+
+def _named(data: Table, table: str) -> list[tuple[Path, Any]]:
+    return [((table, i, "name"), t.get("name")) for i, t in tables(data, table)]
 
 
 def _default_ports(data: Table, kind: str) -> list[str]:
@@ -438,11 +436,9 @@ def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
 
 
 def _attach(data: Table) -> Iterator[Finding]:
-    nodes, offsets = (
-        array_of(table_of(data, "suspension"), "nodes"),
-        array_of(table_of(data, "suspension"), "offsets_m"),
-    )
-    if {"nodes", "offsets_m"} <= set(table_of(data, "suspension")) and len(nodes) != len(offsets):
+    suspension = table_of(data, "suspension")
+    nodes, offsets = array_of(suspension, "nodes"), array_of(suspension, "offsets_m")
+    if {"nodes", "offsets_m"} <= set(suspension) and len(nodes) != len(offsets):
         message = f"{len(offsets)} offsets for {len(nodes)} nodes; must be one each, in m"
         yield finding(("suspension", "offsets_m"), message)
     for i, t in tables(data, "spring"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -11,20 +11,19 @@ from middeck.files.articles.boundary_form import ClampForm, GroundBushingForm, b
 from middeck.files.environments.form import TUNED, default_name
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.lines import Path
-from middeck.files.toml.tables import Table, array_of, is_number, table_of, tables
+from middeck.files.toml.tables import Table, is_number, table_of, tables
 
 
 def environment_findings(data: Table) -> list[Finding]:
     """Everything that is wrong with the environment ``data`` by itself."""
     gravity = table_of(data, "constants").get("gravity_m_s2", 0.0)
     weightless = gravity == 0.0
-    devices = [(("device", i), d) for i, d in enumerate(_all(data, "device"))]
     found = [*_gravity_findings(data, gravity), *_suspension_findings(data, gravity), *_name_findings(data)]
     found += clamp_findings(("clamp",), tables(data, "clamp"), ClampForm)
     found += bushing_findings(("bushing",), tables(data, "bushing"), GroundBushingForm, build_ground)
-    for path, device in devices:
-        found += _device_findings(path, device, weightless)
-        found += _friction_findings(path, device)
+    for i, device in tables(data, "device"):
+        found += _device_findings(("device", i), device, weightless)
+        found += _friction_findings(("device", i), device)
     return found
 
 
@@ -98,14 +97,14 @@ def _name_findings(data: Table) -> list[Finding]:
     """Names that two devices or springs have, or two supports: results are listed by them."""
     held = table_of(table_of(data, "suspension"), "held")
     names: list[tuple[Path, Any]] = [(("suspension", "held", name), name) for name in held]
-    names += [(("device", i, "name"), d.get("name")) for i, d in enumerate(_all(data, "device"))]
-    for i, spring in enumerate(_all(data, "spring")):
+    names += [(("device", i, "name"), d.get("name")) for i, d in tables(data, "device")]
+    for i, spring in tables(data, "spring"):
         key = "name" if "name" in spring else "attach"
         names.append((("spring", i, key), spring.get("name", default_name(str(spring.get("attach"))))))
     advice = "a name of its own; a suspension's devices have those of their attach points"
-    held_nodes = dict.fromkeys(c.get("node") for c in _all(data, "clamp"))
+    held_nodes = dict.fromkeys(c.get("node") for _, c in tables(data, "clamp"))
     supports: list[tuple[Path, Any]] = [(("clamp",), node) for node in held_nodes]
-    for i, bushing in enumerate(_all(data, "bushing")):
+    for i, bushing in tables(data, "bushing"):
         key = "name" if "name" in bushing else "attach"
         supports.append((("bushing", i, key), bushing.get("name", f"bushing_{bushing.get('attach')}")))
     return [
@@ -123,8 +122,3 @@ def _again(names: list[tuple[Path, Any]], kind: str, advice: str) -> list[Findin
         elif isinstance(name, str):
             first.add(name)
     return found
-
-
-def _all(data: Table, key: str) -> list[Table]:
-    """The tables of an array; an empty one in the place of anything else."""
-    return [cast("Table", item) if isinstance(item, dict) else {} for item in array_of(data, key)]

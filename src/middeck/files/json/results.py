@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from middeck.structure.modes.motions.strained_parts import leading_parts, strained_parts
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.strained_parts import leading_parts, strained_parts
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
 from middeck.systems.plants.response import FrequencyResponse
 

@@ -17,7 +17,7 @@ from middeck.files.measured.modes import load_measured_modes
 from middeck.files.promises.documents import few, versions
 from middeck.files.toml.faults import Finding, finding, raise_faults
 from middeck.files.toml.form import Finite, Form, Positive
-from middeck.files.toml.source import check, read_source
+from middeck.files.toml.source import check, read_source, sound
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.promise.score import Outcome, Statement, Verdict, judge, score
 from middeck.updating.residuals.pairing import (
@@ -100,10 +100,8 @@ def load_outcomes(path: str | Path) -> Came:
     for a survey that cannot be read.
     """
     source = read_source(path, OUTCOME)
-    checked = check(source, source.data, {}, OutcomeForm, lambda _: [])
-    raise_faults(list(checked.faults))
-    form = checked.form
-    assert form is not None  # no faults
+    checked = check(source, source.data, {}, OutcomeForm)
+    form = sound(checked)
     raise_faults([checked.place(fault) for fault in _nameless(form)])
     for loop in form.compensator:
         if loop.stable == (loop.rms_db is None):

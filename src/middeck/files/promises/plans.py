@@ -14,9 +14,8 @@ from middeck.files.disk.looks import PLAN
 from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
-from middeck.files.toml.faults import raise_faults
 from middeck.files.toml.form import Form, Log10Authority, NotNegative, Positive, whole
-from middeck.files.toml.source import check, read_source
+from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure
 from middeck.systems.plants.mode_dispersion import Dispersion
 from middeck.updating.promise.draws import LoopSpread
@@ -144,11 +143,7 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
     The refinement and compensators are sought beside it, environments as everywhere. Raises `ConfigError`
     with all faults of the document, and `DataError` for files that cannot be read.
     """
-    source = read_source(path, PLAN)
-    checked = check(source, source.data, {}, PlanForm, lambda _: [])
-    raise_faults(list(checked.faults))
-    form = checked.form
-    assert form is not None  # no faults
+    form = read_form(path, PLAN, PlanForm)
     for what, names in (
         ("law", [law.name for law in form.law]),
         ("joint", [joint.name for joint in form.joint]),

@@ -10,10 +10,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.errors import ConfigError
+from middeck.files.disk.looks import CHANNELS
 from middeck.files.json.channels import build_channel
-from middeck.files.toml.faults import raise_faults
 from middeck.files.toml.form import Finite, Form, Positive, whole
-from middeck.files.toml.source import check, read_source
+from middeck.files.toml.source import read_form
 from middeck.signals.ports import Channel
 from middeck.values import record
 
@@ -112,11 +112,7 @@ def columns_beside(file: Path) -> Columns | None:
     beside = file.with_name(f"{file.name}.toml")
     if not beside.is_file():
         return None
-    source = read_source(beside)
-    checked = check(source, source.data, {}, ChannelsForm, lambda data: [])
-    raise_faults(checked.faults)
-    form = checked.form
-    assert form is not None  # its faults are raised
+    form = read_form(beside, CHANNELS, ChannelsForm)
     named = tuple(_described(c, f"{beside}, channel {c.name}") for c in form.channel)
     if any(c.side for c in named) and not all(c.side for c in named):
         raise ConfigError("some channels have a side, some not", where=str(beside), hint="all or none")

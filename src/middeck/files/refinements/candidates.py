@@ -14,9 +14,9 @@ from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import PlannedStaticForm, build_case, build_gauge, planned_findings
 from middeck.files.refinements.loads import PromisedLoads, load_promised_loads
-from middeck.files.toml.faults import Finding, finding, raise_faults
+from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, whole
-from middeck.files.toml.source import check, read_source
+from middeck.files.toml.source import read_form
 from middeck.files.toml.tables import tables
 from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
 from middeck.structure.model.article import Structure
@@ -76,11 +76,7 @@ def load_candidates(path: str | Path, article: str | Path) -> Candidates:
     The refinement is sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
     the document, and for environments given twice.
     """
-    source = read_source(path, CANDIDATES)
-    checked = check(source, source.data, {}, CandidatesForm, _findings)
-    raise_faults(list(checked.faults))
-    form = checked.form
-    assert form is not None  # no faults
+    form = read_form(path, CANDIDATES, CandidatesForm, _findings)
     twice = [name for name in form.environments if form.environments.count(name) > 1]
     if twice:
         raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, environment", hint="each once")

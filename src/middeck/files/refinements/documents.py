@@ -23,9 +23,8 @@ from middeck.files.refinements.gauge_form import (
 )
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
-from middeck.files.toml.faults import raise_faults
 from middeck.files.toml.form import Finite, Form, Positive
-from middeck.files.toml.source import check, read_source
+from middeck.files.toml.source import read_form, read_source
 from middeck.updating.refinement.posterior import USUAL
 from middeck.updating.refinement.refine import USUAL_STATIC
 from middeck.updating.residuals.statics import StaticTest
@@ -85,11 +84,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     Files of modes are sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
     the document, and `DataError` for modes that cannot be read.
     """
-    source = read_source(path, REFINEMENT)
-    checked = check(source, source.data, {}, RefinementForm, static_findings)
-    raise_faults(list(checked.faults))
-    form = checked.form
-    assert form is not None  # no faults
+    form = read_form(path, REFINEMENT, RefinementForm, static_findings)
     modes = [Path(path).parent / s.modes for s in form.survey]
     environments = [find_document(s.environment, "environment", beside=path) for s in form.survey]
     rests = [find_document(t.environment, "environment", beside=path) for t in form.static]

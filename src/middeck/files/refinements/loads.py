@@ -12,11 +12,12 @@ from middeck.files.disk.looks import LOADS
 from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import GaugeForm, build_gauge
-from middeck.files.toml.faults import raise_faults
 from middeck.files.toml.form import Form, whole
-from middeck.files.toml.source import check, read_source
+from middeck.files.toml.source import read_form
 from middeck.structure.model.article import LoadCase, Structure
 from middeck.structure.model.environment import Environment
+from middeck.updating.orbit.deflections import Deflection, predict_deflections
+from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.gauges import Gauge
 from middeck.values import record
 
@@ -55,17 +56,20 @@ class PromisedLoads:
     modes: int
     files: tuple[Path, ...]
 
+    def of(self, refined: Refined) -> tuple[Deflection, ...]:
+        """The readings that are promised of the refined article."""
+        return predict_deflections(
+            refined, self.environment, self.load_cases, self.gauges,
+            since_unloaded=self.since_unloaded, series=self.series,
+        )  # fmt: skip
+
 
 def load_promised_loads(path: str | Path, article: str | Path) -> PromisedLoads:
     """The load cases in file ``path`` for the article in file ``article``.
 
     The refinement is sought beside it. Raises `ConfigError` with all faults of the document.
     """
-    source = read_source(path, LOADS)
-    checked = check(source, source.data, {}, PromisedLoadsForm, lambda _: [])
-    raise_faults(list(checked.faults))
-    form = checked.form
-    assert form is not None  # no faults
+    form = read_form(path, LOADS, PromisedLoadsForm)
     place = find_document(form.environment, "environment", beside=path)
     refinement = load_refinement(Path(path).parent / form.refinement, article)
     return PromisedLoads(

@@ -114,7 +114,7 @@ def check(
     data: Any,
     changed: dict[KeyPath, str],
     form: type[F],
-    more: Callable[[Any], list[Finding]],
+    more: Callable[[Any], list[Finding]] = lambda _: [],
 ) -> Checked[F]:
     """Check ``data`` (the source with overrides) against its form and its further rules."""
 
@@ -128,3 +128,18 @@ def check(
     first = {f.path: f for f in reversed(findings)}  # one finding per key; the form speaks first
     faults = sorted((place(f) for f in first.values()), key=lambda f: (f.file, f.line))
     return Checked(file=source.file, form=valid, data=data, faults=tuple(faults), place=place)
+
+
+def sound(checked: Checked[F]) -> F:
+    """The form of a document; raises one `ConfigError` with all its faults."""
+    raise_faults(checked.faults)
+    assert checked.form is not None  # a form is broken by faults alone
+    return checked.form
+
+
+def read_form(
+    path: str | Path, wanted: str, form: type[F], more: Callable[[Any], list[Finding]] = lambda _: []
+) -> F:
+    """The document in a TOML file of its own; raises `ConfigError` with all its faults."""
+    source = read_source(path, wanted)
+    return sound(check(source, source.data, {}, form, more))

@@ -40,30 +40,28 @@ class PeriodMoments:
     scatter: Complex[np.ndarray, "line channel channel"]
 
 
-def period_moments(stream: RecordStream, *, keep: np.ndarray | None = None) -> PeriodMoments:
-    """The moments of all periods, read one by one; only the lines ``keep`` if that is given.
+def period_moments(stream: RecordStream) -> PeriodMoments:
+    """The moments of all periods, read one by one.
 
     Sums are updated about the running mean (Welford 1962), so that noise far below the signal is not lost.
     """
     assert stream.period is not None
     frequency = np.fft.rfftfreq(stream.period, 1.0 / stream.sample_hz)
-    keep = np.ones(len(frequency), dtype=bool) if keep is None else keep
     channels = len(stream.inputs) + len(stream.outputs)
-    mean = np.zeros((np.sum(keep), stream.experiments, channels), dtype=complex)
-    scatter = np.zeros((np.sum(keep), channels, channels), dtype=complex)
+    mean = np.zeros((len(frequency), stream.experiments, channels), dtype=complex)
+    scatter = np.zeros((len(frequency), channels, channels), dtype=complex)
     swing: Swing | None = None
     for e in range(stream.experiments):
         for p, (u, y) in enumerate(stream.blocks(stream.period, e)):
             z = np.concatenate([u, y], axis=1)
             swing = widen(swing, z)
-            z = np.fft.rfft(z, axis=0)[keep]
-            step = z - mean[:, e]
+            step = np.fft.rfft(z, axis=0) - mean[:, e]
             mean[:, e] += step / (p + 1)
             if p:
                 scatter += step[:, :, None] * step.conj()[:, None, :] * (p / (p + 1))
     check_swing(swing, stream)
     return PeriodMoments(
-        frequency_hz=frequency[keep],
+        frequency_hz=frequency,
         periods=stream.samples // stream.period,
         inputs=len(stream.inputs),
         mean=mean,

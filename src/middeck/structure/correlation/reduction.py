@@ -19,8 +19,8 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.values import record
 
 # Shapes or channels whose condition is beyond this are the same to all measurement.

@@ -25,8 +25,8 @@ from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, spectrum_at, spectrum_of, track
 from middeck.structure.model.article import Damping, Joint, JointState, Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.kinds import find_kinds
-from middeck.structure.modes.naming import name_modes
+from middeck.structure.modes.names.kinds import find_kinds
+from middeck.structure.modes.names.naming import name_modes
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium

@@ -20,10 +20,10 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
-from middeck.structure.modes.kinds import SMALL
-from middeck.structure.modes.repeated import repeated
-from middeck.structure.modes.rounding import rounding, separate_rigid
+from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.modes.eigenproblem.repeated import repeated
+from middeck.structure.modes.eigenproblem.rounding import rounding, separate_rigid
+from middeck.structure.modes.names.kinds import SMALL
 from middeck.structure.modes.solve import Modes
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.

@@ -14,13 +14,12 @@ RIGID_IN_SHEAR = (0, 3, 4, 5)
 ROUNDING = 1e-9
 
 
-def check_stiffness(stiffness: np.ndarray, where: str = "section") -> None:
+def check_stiffness(stiffness: np.ndarray) -> None:
     """Raise a `ConfigError` that says what is wrong with a 4x4 or 6x6 stiffness."""
     faults = [*stiffness_faults(stiffness)]
     if faults:
-        raise ConfigError(
-            "; ".join(faults), where=where, hint="order: extension, (shears,) twist, curvatures"
-        )
+        advice = "order: extension, (shears,) twist, curvatures"
+        raise ConfigError("; ".join(faults), where="section", hint=advice)
 
 
 def stiffness_faults(stiffness: np.ndarray) -> Iterator[str]:

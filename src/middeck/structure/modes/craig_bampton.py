@@ -32,8 +32,8 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigen import solve_all, solve_lowest
-from middeck.structure.modes.kinds import SMALL
+from middeck.structure.modes.eigenproblem.eigen import solve_all, solve_lowest
+from middeck.structure.modes.names.kinds import SMALL
 from middeck.structure.rest.equilibrium import solve_equilibrium
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or

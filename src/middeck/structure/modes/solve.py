@@ -24,13 +24,13 @@ from middeck.structure.modes.diagnosis import (
     moment_warnings,
     where_lost,
 )
-from middeck.structure.modes.eigen import Eigenpairs, solve_all, solve_lowest
-from middeck.structure.modes.kind_warnings import kind_warnings
-from middeck.structure.modes.kinds import SMALL, find_kinds
-from middeck.structure.modes.left_out_stiffness import component_warnings
-from middeck.structure.modes.naming import name_modes
-from middeck.structure.modes.rigid import rigid_basis
-from middeck.structure.modes.rounding import rounding, separate_rigid
+from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.modes.eigenproblem.left_out_stiffness import component_warnings
+from middeck.structure.modes.eigenproblem.rounding import rounding, separate_rigid
+from middeck.structure.modes.motions.rigid import rigid_basis
+from middeck.structure.modes.names.kind_warnings import kind_warnings
+from middeck.structure.modes.names.kinds import SMALL, find_kinds
+from middeck.structure.modes.names.naming import name_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
 from middeck.values import record
 
@@ -46,10 +46,10 @@ class Modes:
         omega: Angular frequency [rad/s]; exactly zero for rigid-body modes.
         shapes: Columns in the frame-tree coordinates (dx, world rotation, relative joint angle); joints that
             do not move have zero rows. The entry of largest size in kinetic energy is positive.
-        kind, name: "rigid", "suspension", "pendulum" or "flexible" (see `structure.modes.kinds`), and what
-            the mode is.
+        kind, name: "rigid", "suspension", "pendulum" or "flexible" (see `structure.modes.names.kinds`), and
+            what the mode is.
         rigid_share: Part of the kinetic energy in rigid-body motions of the free article, turns of free
-            joints included; it decides the kind, see `structure.modes.kinds`.
+            joints included; it decides the kind, see `structure.modes.names.kinds`.
         strain_share: Part of the restoring energy that is elastic strain of members, springs and joints: the
             rest is in devices, weight and preload. Zero for a rigid-body mode, which has no potential energy.
         residual: |K phi - omega^2 M phi| of each mode over the size of its terms; grows towards the top of

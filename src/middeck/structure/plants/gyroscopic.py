@@ -26,9 +26,9 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.gyroscopic import Spin, spinning_wheels
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.model.article import Damping
-from middeck.structure.modes.rigid import rigid_basis
+from middeck.structure.modes.motions.rigid import rigid_basis
+from middeck.structure.modes.motions.strained_parts import leading_parts
 from middeck.structure.modes.solve import EQUAL_SIZE, Modes
-from middeck.structure.modes.strained_parts import leading_parts
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.residual_flexibility import residual_flexibility
 from middeck.values import record

@@ -24,8 +24,8 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record

@@ -19,8 +19,8 @@ from jaxtyping import Float, Int
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.parameters import Parameter

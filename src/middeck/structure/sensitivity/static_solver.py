@@ -15,7 +15,7 @@ from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.frames import rigid_columns
-from middeck.structure.modes.eigen import ROUNDING
+from middeck.structure.modes.eigenproblem.eigen import ROUNDING
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # What a solution may leave of its load, over the terms that balance in it.

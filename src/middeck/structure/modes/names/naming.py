@@ -11,12 +11,12 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.structure.elements.frames import frame_poses, pose_jacobian
-from middeck.structure.modes.equivalent_beam import beam_motion, on_one_line, turned_bodies
-from middeck.structure.modes.kinds import HALF, HELD
-from middeck.structure.modes.repeated import repeated_apart
-from middeck.structure.modes.rigid import AXES, rigid_motions
-from middeck.structure.modes.strain import PARTS, strain_energy
-from middeck.structure.modes.strained_parts import leading_parts, strained_parts
+from middeck.structure.modes.eigenproblem.repeated import repeated_apart
+from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
+from middeck.structure.modes.motions.rigid import AXES, rigid_motions
+from middeck.structure.modes.motions.strain import PARTS, strain_energy
+from middeck.structure.modes.motions.strained_parts import leading_parts, strained_parts
+from middeck.structure.modes.names.kinds import HALF, HELD
 from middeck.structure.rest.equilibrium import Equilibrium
 
 

@@ -25,10 +25,10 @@ from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Interpolation, Link
-from middeck.structure.modes.recovery import inner_points
-from middeck.structure.modes.repeated import repeated
+from middeck.structure.modes.eigenproblem.repeated import repeated
+from middeck.structure.modes.motions.strain import part_energy
+from middeck.structure.modes.results.recovery import inner_points
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.strain import part_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 

@@ -12,7 +12,7 @@ from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.strain import strain_energies
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.modes.eigen import ROUNDING, Eigenpairs
+from middeck.structure.modes.eigenproblem.eigen import ROUNDING, Eigenpairs
 
 # An omega^2 of so many times its rounding is good to eight digits, and better as it is.
 NEAR = 1e3

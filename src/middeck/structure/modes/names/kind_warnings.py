@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.modes.kinds import HELD, kinds_by_rank, undecided
+from middeck.structure.modes.names.kinds import HELD, kinds_by_rank, undecided
 from middeck.structure.rest.equilibrium import Equilibrium
 
 SHOWN = 6

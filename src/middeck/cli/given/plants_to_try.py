@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from middeck.cli.blame import reading
-from middeck.cli.cases import solve_case
-from middeck.cli.plants import tell_warnings
+from middeck.cli.given.cases import solve_case
+from middeck.cli.given.design_plants import tell_warnings
+from middeck.cli.shown.blame import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
@@ -19,7 +19,7 @@ from middeck.errors import ConfigError
 from middeck.files.measured.models import load_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.structure.modes.bending import dispersed_modes
+from middeck.structure.modes.results.bending import dispersed_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plants.mode_dispersion import DispersedModes

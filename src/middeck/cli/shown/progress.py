@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import click
 
-from middeck.cli.screen import is_terminal
+from middeck.cli.shown.screen import is_terminal
 
 Begin = Callable[[str], None]
 End = Callable[[str, float], None]

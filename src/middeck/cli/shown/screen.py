@@ -9,7 +9,7 @@ from typing import Any, TextIO
 
 import click
 
-from middeck.cli.advice import in_options
+from middeck.cli.shown.advice import in_options
 
 
 class Table:

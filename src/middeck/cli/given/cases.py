@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.cli.blame import reading
+from middeck.cli.shown.blame import reading
 from middeck.errors import MiddeckError
 from middeck.files.disk.looks import ARTICLE
 from middeck.files.documents import BUILT_IN, find_document, load_setup
@@ -17,7 +17,7 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
-from middeck.structure.modes.mesh_error import mesh_warnings
+from middeck.structure.modes.doubts.mesh_error import mesh_warnings
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.summary.environment_plausibility import doubt_environment

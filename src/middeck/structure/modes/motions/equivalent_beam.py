@@ -17,9 +17,9 @@ from numpy.polynomial import legendre
 
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
 from middeck.structure.elements.trees import Poses
-from middeck.structure.modes.rigid import AXES
-from middeck.structure.modes.strain import member_energy
-from middeck.structure.modes.strained_parts import straight_lines
+from middeck.structure.modes.motions.rigid import AXES
+from middeck.structure.modes.motions.strain import member_energy
+from middeck.structure.modes.motions.strained_parts import straight_lines
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # Members that depart from one line by less than this part of its length are one line.

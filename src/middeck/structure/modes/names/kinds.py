@@ -31,10 +31,10 @@ from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import FrameTree, rigid_columns
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.model.article import JointState
-from middeck.structure.modes.eigen import count_zero, solve_all, solve_lowest
-from middeck.structure.modes.repeated import repeated, turn_apart
-from middeck.structure.modes.rigid import rigid_motions
-from middeck.structure.modes.strain import device_energy, strain_share
+from middeck.structure.modes.eigenproblem.eigen import count_zero, solve_all, solve_lowest
+from middeck.structure.modes.eigenproblem.repeated import repeated, turn_apart
+from middeck.structure.modes.motions.rigid import rigid_motions
+from middeck.structure.modes.motions.strain import device_energy, strain_share
 from middeck.structure.rest.equilibrium import Equilibrium
 
 HALF = 0.5

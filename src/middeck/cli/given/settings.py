@@ -7,12 +7,10 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
-from middeck.errors import ConfigError
 from middeck.files.studies.form import Band
-from middeck.files.toml.faults import raise_faults
 from middeck.files.toml.form import Form, Positive, whole, within
 from middeck.files.toml.overrides import Target, apply_overrides
-from middeck.files.toml.source import Source, check
+from middeck.files.toml.source import Source, check, sound
 
 F = TypeVar("F", bound=Form)
 
@@ -92,8 +90,4 @@ def settle(form: type[F], options: Mapping[str, Any], overrides: Sequence[str]) 
     )
     listed = {k: list(v) if isinstance(v, tuple) else v for k, v in source.data.items()}
     (data,), (changed,) = apply_overrides([Target(source.file, listed, form)], overrides)
-    checked = check(source, data, changed, form, lambda data: [])
-    raise_faults(checked.faults)
-    if checked.form is None:
-        raise ConfigError("the options do not fit together")
-    return checked.form
+    return sound(check(source, data, changed, form))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from middeck.cli.blame import reading
-from middeck.cli.qualifying import Gathered, Law, Shift, chosen_modes, natural_hz, shifted_plants
+from middeck.cli.given.plants_to_try import Gathered, Law, Shift, chosen_modes, natural_hz, shifted_plants
+from middeck.cli.shown.blame import reading
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError
 from middeck.systems.plants.mode_dispersion import DispersedModes, dispersed_factors

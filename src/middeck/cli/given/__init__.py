@@ -1,0 +1,1 @@
+"""From what was typed to what the library takes: cases, plants, compensators, settings, limits."""

@@ -1,0 +1,1 @@
+"""What several verbs compute alike: excitations, fits of records, loops."""

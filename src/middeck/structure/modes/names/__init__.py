@@ -1,0 +1,1 @@
+"""Kind and name of each mode: suspension, pendulum or flexible, and what it does."""
