@@ -9,6 +9,7 @@ import pytest
 
 import middeck as md
 from cli_runner import middeck
+from middeck.structure.model.component import WAYS
 
 E, A, I2, J, G, RHO, L = 7e10, 4e-4, 2e-8, 4e-8, 2.6e10, 2700.0, 0.4
 GRIDS = "".join(f"GRID,{k},,{L * (k - 1)},0.,0.\n" for k in range(1, 6))
@@ -100,6 +101,21 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
     assert said in ended.err
     assert not list(tmp_path.glob("*.toml"))
     assert not list(tmp_path.glob("*.npz"))
+
+
+@pytest.mark.parametrize("way", range(6))
+def test_a_line_of_grids_that_is_grounded_is_no_component(tmp_path, capfd, way):
+    """Lumped masses on a line have no inertia about it: as one body that turn has no energy."""
+    K, M = half(2)
+    K[12 + way, 12 + way] *= 1.01
+    points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
+    bulk = GRIDS + PROPERTIES + "SPC1,1,123456,1\n" + bar(1) + bar(2) + punch("KHALF", K, points)
+    case = "SPC = 1\nK2GG = KHALF\nM2GG = MHALF\n"
+    ended = converted(tmp_path, capfd, "bad", case, bulk + punch("MHALF", M, points))
+    assert ended.code == 4
+    assert "resists a motion as one body" in ended.err
+    assert f"most at grid 5 {WAYS[way]}: is it grounded" in ended.err
+    assert "invalid value" not in ended.err
 
 
 def test_matrices_on_a_grid_that_follows_another(tmp_path, capfd):

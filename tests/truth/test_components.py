@@ -90,6 +90,16 @@ def test_nothing_strains_as_one_body(campaign):
         assert np.abs(here.gradient).max() < 1e-12 * abs(drawn.tangent).max()
 
 
+def test_as_drawn_nothing_is_strained_by_rounding(campaign):
+    """Stiffness times rounding would be a force, whose geometric stiffness makes a free body unstable."""
+    for seed in campaign(400):
+        rng = np.random.default_rng([7, seed])
+        part = _element(rng, 2, 1)
+        still = np.zeros_like(part.arms), np.zeros((2, 3, 3))
+        state = component_state(part, part.arms, *still, np.zeros(1), np.zeros(3))
+        assert np.abs(state.deformation).max() < 1e-25
+
+
 @pytest.mark.parametrize("seed", repeats(range(3)))
 def test_the_error_falls_with_the_modes_kept(seed):
     """From above (Rayleigh and Ritz), to nothing where all are kept."""

@@ -168,6 +168,8 @@ def test_complaints_name_line_card_and_field(text, words):
 
 def test_equal_duplicates_pass():
     assert len(entries("GRID,1,,1.,2.\ngrid,1,,1.0,2.+0,0.").of("GRID")) == 1
+    assert len(entries("GRID,1,,1.\nGRID,1,0,1.,,,0").of("GRID")) == 1
+    assert "second grid 1" in refused("GRDSET,,4\nGRID,1,,1.\nGRID,1,0,1.,,,0")
 
 
 def test_numbers_that_cannot_be_read_are_told_once():

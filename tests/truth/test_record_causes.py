@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
+from struck_plant import response
 from test_closed_loop_records import cut
 
 from middeck.identification.faults import detect_faults
@@ -145,3 +146,21 @@ def test_nothing_of_it_is_found_in_sound_runs(campaign: Campaign) -> None:
     runs = (a_run(1000 + seed) for seed in seeds)
     alarms = [str(f) for u, y, _, n in runs for f in of(u[:n], y[:n])]
     assert len(alarms) <= len(seeds) // 100, alarms
+
+
+def filtered(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Noise, a burst or steps, and the answers of modes, behind a filter that ends near half the rate."""
+    rng, n, rate = np.random.default_rng([53, seed]), 4096, 200.0
+    u = rng.standard_normal(n) if seed % 3 else np.repeat(rng.standard_normal(n // 64), 64)
+    u[n // 3 :] *= float(seed % 3 < 2)
+    f = np.fft.rfftfreq(8 * n, 1.0 / rate)
+    edge = rng.choice([0.39, 0.45, 0.499])
+    U = np.fft.rfft(u, 8 * n) * np.cos(0.5 * np.pi * np.clip((f / rate - edge) / (0.5 - edge), 0.0, 1.0)) ** 2
+    hz, zeta = rng.uniform(4.0, 60.0, 3), rng.uniform(0.004, 0.02, 3)
+    H = response(hz, zeta, rng.uniform(0.4, 1.0, 3) * hz**2, rng.uniform(0.0, 0.01), 2j * np.pi * f)
+    u, y = (np.fft.irfft(x, 8 * n)[:n] for x in (U, H * U))
+    return u[:, None], (y + 10.0 ** rng.uniform(-2.9, -1.5) * y.std() * rng.standard_normal(n))[:, None]
+
+
+def test_the_tail_of_a_filter_before_an_answer_is_no_feedback(campaign: Campaign) -> None:
+    assert [f for seed in campaign(120) for f in of(*filtered(seed))] == []

@@ -36,8 +36,9 @@ SURE, SHARE = 7.0, 0.02
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
 # Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
-# input does between samples.
-LEADS = 2
+# input does between samples. Before it begins, an answer that a filter cuts off near half the rate follows a
+# sum of (-1)^n / n^k of inputs n samples later: so many powers k are enough.
+LEADS, TAILS = 2, 3
 # Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
 ANSWERED = 7.0
 # A delay is told from so many samples, and this share of the record.
@@ -182,15 +183,16 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
     Each output is explained by its own past and by the inputs until then. What is left is noise. No later
     input knows of it but through a loop (Sims 1972); a loop that acts within some samples and forgets is a
-    direct term as well, and cannot be told. And noise has no sample that stands alone, unless others were
-    lost before it.
+    direct term as well, and cannot be told, nor what is the tail of a filter. And noise has no sample that
+    stands alone, unless others were lost before it.
     """
     u, y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
     U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (u, y))
     lags = max(4, PAST // len(U))
     later = max(2, lags // 2) + LEADS
     span = lags, U.shape[1] - lags - later
-    until, after = _beside(U, range(-lags, LEADS + 1), *span), _beside(U, range(LEADS + 1, later + 1), *span)
+    after = _beside(U, range(LEADS + 1, later + 1), *span)
+    until = np.vstack([_beside(U, range(-lags, LEADS + 1), *span), _tails(after, len(U))])
     repeated = record.periodic or find_repetition(record.u.reshape(len(record.u), -1, len(u))) is not None
     found: list[Place] = []
     for o, port in enumerate(record.outputs):
@@ -205,6 +207,14 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
         elif at is not None:
             found.append((_joined(record, at + lags), port))
     return found
+
+
+def _tails(after: Float[np.ndarray, "row sample"], inputs: int) -> Float[np.ndarray, "tail sample"]:
+    """What later samples of each input tell of an answer that is band-limited between samples."""
+    n = np.arange(LEADS + 1.0, LEADS + 1 + len(after) // inputs)
+    powers = np.arange(1.0, min(TAILS, len(n) // 2) + 1)
+    weights = np.cos(np.pi * n) * n ** -powers[:, None]
+    return np.einsum("kn,nis->kis", weights, after.reshape(len(n), inputs, -1)).reshape(-1, after.shape[1])
 
 
 def _alone(left: Signal) -> int | None:

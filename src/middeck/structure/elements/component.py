@@ -170,6 +170,9 @@ def _fit(part: ComponentElement, stretch: Array, turn: Array) -> Inexact[np.ndar
     U, _, Vt = np.linalg.svd(np.real((weight[:, None] * (drawn + changed)).T @ drawn))
     proper = np.diag([1.0, 1.0, np.linalg.det(U @ Vt)])
     turned = U @ proper @ Vt - np.eye(3)
+    # What rounding leaves of stretch in it would be strained, drawn or not.
+    stretched = turned + turned.T + turned.T @ turned
+    turned = turned - 0.5 * (stretched + turned @ stretched)
     for _ in range(STEPS):
         bent = drawn @ turned.T
         left = weight @ (cross(drawn, changed) + cross(bent, drawn + changed))

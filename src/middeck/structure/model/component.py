@@ -19,6 +19,8 @@ UNEQUAL, ROUNDED = 1e-7, 1e-7
 RESISTS = 1e-6
 # The same as energy over the kinetic energy of that motion at the lowest elastic frequency.
 RESISTS_WHOLE = 1e-8
+# The same of what rounding leaves.
+ROUNDING = 1e-12
 # Of the lowest elastic omega^2, and of the largest share of mass: negative by more is not rounding.
 NEGATIVE, NEGATIVE_MASS = 1e-6, 1e-7
 # Of the mass and of the inertia: what a rigid body has of neither.
@@ -296,9 +298,12 @@ def _resists(
     held = K + lowest * M
     size = np.sqrt(np.abs(np.diagonal(held)))
     own = left / size[:, None]
-    cost = own.T @ np.linalg.solve(held / np.outer(size, size), own)
-    moved = lowest * (R.T @ M @ R)
-    worst = np.diagonal(cost) / np.diagonal(moved)
+    cost = np.diagonal(own.T @ np.linalg.solve(held / np.outer(size, size), own))
+    moved = lowest * np.diagonal(R.T @ M @ R)
+    # About a line of grids without rotary inertia nothing moves: there any stiffness resists.
+    rounding = np.sum((ROUNDING * terms / size[:, None]) ** 2, axis=0)
+    worst = np.divide(cost, moved, out=np.full(6, np.inf), where=moved > 0.0)
+    worst[cost <= rounding] = 0.0
     if worst.max() > RESISTS_WHOLE:
         way = int(np.argmax(worst))
         row = int(np.flatnonzero(there)[np.argmax(np.abs(left[:, way]) / size)])

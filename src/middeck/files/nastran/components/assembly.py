@@ -132,7 +132,8 @@ def _declared(card: Card, bulk: Bulk, files: dict[int, Path]) -> tuple[int, Path
         )
     if kind == "EXTOP4" and (unit is None or unit not in files):
         known = ", ".join(f"{n}: {file.name}" for n, file in files.items()) or "none"
-        faults.append(_fault(card, f"no ASSIGN INPUTT4 of unit {unit}; assigned are {known}"))
+        hint = f"ASSIGN INPUTT4='FILE.op4',UNIT={unit} before SOL"
+        faults.append(_fault(card, f"no ASSIGN INPUTT4 of unit {unit}; assigned are {known}", hint))
     raise_some(faults)
     assert number is not None
     return number, files[unit or 0] if kind == "EXTOP4" else None

@@ -139,7 +139,8 @@ def read_entries(cards: Iterable[Card]) -> Entries:
             by_name[name] = read
             if name in SPACES:
                 space = SPACES[name]
-                by_name[name] = _distinct(read, space, seen.setdefault(space, {}), faults)
+                blank = BASIC_GRID if name == "GRID" and "GRDSET" not in groups else ()
+                by_name[name] = _distinct(read, space, seen.setdefault(space, {}), faults, blank)
         elif name in IDLE:
             idle[name] = len(found)
         else:
@@ -157,8 +158,10 @@ def _is_foreign(fault: Fault) -> bool:
     return fault.hint in (COLUMNS, CARDS) and fault.key.partition(" ")[0] not in PARSED
 
 
-def _distinct(entries: list[Entry], space: str, seen: dict[Any, Entry], faults: list[Fault]) -> list[Entry]:
-    """The ``entries`` without equal duplicates; unequal ones are faults."""
+def _distinct(
+    entries: list[Entry], space: str, seen: dict[Any, Entry], faults: list[Fault], blank: Sequence[Any] = ()
+) -> list[Entry]:
+    """The ``entries`` without equal duplicates; unequal ones are faults. ``blank``: of blank fields."""
     own = {entry.values[0]: entry for entry in entries}
     if len(own) == len(entries) and own.keys().isdisjoint(seen):
         seen |= own
@@ -169,7 +172,7 @@ def _distinct(entries: list[Entry], space: str, seen: dict[Any, Entry], faults: 
         if other is entry or entry.id is None:  # a number that cannot be read is a fault already
             kept.append(entry)
         else:
-            faults += _twice(entry, other, space)
+            faults += _twice(entry, other, space, blank)
     return kept
 
 
@@ -290,8 +293,11 @@ def _halves(card: Card) -> list[Card]:
     return [Card(card.name, part, card.lines) for part in (card.fields[:4], card.fields[4:])]
 
 
-def _twice(entry: Entry, other: Entry, space: str) -> list[Fault]:
-    if entry.name == other.name and entry.values == other.values:
+def _twice(entry: Entry, other: Entry, space: str, blank: Sequence[Any]) -> list[Fault]:
+    one, two = (
+        [b if value is None else value for value, b in zip_longest(e.values, blank)] for e in (entry, other)
+    )
+    if entry.name == other.name and one == two:
         return []
     line = other.card.line()
     return [
@@ -303,6 +309,8 @@ def _twice(entry: Entry, other: Entry, space: str) -> list[Fault]:
     ]
 
 
+# What blank fields of a GRID mean without GRDSET; its number is not blank.
+BASIC_GRID = (None, 0, 0.0, 0.0, 0.0, 0, "", 0)
 COLUMNS = "columns of eight, or commas"
 CARDS = "docs/how-to/your-nastran-deck.md lists the cards that are read"
 

@@ -3,14 +3,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "hold.h"
 #include "kernel.h"
+#include "numbers.h"
 
 enum { RAMPS = 5, COASTS = 4 }; /* the safe state has taken over after so many of its ramps, and of the longest coast */
-
-static real larger(real a, real b)
-{
-    return a > b ? a : b;
-}
 
 static void make_neutral(strip *s)
 {
@@ -129,29 +126,6 @@ static void stop_slot(slot *s)
     s->running = s->in_control = s->leaving = 0;
 }
 
-void engine_fade_from_last(engine *e)
-{
-    int i;
-
-    for (i = 0; i < e->set.outputs; ++i)
-        e->from[i] = e->strips[i].last;
-    e->since_trip = 0;
-}
-
-/* In SAFE, or on the way there: nothing is held any more until a reset. */
-static void lose_hold(engine *e, const trip_cause *cause)
-{
-    e->hold_off = 1;
-    engine_fade_from_last(e);
-    engine_tell(e, HOLD_LOST, cause->channel, cause->value, cause->limit, NULL);
-}
-
-/* What grows, or takes all effort, while nothing but the hold is at work. */
-static int is_of_the_hold(const trip_cause *cause)
-{
-    return cause->kind == GROWTH || cause->kind == EFFORT;
-}
-
 static void go_safe(engine *e, const trip_cause *cause)
 {
     const int lawful = of_a_law(e, cause), alone = e->state == READY;
@@ -178,124 +152,6 @@ static void go_safe(engine *e, const trip_cause *cause)
         lose_hold(e, cause);
     }
     monitors_forget(&e->monitors);
-}
-
-static int hold_is_good(const engine *e)
-{
-    return e->set.paths > 0 && e->hold_verified && !e->hold_off;
-}
-
-/* Whether the article goes an eighth beyond where it was when the safe state took over, or beyond its envelope if that is more:
-   what holds then pushes it. */
-static int runs_away(engine *e)
-{
-    if (e->since_trip <= e->take_over) {
-        e->taken_over = larger(e->taken_over, e->sensors.worst);
-        return 0;
-    }
-    return e->sensors.worst > 1.125 * 1.125 * e->taken_over;
-}
-
-/* In SAFE the hold lives through a short silence of its sensors on their last values, not through a long one. */
-static void watch_hold(engine *e)
-{
-    trip_cause why = {NO_TRIP, -1, 0, 0};
-
-    e->blind = e->sensors.unhealthy & e->hold_needs ? e->blind + 1 : 0;
-    if (e->state != SAFE || !hold_is_good(e))
-        return;
-    if (runs_away(e)) {
-        blame(&why, ENVELOPE, e->sensors.worst_at, sqrt(e->sensors.worst), sqrt(e->taken_over));
-        e->hold_verified = 0;
-    }
-    if (why.kind != NO_TRIP || e->blind > e->set.safe_ramp)
-        lose_hold(e, &why);
-}
-
-/* What is left of the outputs at the last trip or loss of the hold. */
-static real left(const engine *e)
-{
-    return e->since_trip < e->set.safe_ramp ? 1 - fade_at((long)e->since_trip + 1, (long)e->set.safe_ramp) : 0;
-}
-
-/* In SAFE all or nothing; after a reset it rises, if it did not hold already, and at the end it falls as it rose. */
-static real hold_share(const engine *e)
-{
-    if (e->state == SAFE && !(e->ending && hold_is_good(e)))
-        return hold_is_good(e);
-    return e->hold_level >= e->set.ramp ? 1 : fade_at((long)e->hold_level, (long)e->set.ramp);
-}
-
-/* In SAFE a push that fills a store of momentum fades as room goes: within a safe ramp it takes no more than is left. */
-static real kept_from_full(const engine *e, int i, real push)
-{
-    const real room = e->set.momentum[i] - (push > 0 ? 1 : -1) * e->monitors.momentum[i];
-    const real most = larger(room, 0) / (larger((real)e->set.safe_ramp, 1) * e->set.period_s);
-
-    return push > most ? most : push < -most ? -most : push;
-}
-
-int engine_holds_whole(const engine *e)
-{
-    int i;
-
-    for (i = 0; i < e->set.outputs; ++i)
-        if (kept_from_full(e, i, e->whole_hold[i]) != e->whole_hold[i])
-            return 0;
-    return hold_is_good(e);
-}
-
-static void fade_hold(engine *e)
-{
-    const real share = hold_share(e), rest = left(e);
-    int i;
-
-    for (i = 0; i < e->set.outputs; ++i) {
-        const real whole_hold = e->state == SAFE ? kept_from_full(e, i, e->whole_hold[i]) : e->whole_hold[i];
-
-        e->hold[i] = share < 1 || rest > 0 ? rest * e->from[i] + (1 - rest) * share * whole_hold : whole_hold;
-    }
-}
-
-static int all_finite(const real *v, whole count)
-{
-    whole i;
-
-    for (i = 0; i < count; ++i)
-        if (!(v[i] - v[i] == 0))
-            return 0;
-    return 1;
-}
-
-/* Numbers of the hold that have overflowed: it adds nothing any more, and is none. */
-static void overflow_hold(engine *e)
-{
-    const trip_cause why = {COMMAND_NOT_FINITE, -1, 0, 0};
-
-    memset(e->whole_hold, 0, sizeof e->whole_hold);
-    e->hold_spoilt = 1;
-    e->hold_verified = 0;
-    if (e->state == SAFE && !e->hold_off)
-        lose_hold(e, &why);
-}
-
-static void compute_hold(engine *e)
-{
-    int i;
-
-    memset(e->whole_hold, 0, sizeof e->whole_hold);
-    for (i = 0; i < e->set.paths; ++i) {
-        const hold_path *path = &e->set.path[i];
-
-        e->whole_hold[path->output] += through_section(path->s.g, e->hold_state[i], e->sensors.value[path->sensor]);
-    }
-    if (!all_finite(e->whole_hold, e->set.outputs))
-        overflow_hold(e);
-    fade_hold(e);
-    if (e->ending)
-        e->hold_level -= e->hold_level > 0;
-    else if (e->state != SAFE)
-        e->hold_level += e->hold_level < e->set.ramp;
 }
 
 /* The hold, or what is left on the way to zero. */
@@ -562,37 +418,6 @@ static int holds_alone(const engine *e)
     return e->state == READY && e->set.paths && e->set.verify && e->hold_level >= e->set.ramp && strips_are_neutral(e);
 }
 
-/* The first sensor of the hold whose motion grows; -1 for none. The shortest window lets four of them fit into the verification. */
-static int moves_out(engine *e)
-{
-    const whole shortest = (e->set.verify + 3) / 4;
-    int i, found = -1;
-
-    for (i = 0; i < e->set.inputs; ++i)
-        if (e->hold_needs >> i & 1 && outward_look(&e->outward, i, shortest, e->sensors.value[i]) && found < 0)
-            found = i;
-    return found;
-}
-
-/* The hold is verified by holding, alone and without a trip, and no longer where what it holds moves out from window to window. */
-static void verify_hold(engine *e)
-{
-    int out;
-
-    if (!holds_alone(e)) {
-        outward_forget(&e->outward);
-        e->quiet = 0;
-        return;
-    }
-    out = moves_out(e);
-    e->quiet = out < 0 ? e->quiet + 1 : 0;
-    if (out >= 0 && e->hold_verified)
-        engine_tell(e, HOLD_LOST, out, e->sensors.value[out], 0, NULL);
-    else if (!e->hold_verified && e->quiet >= e->set.verify)
-        engine_tell(e, HOLD_VERIFIED, -1, 0, 0, NULL);
-    e->hold_verified = out < 0 && (e->hold_verified || e->quiet >= e->set.verify);
-}
-
 static void look(engine *e, const real *y, const circumstances *c)
 {
     trip_cause cause = {NO_TRIP, -1, 0, 0}, growing = {NO_TRIP, -1, 0, 0};
@@ -633,7 +458,7 @@ void engine_sample(engine *e, const real *y, const circumstances *c, real *u)
     monitors_effort(&e->monitors, &e->set, e->u, share, &after, &growing);
     judge(e, &after, &growing);
     engine_settle(e);
-    verify_hold(e);
+    verify_hold(e, holds_alone(e));
     memcpy(u, e->u, (size_t)e->set.outputs * sizeof *u);
     ++e->sample;
 }
