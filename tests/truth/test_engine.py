@@ -45,15 +45,18 @@ def test_both_sides_lay_out_the_shared_file_alike(tmp_path):
     assert [int(line) for line in found.split()] == wanted
 
 
-@pytest.mark.parametrize("form", ["modal", "dense"])
-def test_the_loop_has_the_bits_of_the_reference(form):
+@pytest.mark.parametrize(
+    ("form", "real_time", "samples"), [("modal", False, 3000), ("dense", False, 3000), ("modal", True, 600)]
+)
+def test_the_loop_has_the_bits_of_the_reference(form, real_time, samples):
     """Fading in, within its limits and at them, with the torque really applied in its estimate."""
     package = random_package(form=form)
-    with Supervisor(plain_settings(), random_article()) as engine:
+    with Supervisor(plain_settings(late_s=1e3), random_article(), real_time=real_time) as engine:
         assert engine.load(package).done
         assert engine.reset().done
         assert engine.command("engage", values=[1.0]).done
-        records = engine.run(3000)
+        records = engine.run(samples)
+    records = records[records["slots"] != 0]  # a clock does not wait for the engagement
     reference = ReferenceLaw(package)
     expected = np.array([reference.step(row) for row in records["y"]])
     assert np.array_equal(records["u"].view(np.int64), expected.view(np.int64))

@@ -219,3 +219,47 @@ def test_an_unstable_compensator_needs_declaration_and_recovery():
         dataclasses.replace(law, applied=None), "law", input_range=1.0, limit=1.0, unstable=True
     )
     assert "while it is limited its estimate grows" in steps_of(blind, named)["poles"].said
+
+
+def saturated_run(law, system, samples):
+    """Largest motion and share of limited samples in the last fifth of a run from far beyond the limits."""
+    n, package = len(system.A), package_law(law, "law", input_range=100.0, limit=1.0, unstable=True)
+    both = sla.expm(np.block([[system.A, system.B], [np.zeros((1, n + 1))]]) * law.period_s)
+    x, reference, motion = np.ones(n), ReferenceLaw(package), []
+    for _ in range(samples):
+        y = system.C @ x
+        u = reference.step(y)
+        motion.append([float(y[0]), float(u[0])])
+        x = both[:n, :n] @ x + both[:n, n] * u[0]
+    last = np.abs(motion[-samples // 5 :])
+    assert np.mean(np.abs(np.array(motion[: samples // 20])[:, 1]) == 1.0) > 0.5
+    return last[:, 0].max(), np.mean(last[:, 1] == 1.0)
+
+
+def test_a_declared_unstable_compensator_passes_where_it_recovers_from_saturation():
+    """Stable at every fade; without the path of the applied command it never comes back."""
+    A = sla.block_diag(*([[0.0, w], [-w, -0.02 * w]] for w in (6.923, 29.18)))
+    system = StateSpace(A, [[0.0], [1.0], [0.0], [0.7]], [[1.0, 0.0, -2.96, 0.0]], [[0.0]])
+    way, push = (Port("way", "m"),), (Port("push", "N"),)
+    plant = Plant(dynamics=system, inputs=push, outputs=way, w=("push",), u=("push",), z=("way",), y=("way",))
+    weights = LQGWeights(
+        output=np.ones(1),
+        input=np.ones(1),
+        disturbed=("push",),
+        process=np.eye(1),
+        sensor=np.array([3.57e-4]),
+    )
+    law = design_sampled_lqg(plant, weights, 1.298e5, 0.04)
+    assert np.abs(np.linalg.eigvals(law.sampled.A)).max() > 1.01
+    package = package_law(law, "law", input_range=1.0, limit=1.0, unstable=True)
+    verdict = examine_package(package, {"modes": plant}, GateMargins(gain_db=3.0, phase_deg=5.0))
+    assert verdict.passed, verdict.steps
+    blind = dataclasses.replace(law, applied=None)
+    package = package_law(blind, "law", input_range=1.0, limit=1.0, unstable=True)
+    assert not steps_of(package, plant)["poles"].passed
+    motion, limited = saturated_run(law, system, 2500)
+    assert motion < 1e-6
+    assert limited == 0.0
+    motion, limited = saturated_run(blind, system, 2500)
+    assert motion > 1e-3
+    assert limited > 0.5

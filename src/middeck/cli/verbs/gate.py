@@ -82,6 +82,12 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
     metavar="SENSOR OUTPUT GAIN",
     help="A path of the engine's hold, closed on every PLANT; may be repeated.",
 )
+@click.option(
+    "--engaged",
+    "engaged_file",
+    metavar="PACKAGE.mdk|json",
+    help="The package that is relieved: the cross-fade from it is tried on every PLANT.",
+)
 @options.written(
     "--blacklist",
     "blacklist_file",
@@ -122,6 +128,7 @@ def verb(
     count: int,
     verdict_file: str | None,
     blacklist_file: str | None,
+    engaged_file: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
@@ -130,11 +137,12 @@ def verb(
 
     Blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each
     environment, or a fitted model.json, with and without shifted modes) stable with margin at eleven points
-    of the fade; with --adaptive also a proof that each loop decays at every gain and for every move within
-    the rate. With --hold the engine's hold is closed beside the package. Then a dry run with noise on each
-    PLANT, and on a rig, if one is given, a shadow run and engagement at a share and at full authority: by the
-    engine, or by the reference law where no C compiler is at hand. Exit code 1 where a step is not passed.
-    --set takes the keys of articles and environments.
+    of the fade; with --engaged also while that package fades out and this one in; with --adaptive also a
+    proof that each loop decays at every gain and for every move within the rate. With --hold the engine's
+    hold is closed beside the package. Then a dry run with noise on each PLANT, and on a rig, if one is given,
+    a shadow run and engagement at a share and at full authority: by the engine, or by the reference law where
+    no C compiler is at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and
+    environments.
     """
     from middeck.cli.given.plants_to_try import gather_plants
     from middeck.cli.given.shifted_plants import all_plants
@@ -143,15 +151,17 @@ def verb(
     from middeck.files.laws.blacklists import add_to_blacklist, load_blacklist
     from middeck.files.laws.packages import load_package
     from middeck.realtime.gate.gate import examine_package
-    from middeck.realtime.gate.linear_law import linear_law
+    from middeck.realtime.gate.linear_law import sum_of_laws
     from middeck.realtime.gate.steps import GateMargins
     from middeck.realtime.gate.trials import GateTrials
 
     gain = _adaptive_gain(given)
     package = load_package(package_file)
+    engaged = None if engaged_file is None else load_package(engaged_file)
     engine = _held(package, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
-    linear = linear_law(package)
+    beside = [package] if engaged is None else [package, engaged]
+    linear = sum_of_laws(beside, [1.0] * len(beside))
     gathered = gather_plants(
         plants, environments or ("lab",), linear,
         case=load_case, count=count, overrides=overrides, delay_s=1e-3 * given["delay_ms"],
@@ -162,8 +172,9 @@ def verb(
     trials = None if given["paper"] else trials
     rig = _rig(package, engine, given["rig_port"], given["driver"], given["paper"])
     verdict = examine_package(
-        package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine
-    )
+        package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine,
+        engaged=engaged,
+    )  # fmt: skip
     document = describe(verdict, margins, trials)
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
@@ -239,10 +250,11 @@ def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
 def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     """The JSON document."""
     return {
-        "schema": "middeck.gate/3",
+        "schema": "middeck.gate/4",
         "package": verdict.sha256,
         "law": verdict.law,
         "hold": verdict.hold,
+        "engaged": verdict.engaged,
         "name": verdict.name,
         "models": verdict.models,
         "least": margins,

@@ -9,6 +9,7 @@ from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
+from middeck.realtime.gate.cross_fade import check_cross_fade
 from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import (
     GateMargins,
@@ -51,6 +52,7 @@ class GateVerdict:
         gain: The adaptive gain that was asked for; None for none.
         proofs: What is proved of it on each model; empty where its steps were not taken.
         hold: SHA-256 of the hold that was closed beside it (`hash_hold`).
+        engaged: SHA-256 of the package from which its cross-fade was tried; empty for none.
     """
 
     sha256: str
@@ -63,6 +65,7 @@ class GateVerdict:
     gain: AdaptiveGain | None = None
     proofs: tuple[GainProof, ...] = ()
     hold: str = NO_HOLD
+    engaged: str = ""
 
     @property
     def proved_gain(self) -> ProvedGain | None:
@@ -90,6 +93,7 @@ def examine_package(
     rig: GateRig | None = None,
     blacklist: Mapping[str, str] | None = None,
     settings: EngineSettings | None = None,
+    engaged: ControllerPackage | None = None,
 ) -> GateVerdict:
     """Blacklist, interface, poles, test vectors, bound of the error; the loop with each model; then runs.
 
@@ -106,6 +110,8 @@ def examine_package(
         settings: Of the engine that is to run it; if left out, those of a ``rig`` with a hold: the hold is
             closed on every model, and what it does not run is not passed. Without them the package is for any
             computer, and is tried alone.
+        engaged: The package that it is to relieve: their cross-fade is tried on every model
+            (`check_cross_fade`). Without it that fade is not judged; the one from the hold alone always is.
 
     Raises `ConfigError` without a model, as a package that was tried on nothing has passed nothing, and for
     a rig whose engine has another hold than ``settings``.
@@ -129,6 +135,8 @@ def examine_package(
     if _good(steps):
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
+        if engaged is not None and _good(steps):
+            steps += check_cross_fade(engaged, package, models, least, engine)
     if gain is not None and _good(steps):
         proofs = prove_gain(held, gain, models)
         steps += [
@@ -140,14 +148,15 @@ def examine_package(
     if trials is not None and rig is not None and _good(steps):
         steps.append(check_shadow_run(package, rig, trials))
     if trials is not None and rig is not None and _good(steps):
-        engaged, tripped = check_engagement(package, rig, trials)
-        steps.append(engaged)
+        engagement, tripped = check_engagement(package, rig, trials)
+        steps.append(engagement)
     left_out = ("dry run",) if trials is None else ()
     left_out += ("shadow run", "engagement") if trials is None or rig is None else ()
     return GateVerdict(
         sha256=hash_package(package), law=hash_law(package), name=package.name, models=tuple(models),
         steps=tuple(steps), left_out=left_out, tripped=tripped, gain=gain, proofs=proofs,
         hold=NO_HOLD if engine is None else hash_hold(engine),
+        engaged="" if engaged is None else hash_package(engaged),
     )  # fmt: skip
 
 

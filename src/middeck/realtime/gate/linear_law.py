@@ -1,11 +1,17 @@
-"""A package between its limits as a linear sampled law, at a fade."""
+"""Packages between their limits as a linear sampled law, each at a fade."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg as sla
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.rounding import unfold_law
+from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 
 
@@ -23,19 +29,52 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     >>> half.sampled.D.tolist()
     [[-1.0]]
     """
-    if not 0.0 <= fade <= 1.0:
-        raise ConfigError(f"a fade of {fade}", hint="0 to 1")
-    unfolded = unfold_law(package, single=False)
-    m, p = len(package.inputs), len(package.outputs)
-    law, loop = list(unfolded.law), list(unfolded.loop)
-    by_y, by_e = unfolded.G[:, :m], unfolded.G[:, m : m + p]
-    C, D = unfolded.H[law], unfolded.J[law, :m]
-    missing = fade - 1.0
-    sampled = SampledStateSpace(
-        unfolded.F + missing * by_e @ C,
-        by_y + missing * by_e @ D,
-        unfolded.H[loop] + fade * C,
-        unfolded.J[loop, :m] + fade * D,
-        period_s=package.period_s,
+    return sum_of_laws([package], [fade])
+
+
+def sum_of_laws(packages: Sequence[ControllerPackage], fades: Sequence[float]) -> Compensator:
+    """u = sum of p + f c of ``packages`` that run at once, on the ports of all.
+
+    Each compensator learns what all of them apply at its outputs, as in the engine. Raises `ConfigError` for
+    a fade outside 0 to 1, and for one name with two units.
+    """
+    for fade in fades:
+        if not 0.0 <= fade <= 1.0:
+            raise ConfigError(f"a fade of {fade}", hint="0 to 1")
+    laws = [unfold_law(package, single=False) for package in packages]
+    reads, inputs = _places([package.inputs for package in packages])
+    seen, outputs = _places([package.outputs for package in packages])
+    drives = seen.T
+    faded = drives * np.repeat(fades, [len(package.outputs) for package in packages])
+    m = [len(package.inputs) for package in packages]
+    F = _along([law.F for law in laws])
+    by_y = _along([law.G[:, :k] for law, k in zip(laws, m, strict=True)]) @ reads
+    by_e = _along([law.G[:, k : k + len(law.law)] for law, k in zip(laws, m, strict=True)])
+    C = _along([law.H[list(law.law)] for law in laws])
+    D = _along([law.J[list(law.law), :k] for law, k in zip(laws, m, strict=True)]) @ reads
+    loop_C = _along([law.H[list(law.loop)] for law in laws])
+    loop_D = _along([law.J[list(law.loop), :k] for law, k in zip(laws, m, strict=True)]) @ reads
+    missing = by_e @ (seen @ faded - np.eye(len(seen)))
+    first = packages[0]
+    return Compensator(
+        SampledStateSpace(
+            F + missing @ C,
+            by_y + missing @ D,
+            drives @ loop_C + faded @ C,
+            drives @ loop_D + faded @ D,
+            period_s=first.period_s,
+        ),
+        inputs,
+        outputs,
+        method=f"package {' and '.join(package.name for package in packages)}",
     )
-    return Compensator(sampled, package.inputs, package.outputs, method=f"package {package.name}")
+
+
+def _along(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    return np.asarray(sla.block_diag(*blocks))
+
+
+def _places(sides: Sequence[tuple[Port, ...]]) -> tuple[np.ndarray, tuple[Port, ...]]:
+    """Ones where a port of all packages, side by side, is one of the union; and the union."""
+    union = tuple(dict.fromkeys(port for ports in sides for port in ports))
+    return np.array([[float(one == port) for one in union] for ports in sides for port in ports]), union

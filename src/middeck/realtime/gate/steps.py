@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.stability.stability import LoopStability, decide_stability
-from middeck.control.law.compensator import locate_ports
+from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.gate.linear_law import linear_law
@@ -48,6 +49,14 @@ class GateMargins:
             raise ConfigError(
                 f"margins of {self.gain_db} dB and {self.phase_deg} degrees", hint="from 0; a phase below 180"
             )
+
+
+class Tried(NamedTuple):
+    """A law at a fade: where in words, the law, and whether nothing is engaged there."""
+
+    where: str
+    law: Compensator
+    off: bool = False
 
 
 def check_blacklist(law: str, blacklist: Mapping[str, str]) -> GateStep:
@@ -128,30 +137,35 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
 
     A mode that the compensator neither reaches nor sees is none of its loop.
     """
+    fades = [Tried(f"at a fade of {fade:g}", linear_law(package, fade), off=fade == 0.0) for fade in FADES]
+    return check_loops(f"model {name}", plant, fades, least)
+
+
+def check_loops(step: str, plant: Plant, tried: Sequence[Tried], least: GateMargins) -> GateStep:
+    """The loop of ``plant`` with each law is stable with margin: a step of this name."""
     try:
-        for fade in FADES:  # poles cost little beside margins: all of them first
-            law = linear_law(package, fade)
-            fault = _unstable(decide_stability(align_plant(plant, law), law), fade)
+        loops = [(one, align_plant(plant, one.law)) for one in tried]
+        for one, aligned in loops:  # poles cost little beside margins: all of them first
+            fault = _unstable(decide_stability(aligned, one.law), one.off)
             if fault:
-                return _step(f"model {name}", [f"at a fade of {fade:g}: {fault}"], "")
+                return _step(step, [f"{one.where}: {fault}"], "")
         weakest = math.inf
-        for fade in FADES:
-            law = linear_law(package, fade)
-            loops = measure_margins(align_plant(plant, law), law).loops
-            gain = min((loop.gain_db for loop in loops), default=math.inf)
-            phase = math.degrees(min((loop.phase_limit_rad for loop in loops), default=math.inf))
+        for one, aligned in loops:
+            margins = measure_margins(aligned, one.law, delays=False).loops
+            gain = min((loop.gain_db for loop in margins), default=math.inf)
+            phase = math.degrees(min((loop.phase_limit_rad for loop in margins), default=math.inf))
             weakest = min(weakest, gain)
             if gain < least.gain_db or phase < least.phase_deg:
-                fault = f"at a fade of {fade:g}: margins of {gain:.2f} dB and {phase:.1f} degrees"
-                return _step(f"model {name}", [fault], "")
+                fault = f"{one.where}: margins of {gain:.2f} dB and {phase:.1f} degrees"
+                return _step(step, [fault], "")
     except (NumericalError, ConfigError) as error:
-        return _step(f"model {name}", [f"not decided: {error.what}"], "")
+        return _step(step, [f"not decided: {error.what}"], "")
     said = f"least gain margin {weakest:.1f} dB" if math.isfinite(weakest) else "no gain makes it unstable"
-    return _step(f"model {name}", [], f"stable at {len(FADES)} fades, {said}")
+    return _step(step, [], f"stable at {len(tried)} fades, {said}")
 
 
-def _unstable(found: LoopStability, fade: float) -> str:
-    if found.decays or (fade == 0.0 and found.stable):  # without control a free body rests where it is
+def _unstable(found: LoopStability, off: bool) -> str:
+    if found.decays or (off and found.stable):  # without control a free body rests where it is
         return ""
     if found.growing:
         return f"a root at {found.frequency_hz:.4g} Hz grows ({-found.margin:.3g} 1/s)"

@@ -237,6 +237,12 @@ class EngineSettings:
         """From a reset to the whole hold, beside which a compensator may engage."""
         return max(self.ramp_s, LEAST_RAMP * self.period_s)
 
+    @property
+    def fade_samples(self) -> tuple[int, int]:
+        """The least samples of a fade, and the most in which a compensator leaves."""
+        least = max(self.samples(self.ramp_s), LEAST_RAMP)
+        return least, max(self.samples(self.leave_s), 2 * least)
+
     def samples(self, seconds: float) -> int:
         """``seconds`` in whole samples, rounded up."""
         return math.ceil(seconds / self.period_s - 1e-6)
@@ -318,8 +324,7 @@ def _encode_times(words: np.ndarray, settings: EngineSettings) -> None:
     words["effort_forget"] = -math.expm1(-settings.period_s / settings.effort_s) if settings.effort_s else 0.0
     words["effort_share"] = settings.effort_share
     words["verify"] = settings.samples(settings.verify_s)
-    words["ramp"] = max(settings.samples(settings.ramp_s), LEAST_RAMP)
-    words["leave"] = max(settings.samples(settings.leave_s), 2 * int(words["ramp"]))
+    words["ramp"], words["leave"] = settings.fade_samples
     words["safe_ramp"] = settings.samples(settings.safe_ramp_s)
     words["heartbeat"] = settings.samples(settings.heartbeat_s)
     words["late_ns"], words["late_most"] = round(1e9 * settings.late_s), settings.late_most

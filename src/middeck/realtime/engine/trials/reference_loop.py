@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.commands import REASONS
-from middeck.realtime.engine.interface.settings import LEAST_RAMP, EngineSettings
+from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.reference import ReferenceLaw, SectionState
 from middeck.signals.ports import Port
@@ -33,7 +33,7 @@ class ReferenceLoop:
     def __init__(self, package: ControllerPackage, settings: EngineSettings) -> None:
         if abs(package.period_s - settings.period_s) > 1e-9 * settings.period_s:
             raise ConfigError("a package of another sampling rate", hint=f"{1.0 / settings.period_s:g} Hz")
-        self.settings, self.ramp = settings, max(settings.samples(settings.ramp_s), LEAST_RAMP)
+        self.settings, self.ramp = settings, settings.fade_samples[0]
         ramp = max(package.ramp, self.ramp)
         self.law = ReferenceLaw(
             dataclasses.replace(package, ramp=ramp, vectors=None), fast=not package.single

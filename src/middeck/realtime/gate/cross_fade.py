@@ -1,0 +1,71 @@
+"""The cross-fade from the law that is engaged to the one that takes over, closed on every model."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+from middeck.errors import ConfigError
+from middeck.realtime.engine.interface.settings import EngineSettings
+from middeck.realtime.gate.linear_law import sum_of_laws
+from middeck.realtime.gate.package_with_hold import with_hold
+from middeck.realtime.gate.steps import FADES, GateMargins, GateStep, Tried, check_loops
+from middeck.realtime.gate.trials import package_settings
+from middeck.realtime.package.package import ControllerPackage
+from middeck.systems.plants.plant import Plant
+
+
+def check_cross_fade(
+    engaged: ControllerPackage,
+    package: ControllerPackage,
+    models: Mapping[str, Plant],
+    least: GateMargins,
+    engine: EngineSettings | None = None,
+) -> tuple[GateStep, ...]:
+    """While ``engaged`` fades out and ``package`` in, the loop with each model is stable with margin.
+
+    From full authority, at eleven points of either fade, beside the hold of the ``engine``; without one, by
+    the times of an engine's default settings.
+    """
+    try:
+        plain = package_settings(package) if engine is None else engine
+        fits = dataclasses.replace(package_settings(engaged), period_s=plain.period_s)
+        first = with_hold(engaged, fits if engine is None else dataclasses.replace(engine, hold=()))
+        second = with_hold(package, plain)
+        tried = [
+            Tried(
+                f"{engaged.name} at {leaves:.3g}, {package.name} at {rises:.3g}",
+                sum_of_laws([first, second], [leaves, rises]),
+            )
+            for leaves, rises in fade_points(engaged.ramp, package.ramp, plain)
+        ]
+    except ConfigError as error:
+        said = f"{error.what}: {error.hint}"
+        return (GateStep(name=f"cross-fade from {engaged.name}", passed=False, said=said),)
+    return tuple(
+        check_loops(f"cross-fade from {engaged.name} on {name}", plant, tried, least)
+        for name, plant in models.items()
+    )
+
+
+def fade_points(leaves: int, rises: int, settings: EngineSettings) -> list[tuple[float, float]]:
+    """Fades of the law that leaves and of the one that rises, where either is at a tenth of its authority.
+
+    Args:
+        leaves, rises: Samples of their own ramps.
+        settings: Of the engine: its least ramp, and its longest way out.
+
+    Eleven points for ramps of one length.
+    """
+    least, most = settings.fade_samples
+    fall, rise = min(max(leaves, least), most), max(rises, least)
+    parts = [0.5 - math.sin(math.asin(1.0 - 2.0 * fade) / 3.0) for fade in FADES]
+    times = sorted({round(part * length, 6) for part in parts for length in (fall, rise)})
+    return [(1.0 - _faded(time / fall), _faded(time / rise)) for time in times]
+
+
+def _faded(part: float) -> float:
+    """The fade of the engine and of generated C, over a ramp from 0 to 1."""
+    s = min(max(part, 0.0), 1.0)
+    return s * s * (3.0 - 2.0 * s)
