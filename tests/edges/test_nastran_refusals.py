@@ -361,6 +361,7 @@ def test_masses_by_weight_and_length(tmp_path):
         ("EIGR,1,LAN,1.,50.", "EIGR 1 asks for modes up to 50 Hz, at most: see middeck modes --count"),
         ("EIGR,1,MGIV,,,,7", "EIGR 1 asks for 7 modes: middeck modes --count 7"),
         ("EIGR,1,AHOU", ""),
+        ("EIGR,1,AHOU,,,,100000", "EIGR 1 asks for all modes: middeck modes --count 24"),
         ("EIGRL,3,,200.,12", ""),
     ],
 )

@@ -94,11 +94,14 @@ def note_doubts(basis: Basis, parts: Parts) -> list[str]:
             f"the deck's own program would give its bars {asked} mass (PARAM COUPMASS), "
             f"the article has {basis.formulation} mass: with {asked} it compares with that program"
         )
-    return [*notes, *_modes_asked(deck)]
+    return [*notes, *_modes_asked(deck, 6 * len(basis.places.grids))]
 
 
-def _modes_asked(deck: Deck) -> Iterator[str]:
-    """What the selected EIGR or EIGRL, or any where none is selected, asks for, as `modes` is told it."""
+def _modes_asked(deck: Deck, every: int) -> Iterator[str]:
+    """What the selected EIGR or EIGRL, or any where none is selected, asks for, as `modes` is told it.
+
+    There are no more than ``every`` one.
+    """
     chosen = {n for command in ("METHOD", "METH") for n in deck.selection.sets.get(command, ())}
     for entry in deck.entries.of("EIGR", "EIGRL"):
         if chosen and entry.id not in chosen:
@@ -107,7 +110,12 @@ def _modes_asked(deck: Deck) -> Iterator[str]:
             top, count = entry["v2"], entry["nd"]
         else:
             top, count = entry["f2"], integer((entry["rest"][1:2] or [""])[0] or "")
-        wants = [f"{count} modes" if count else "modes", *([f"up to {top:g} Hz"] if top else [])]
+        number = "all " if count and count >= every else f"{count} " if count else ""
+        wants = f"{number}modes" + (f" up to {top:g} Hz" if top else "")
         if top or count:
-            how = f": middeck modes --count {count}" if count else ", at most: see middeck modes --count"
-            yield f"{entry.label} asks for {' '.join(wants)}{how}"
+            how = (
+                f": middeck modes --count {min(count, every)}"
+                if count
+                else ", at most: see middeck modes --count"
+            )
+            yield f"{entry.label} asks for {wants}{how}"
