@@ -17,7 +17,7 @@ from middeck.systems.state_space.balancing import balance
 from middeck.values import record
 
 AT_ONCE = 16
-"""Loops of 60 states together: their matrices stay in the cache."""
+"""Loops that are inverted together."""
 FEW = 3
 """Loops for which no better units are sought than balanced ones."""
 TRUSTED = 1e-11
@@ -88,12 +88,11 @@ def measure_many(
         return ManyLoops(stable=stable, rms=rms, error=error, residual=residual, alone=alone)
     scale = find_units(A[0]) if count > FEW else balance(A[0])[1]
     turned, way = scale / scale[:, None], share_way(A, scale)
-    at_once = int(np.clip(AT_ONCE * (60 / n) ** 2, 1, min(AT_ONCE, count)))
-    room, F = np.empty((4 + way.most, at_once, n, n)), np.empty((at_once, n, n))
-    for first in range(0, count, at_once):
-        part = slice(first, first + at_once)
-        few = np.multiply(A[part], turned, out=F[: len(A[part])])
-        found = square_loops(few, B[part] / scale[:, None], C[part] * scale, way, room)
+    room, wide = np.empty((4 + way.most, n, n)), np.empty((4, min(count, AT_ONCE), n, n))
+    for first in range(0, count, AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        few = np.multiply(A[part], turned, out=wide[3, : len(A[part])])
+        found = square_loops(few, B[part] / scale[:, None], C[part] * scale, way, room, wide[:3, : len(few)])
         known = (found.residual <= TRUSTED) & (found.error <= TOLERATED).all(axis=1)
         alone[part] = ~found.grown & ~(found.proved & known)
         rms[part], error[part], residual[part] = found.rms, found.error, found.residual

@@ -13,7 +13,7 @@ v A of fixed v tell the residual v (A X + X A' + B B') v' in the same way.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +28,6 @@ SQUARINGS = 24
 """A pole that decays by 1e-6 of p or more is proved stable."""
 SMALL = 0.3
 """Norm of a power of M below one: it proves stability, and few terms are left of X."""
-WAITS = 0.02
-"""Norm down to which a loop waits for others: to part their powers takes as long as two squarings."""
 SHIFT = 1e-6
 """Decay of the first loop, over its size, that is lent to it for its units."""
 UNITS = 2
@@ -104,16 +102,6 @@ def share_way(A: np.ndarray, scale: np.ndarray) -> Way:
     return Way(pole, most, np.linalg.inv(block) if apart else np.zeros((0, 0)), _probes(n))
 
 
-class _Level(NamedTuple):
-    """A power of M for the loops ``at``, in rising order."""
-
-    at: np.ndarray
-    power: np.ndarray
-
-    def of(self, some: np.ndarray) -> np.ndarray:
-        return self.power if len(some) == len(self.at) else self.power[np.searchsorted(self.at, some)]
-
-
 class Found(NamedTuple):
     """Which loops are proved stable and which to grow; of the proved, rms, their errors, and residuals."""
 
@@ -124,57 +112,82 @@ class Found(NamedTuple):
     residual: np.ndarray
 
 
-def square_loops(A: np.ndarray, B: np.ndarray, C: np.ndarray, way: Way, room: np.ndarray) -> Found:
-    """``room`` holds a matrix for each power and three more, so that no memory is asked for in the loop."""
+def square_loops(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, way: Way, room: np.ndarray, wide: np.ndarray
+) -> Found:
+    """Inverses of all loops at once, then loop by loop, so that its few powers stay in the cache.
+
+    ``room`` holds a matrix for each power and four more, ``wide`` three for each loop: memory that is asked
+    for anew costs as much as the products.
+    """
     count, n = A.shape[:2]
     proved, grown = np.zeros((2, count), bool)
-    rms, error = np.full((2, *C.shape[:2]), np.inf)
-    found = Found(proved, grown, rms, error, np.full(count, np.nan))
-    inverse, feigned = room[0, :count], np.zeros(count)
     try:
-        feigned = _invert(A, way, inverse, room[1, :count])
+        inverse, feigned = _invert(A, way, wide)
     except np.linalg.LinAlgError:  # a pole at p
-        return found
-    ends = np.sqrt(2.0 * way.pole) * (inverse @ B), np.sqrt(2.0 * way.pole) * (C @ inverse)
-    power = np.multiply(inverse, 2.0 * way.pole, out=room[3, :count])
-    power[:, range(n), range(n)] += 1.0
-    left, peak, levels = np.arange(count), np.ones(count), list[_Level]()
+        nothing = np.full(C.shape[:2], np.inf)
+        return Found(proved, grown, nothing, nothing, np.full(count, np.nan))
+    columns, seen = np.sqrt(2.0 * way.pole) * (inverse @ B), np.sqrt(2.0 * way.pole) * (C @ inverse)
+    start = np.multiply(inverse, 2.0 * way.pole, out=wide[2])
+    start[:, range(n), range(n)] += 1.0
+    square, reach = np.zeros((2, *C.shape[:2]))
+    gap, size = np.zeros((count, PROBES)), np.zeros(count)
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(way.most + 1):
-            levels.append(_Level(left, power))
-            size, trace = _size(power), np.abs(np.trace(power, axis1=1, axis2=2))
-            peak = np.fmax(peak, size)
-            grows = (trace > GROWN * n) & (feigned * 2.0**k * size**2 < DOUBT * trace**2)
-            falls = size < SMALL
-            if not (falls | grows).all() and size.min() > WAITS:
-                falls[:] = False
-            if (falls | grows | ~(size < LOST)).any():
-                grown[left[grows]], at = True, left[falls]
-                proved[at] = (feigned * peak**2 * 3.0 * 2.0**k < DOUBT)[falls]
-                if len(at):
-                    own = [M if len(at) == count else M[at] for M in (A, B, C, *ends)]
-                    some = _measure([level.of(at) for level in levels], own, way, room)
-                    rms[at], error[at], found.residual[at] = some
-                kept = ~(grows | falls) & (size < LOST)
-                left, power, feigned, peak = (x[kept] for x in (left, power, feigned, peak))
-            if not len(left) or k == way.most:
-                break
-            power = np.matmul(power, power, out=room[4 + k, : len(left)])
-    return found
+        for i, lost in enumerate(feigned.tolist()):
+            powers, verdict = _square(start[i], lost, way.most, room[4:])
+            grown[i], proved[i] = verdict < 0, verdict > 0
+            if proved[i] and B.shape[2]:
+                total = _summed(powers[:-1], columns[i], room)
+                square[i], gap[i] = _seen(powers[-1], total, C[i], A[i], way.probes)
+                reach[i], size[i] = _reach(powers, seen[i]), _norm(total)
+    driven = way.probes @ B
+    lost = _sizes(2.0 * gap + np.vecdot(driven, driven))
+    whole = 2.0 * _sizes(A) * size + _sizes(B.swapaxes(1, 2) @ B)
+    wrong = lost[:, None] * reach + EPS * np.vecdot(C, C) * size[:, None]
+    residual = np.divide(lost, whole, out=np.zeros(count), where=whole != 0.0)
+    # A sum that is zero to the bit has no terms: the output sees nothing of what is driven.
+    error = np.where(square == 0.0, 0.0, relative_error(wrong, square))
+    known = proved[:, None]
+    return Found(
+        proved,
+        grown,
+        np.where(known, np.sqrt(np.maximum(square, 0.0)), np.inf),
+        np.where(known, error, np.inf),
+        np.where(proved, residual, np.nan),
+    )
 
 
-def _invert(A: np.ndarray, way: Way, out: np.ndarray, work: np.ndarray) -> Float[np.ndarray, " loop"]:
-    """``out`` = (A - p I)^-1; by how much rounding has changed M, as `PROBES` vectors see it, twice."""
+def _square(M: np.ndarray, feigned: float, most: int, room: np.ndarray) -> tuple[list[np.ndarray], int]:
+    """Powers of M down to a small one, and 1 where it is proved stable, -1 to grow, 0 where neither is."""
+    n, powers, peak = len(M), [M], 1.0
+    while True:
+        power, k = powers[-1], len(powers) - 1
+        size = _norm(power)
+        peak = max(peak, size)
+        if size < SMALL:
+            return powers, int(feigned * peak * peak * 3.0 * 2.0**k < DOUBT)
+        if size > GROWN * math.sqrt(n):  # no trace is more than n^1/2 of the norm
+            trace = abs(float(power.trace()))
+            if trace > GROWN * n and feigned * 2.0**k * size * size < DOUBT * trace * trace:
+                return powers, -1
+        if k == most or not size < LOST:
+            return powers, 0
+        powers.append(np.dot(power, power, out=room[k]))
+
+
+def _invert(A: np.ndarray, way: Way, wide: np.ndarray) -> tuple[np.ndarray, Float[np.ndarray, " loop"]]:
+    """(A - p I)^-1; by how much rounding has changed M, as `PROBES` vectors see it, twice."""
     n = A.shape[1]
-    np.copyto(work, A)
-    work[:, range(n), range(n)] -= way.pole
+    moved, inverse = wide[:2]
+    np.copyto(moved, A)
+    moved[:, range(n), range(n)] -= way.pole
     if len(way.last):
-        _invert_parts(work, way.last, out)
+        _invert_parts(moved, way.last, inverse)
     else:
-        np.copyto(out, np.linalg.inv(work))
+        np.copyto(inverse, np.linalg.inv(moved))
     columns = way.probes.T
-    gap = out @ (work @ (out @ columns) - columns)
-    return EPS * n + 4.0 * way.pole * _size(gap) / np.sqrt(PROBES)
+    gap = inverse @ (moved @ (inverse @ columns) - columns)
+    return inverse, EPS * n + 4.0 * way.pole * _sizes(gap) / np.sqrt(PROBES)
 
 
 def _invert_parts(S: np.ndarray, last: np.ndarray, out: np.ndarray) -> None:
@@ -190,55 +203,41 @@ def _invert_parts(S: np.ndarray, last: np.ndarray, out: np.ndarray) -> None:
     out[:, rest, rest] += last
 
 
-def _measure(
-    powers: list[np.ndarray], own: Sequence[np.ndarray], way: Way, room: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rms, their relative errors and the residual, from the powers of M down to a small one.
-
-    ``own``: A, B, C, (2 p)^1/2 (A - p I)^-1 B and (2 p)^1/2 C (A - p I)^-1 of each loop.
-    """
-    A, B, C, columns, seen = own
-    (count, n), outputs = A.shape[:2], C.shape[1]
-    if not B.shape[2]:
-        return np.zeros((count, outputs)), np.zeros((count, outputs)), np.zeros(count)
-    total = _summed(powers[:-1], columns, room)
-    terms = int(np.ceil(np.log(LEFT) / (2.0 * np.log(_size(powers[-1]).max(initial=EPS)))))
-    rows, last = np.empty((count, terms, outputs + 2 * PROBES, n)), outputs + PROBES
-    rows[:, 0, :outputs], rows[:, 0, outputs:last], rows[:, 0, last:] = C, way.probes, way.probes @ A
+def _seen(
+    power: np.ndarray, total: np.ndarray, C: np.ndarray, A: np.ndarray, probes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """c X c' of each row of C, v X A' v' of each probe v; X sums P^j Y P'^j of a small P, Y = ``total``."""
+    n, outputs, last = len(A), len(C), len(C) + len(probes)
+    terms = math.ceil(math.log(LEFT) / (2.0 * math.log(max(_norm(power), EPS))))
+    rows = np.empty((terms, last + len(probes), n))
+    rows[0, :outputs], rows[0, outputs:last], rows[0, last:] = C, probes, probes @ A
     for j in range(1, terms):
-        np.matmul(rows[:, j - 1], powers[-1], out=rows[:, j])
-    half = (rows.reshape(count, -1, n) @ total).reshape(rows.shape)
-    square = np.einsum("lpij,lpij->li", half[:, :, :outputs], rows[:, :, :outputs])
-    gap = 2.0 * np.einsum("lpij,lpij->li", half[:, :, outputs:last], rows[:, :, last:])
-    driven, size = way.probes @ B, _size(total)
-    gap = _size(gap + np.vecdot(driven, driven))
-    whole = 2.0 * _size(A) * size + _size(B.swapaxes(1, 2) @ B)
-    wrong = gap[:, None] * _reach(powers, seen) + EPS * np.vecdot(C, C) * size[:, None]
-    residual = np.divide(gap, whole, out=np.zeros(count), where=whole != 0.0)
-    # A sum that is zero to the bit has no terms: the output sees nothing of what is driven.
-    error = np.where(square == 0.0, 0.0, relative_error(wrong, square))
-    return np.sqrt(np.maximum(square, 0.0)), error, residual
+        np.dot(rows[j - 1], power, out=rows[j])
+    half = (rows.reshape(-1, n) @ total).reshape(rows.shape)
+    square = np.vecdot(half[:, :outputs], rows[:, :outputs]).sum(axis=0)
+    return square, np.vecdot(half[:, outputs:last], rows[:, last:]).sum(axis=0)
 
 
 def _summed(powers: list[np.ndarray], columns: np.ndarray, room: np.ndarray) -> np.ndarray:
     """Sum of M^i Y Y' M'^i over i below 2^len(powers): columns M^i Y while these are few, then X itself."""
-    count, n, w = columns.shape
+    n, w = columns.shape
     few = max(0, min(len(powers), int(np.log2(n / w)) + 1))
-    wide = np.empty((count, n, w * 2**few))
-    wide[:, :, :w] = columns
+    wide = np.empty((n, w * 2**few))
+    wide[:, :w] = columns
     for power in powers[:few]:
-        np.matmul(power, wide[:, :, :w], out=wide[:, :, w : 2 * w])
+        np.matmul(power, wide[:, :w], out=wide[:, w : 2 * w])
         w *= 2
-    total, half, more = room[:3, :count]
-    np.matmul(wide, wide.swapaxes(1, 2), out=total)
+    total, half, more, power_t = room[:4]
+    np.dot(wide, wide.T, out=total)
     for power in powers[few:]:
-        np.matmul(power, total, out=half)
-        np.matmul(half, power.swapaxes(1, 2), out=more)
+        np.dot(power, total, out=half)
+        power_t[:] = power.T  # products with a transposed matrix take twice as long as with its copy
+        np.dot(half, power_t, out=more)
         total += more
     return total
 
 
-def _reach(powers: list[np.ndarray], rows: np.ndarray) -> Float[np.ndarray, "loop output"]:
+def _reach(powers: list[np.ndarray], rows: np.ndarray) -> Float[np.ndarray, " output"]:
     """About the sum of |c M^i|^2 over all i, of each row c, from every third power."""
     total = np.vecdot(rows, rows)
     for k in range(0, len(powers), 3):
@@ -253,7 +252,13 @@ def _probes(n: int) -> Float[np.ndarray, "probe state"]:
     return np.where((k * k / np.sqrt(2.0)) % 1.0 < 0.5, -1.0, 1.0).reshape(PROBES, n)
 
 
-def _size(M: np.ndarray) -> Float[np.ndarray, " loop"]:
+def _sizes(M: np.ndarray) -> Float[np.ndarray, " loop"]:
     """Frobenius norms."""
     flat = M.reshape(len(M), -1)
     return np.sqrt(np.vecdot(flat, flat))
+
+
+def _norm(M: np.ndarray) -> float:
+    """Frobenius norm."""
+    flat = M.ravel()
+    return math.sqrt(flat.dot(flat))
