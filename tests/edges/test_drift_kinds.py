@@ -55,7 +55,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(autouse=True)
 def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Faults of the one record are looked for once."""
-    monkeypatch.setattr("middeck.cli.fitting.detect_faults", detect_faults_once)
+    monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
 
 
 @pytest.mark.parametrize("kind", KINDS)
