@@ -1,6 +1,7 @@
 """Responses in a refinement: slopes, anti-resonances, delay and gain of a truth that the model is not."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -139,6 +140,7 @@ def noisy(plant: Plant, noise: float, rng: np.random.Generator) -> FrequencyResp
     return dataclasses.replace(clean, H=clean.H + error, variance=std**2, hold_s=0.0)
 
 
+@functools.cache
 def truth(seed: int) -> tuple[Survey, dict[str, float]]:
     """Modes and responses of the frozen truth on the ground, its delay, and gains of one sensor and motor."""
     _, lab = case.sheet()

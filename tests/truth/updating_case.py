@@ -7,6 +7,7 @@ a node and, in orbit, an umbilical of 0.02 Hz, none of which the refined model h
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -34,6 +35,7 @@ UMBILICAL_HZ = 0.02
 DAMPING_STD = 0.05
 
 
+@functools.cache
 def sheet() -> tuple[Structure, Environment]:
     return md.load_setup(ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml")
 
@@ -41,7 +43,13 @@ def sheet() -> tuple[Structure, Environment]:
 def true_article(
     seed: int, environment: Environment, settings: Sequence[tuple[str, float]] = STRAIGHT
 ) -> RigArticle:
-    """The truth at rest in ``environment``."""
+    """The truth at rest in ``environment``, solved once."""
+    return _true_article(seed, environment, tuple(settings))
+
+
+# A cache tells a default from the same value given.
+@functools.cache
+def _true_article(seed: int, environment: Environment, settings: tuple[tuple[str, float], ...]) -> RigArticle:
     article, _ = sheet()
     hidden = draw_hidden_errors(article, seed)
     strut = article.members[0]

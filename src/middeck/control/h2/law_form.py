@@ -189,9 +189,10 @@ def pack(law: Law, free: Free) -> Float[np.ndarray, " parameter"]:
 
 def unpack(x: Float[np.ndarray, " parameter"], law: Law, free: Free) -> Law:
     """The law with its free entries replaced."""
-    ends = np.cumsum([np.count_nonzero(free.A), np.count_nonzero(free.B)])
+    first = np.count_nonzero(free.A)
+    last = first + np.count_nonzero(free.B)
     A, B, C = law.A.copy(), law.B.copy(), law.C.copy()
-    A[free.A], B[free.B], C[free.C] = np.split(x, ends)
+    A[free.A], B[free.B], C[free.C] = x[:first], x[first:last], x[last:]
     return Law(A, B, C)
 
 

@@ -18,7 +18,7 @@ from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.sensitivity.parameters import read_parameter
 from middeck.structure.sensitivity.plants import differentiate_plant
-from middeck.updating.unknowns.unknowns import Bound, product_slopes
+from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 
 
@@ -132,14 +132,15 @@ def transfer_slopes(
         "zeta": (count,),
     }
     total = {name: np.zeros((len(bound), *shape)) for name, shape in shapes.items()}
+    d_omega = np.zeros((len(bound), count))
     for k, own in enumerate(now):
         for parameter in own:
             one, scale = next(found), 1.0 if bound[k].unknown.added else parameter.value
             for name, sums in total.items():
                 sums[k] += scale * getattr(one, name)
+            d_omega[k] += scale * np.diag(one.A, 1)[::2]
     total["zeta"][:, list(held)] = 0.0
     free = np.setdiff1d(np.flatnonzero(modes.omega[:count] > 0.0), held)
     log_omega = np.zeros((len(bound), count))
-    lam = modes.omega[free] ** 2
-    log_omega[:, free] = (product_slopes(modes, bound, free, free, lam) / (2.0 * lam[:, None])).T
+    log_omega[:, free] = d_omega[:, free] / modes.omega[free]
     return TransferSlopes(log_omega=log_omega, **total)
