@@ -17,6 +17,8 @@ import pytest
 from middeck.cli.main import execute
 from middeck.cli.work.fit_records import identify
 from middeck.identification.faults import detect_faults
+from middeck.updating.candidates.foreseen import foresee
+from middeck.updating.orbit.frequencies import solve_there
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine
 
@@ -52,25 +54,28 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     done: dict[bytes, Any] = {}
 
     @functools.wraps(function)
-    def kept(*asked: Any) -> Any:
-        known = pickle.dumps(asked)
+    def kept(*asked: Any, **named: Any) -> Any:
+        known = pickle.dumps((asked, named))
         if known not in done:
-            done[known] = function(*asked)
+            done[known] = function(*asked, **named)
         return done[known]
 
     return kept
 
 
 refine_once, promise_once, detect_faults_once = once(refine), once(promise), once(detect_faults)
+foresee_once, solve_there_once = once(foresee), once(solve_there)
 
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let verbs search faults, fit, refine and promise once where several examples ask alike."""
+    """Let verbs search faults, fit, refine, rank and promise once where several examples ask alike."""
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.identification.faults.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)
     monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
+    monkeypatch.setattr("middeck.updating.candidates.candidates.foresee", foresee_once)
+    monkeypatch.setattr("middeck.updating.candidates.candidates.solve_there", solve_there_once)
 
 
 def script(*arguments: object) -> list[str]:

@@ -232,7 +232,7 @@ def test_an_option_of_continuous_models_asks_for_one(
 ) -> None:
     path = tmp_path / "wide.npz"
     write_record(path, run(60.0))  # past an eighth of 256 Hz
-    states = 8 + {"--integrators": 1, "--rigid": 2}.get(str(option[0]), 0)
+    states = 2 + {"--integrators": 1, "--rigid": 2}.get(str(option[0]), 0)  # one mode of four
     ask = ("identify", path, "--periods", PERIODS, "--states", states, *option, "--json")
     found = json.loads(middeck(capfd, *ask).out)
     assert found["sampled"] is False
@@ -252,5 +252,5 @@ def test_what_sampled_models_have_too_chooses_nothing(
 ) -> None:
     path = tmp_path / "wide.npz"
     write_record(path, run(60.0))
-    found = middeck(capfd, "identify", path, "--periods", PERIODS, "--states", 8, *option, "--json")
+    found = middeck(capfd, "identify", path, "--periods", PERIODS, "--states", 2, *option, "--json")
     assert json.loads(found.out)["sampled"] is True

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cli_runner import detect_faults_once
 from middeck.cli.given.settings import FitSettings
 from middeck.cli.work.fit_records import alike, identify
 from middeck.files.measured.models import load_fitted, write_model
@@ -49,6 +50,12 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("record") / "record.npz"
     write_record(path, Record(sample_hz=HZ, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=True))
     return str(path)
+
+
+@pytest.fixture(autouse=True)
+def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Faults of the one record are looked for once."""
+    monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
 
 
 @pytest.mark.parametrize("kind", KINDS)

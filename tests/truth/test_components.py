@@ -285,6 +285,32 @@ def test_a_boundary_that_holds_nothing_has_no_stiffness(count, finer):
     assert np.all(part.stiffness[:6] == 0.0)
 
 
+@pytest.mark.parametrize("modes", [1, 3])
+def test_few_modes_on_one_grid_whose_stiffness_is_rounding(modes, campaign):
+    """Of matrices condensed elsewhere: rounding of 1e9 N/m on the boundary is no stiffness, 1 N/m less is."""
+    for seed in campaign(100):
+        rng = np.random.default_rng([modes, seed])
+        arm, count = np.array([0.3, -0.2, 0.4]), 6 + modes
+        R = np.hstack([np.eye(3), -np.cross(np.eye(3), arm).T])
+        K, M = (
+            np.diag(np.concatenate([np.zeros(6), (2.0 * np.pi * rng.uniform(2, 30, modes)) ** 2])),
+            np.eye(count),
+        )
+        M[:6, :6] = 5.0 * R.T @ R + np.diag([0.0] * 3 + [0.1, 0.2, 0.25])
+        M[:6, 6:] = 0.05 * rng.normal(size=(6, modes))
+        M[6:, :6] = M[:6, 6:].T
+        noise = 1e-7 * rng.normal(size=(6, 6))
+        K[:6, :6] += noise + noise.T
+        part = Component(
+            name="c", grids=("b",), frames=("n",), positions=np.zeros((1, 3)), stiffness=K, mass=M
+        )
+        assert not [*component_faults(part)]
+        K[2, 2] -= 1.0
+        assert any(
+            "indefinite" in fault for fault in component_faults(dataclasses.replace(part, stiffness=K))
+        )
+
+
 def test_what_is_seldom_meant_is_doubted():
     good = with_component(*bent_beam(np.random.default_rng(1)), count=8).components[0]
     assert not [*component_doubts(good)]

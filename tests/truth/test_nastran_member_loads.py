@@ -87,7 +87,7 @@ def test_the_end_of_a_cantilever_moves_as_under_the_load_itself(tmp_path, case, 
 
 def test_a_load_on_a_pinned_end_goes_to_the_pin(tmp_path):
     """Under q the free slope of a beam pinned at its wall and guided at its end: q L^3 / (6 E I) + ..."""
-    _, article, held = converted(
+    made, article, held = converted(
         tmp_path,
         [
             "GRID,1", f"GRID,2,,{L},0.,0.", "CBAR,1,1,1,2,0.,1.,0.\n,6", "PBAR,1,1,2.-4,3.-8,2.-8,3.-8",
@@ -96,6 +96,7 @@ def test_a_load_on_a_pinned_end_goes_to_the_pin(tmp_path):
     )  # fmt: skip
     rest = md.solve_equilibrium(article, held, "load5")
     moved = rest.config.x[1] - article.nodes[1].position
+    assert ("PLOAD1 of load set 5", 1) in [left[:2] for left in made.left_out]  # its own bending
     # Moment zero at the pin, slope zero at the guide: v(L) = 5 q L^4 / (24 E I).
     np.testing.assert_allclose(moved[1], 5.0 * 1e-3 * L**4 / (24.0 * E * 3e-8), rtol=1e-6)
 

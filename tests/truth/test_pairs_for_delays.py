@@ -171,6 +171,21 @@ def test_of_a_delay_that_is_one_nothing_is_said(seed):
     assert abs(more.model.delay_s[0] - 0.02) < 4.0 * more.uncertainty.delay_s[0]
 
 
+def test_of_a_delay_common_to_four_paths_nothing_is_said_in_any_unit():
+    clean, unit = response(late, noise=1e-9), 1e6
+    H = unit * clean.H[::4] * np.outer([1.0, -0.6], [1.0, 0.8])
+    size = np.broadcast_to(0.01 * np.sqrt(np.mean(np.abs(H) ** 2)), H.shape)
+    re, im = np.random.default_rng(1).standard_normal((2, *H.shape)) / np.sqrt(2.0)
+    ports = tuple(tuple(Port(p.name + k, p.unit) for k in "12" for p in side) for side in PORTS)
+    paths = FrequencyResponse(
+        frequency_hz=clean.frequency_hz[::4], H=H + size * (re + 1j * im), inputs=ports[0], outputs=ports[1],
+        variance=size**2,
+    )  # fmt: skip
+    fitted = fit_response(paths, states=6, delay="common")
+    assert set(fitted.standing) > {"sound"}
+    assert not [w for w in fitted.warnings if "may stand for poles" in w]
+
+
 @pytest.mark.parametrize(("hz", "noise"), repeats([(50.0, 3e-3), (70.0, 3e-3), (50.0, 1e-2)], 1))
 def test_a_delay_of_a_record_that_stands_for_a_filter_is_doubted(hz, noise):
     rng, count = np.random.default_rng(4), 4000

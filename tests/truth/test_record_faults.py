@@ -590,3 +590,32 @@ def test_a_broken_output_hides_no_fault_of_another(kind: str) -> None:
         )
     )
     assert {(f.channel, f.kind) for f in found} == {("rate", kind), ("angle", "hum"), ("angle", "shift")}
+
+
+def test_spikes_of_several_samples_are_found(campaign: Callable[[int], range]) -> None:
+    """Three to eight samples, ten to forty times the rms, at any place but the very edges."""
+    for seed in campaign(60):
+        rng = np.random.default_rng([38, seed])
+        u = EXCITATIONS["white noise" if seed % 2 else "burst random"](rng)
+        y = resonant(u)[:, 0]
+        y += 1e-2 * y.std() * rng.standard_normal(SAMPLES)
+        k, width = int(rng.integers(30, SAMPLES - 60)), int(rng.integers(3, 9))
+        y[k : k + width] += rng.choice([-1.0, 1.0]) * rng.uniform(10.0, 40.0) * y.std()
+        found = detect_faults(replace(heard(rng, y), u=u[None, None, :, None]))
+        (spike,) = (f for f in found if f.kind == "spike")
+        assert spike.samples[0][0] == k
+
+
+def test_short_answers_to_steps_are_no_spikes(campaign: Callable[[int], range]) -> None:
+    """Accelerations of a heavily damped article under a few steps: all of it within some samples."""
+    for seed in campaign(60):
+        rng = np.random.default_rng([39, seed])
+        u = np.zeros(4096)
+        for k in rng.integers(100, 3900, rng.choice([2, 5])):
+            u[k:] = rng.standard_normal()
+        w, zeta = rng.uniform(0.2, 1.5), rng.uniform(0.3, 0.9)
+        p = np.exp(w * (-zeta + 1j * np.sqrt(1.0 - zeta**2)))
+        y = scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p.real, abs(p) ** 2], u)
+        y += 10.0 ** rng.uniform(-4.0, -2.0) * np.abs(y).max() * rng.standard_normal(4096)
+        found = detect_faults(replace(heard(rng, y), u=u[None, None, :, None]))
+        assert "spike" not in [f.kind for f in found]

@@ -117,9 +117,11 @@ def _without(record: Record, found: Sequence[Fault], kinds: Sequence[str]) -> Re
 
 
 def _driven(inputs: np.ndarray) -> Runs:
-    """Spikes of the inputs of one experiment."""
+    """Spikes and steps of the inputs of one experiment."""
     channels = [_filled(x.ravel()) for x in np.moveaxis(inputs, -1, 0)]
-    return [run for x in channels if not is_dead(x) for run in spike_runs(x, levels_of(x))]
+    moving = [x for x in channels if not is_dead(x)]
+    moving += [np.diff(x, prepend=x[0]) for x in moving]
+    return [run for x in moving for run in spike_runs(x, levels_of(x))]
 
 
 def _channels(samples: np.ndarray) -> list[Signal]:

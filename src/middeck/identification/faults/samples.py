@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.linalg
 import scipy.ndimage
+from jaxtyping import Bool
 
 from middeck.identification.faults.runs import Found, Levels, Runs, Signal, equal_runs, fault, runs_of
 
@@ -39,11 +40,13 @@ REST = 0.05
 # Spikes: samples on each side that a spike is compared with, the nearest left out, and by how many times
 # their span it leaves it. Of Gaussian samples one in 1e9 does.
 BESIDE, LEAP = 12, 2.0
+# Samples on each side that are left out where longer ones are sought: so many and one may be one spike.
+WIDE = 8
 # Spikes among large samples of the signal's own: residuals of a prediction from so many samples before. The
 # largest, a share but no fewer than FEWEST_LARGE, tell the tail; chance is beyond it in one of e^BEYOND.
 PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
-# Samples by which an output may follow a spike of an input and be its answer.
-ANSWERS = 2
+# Samples by which an output may follow a spike or a step of an input and be its answer.
+ANSWERS = WIDE + 2
 # Inputs with so much of their energy in spikes are impacts.
 IMPACTS = 0.1
 # Share of a sample at an edge that the next one inward has of it, from which on the two are one decay.
@@ -168,7 +171,7 @@ def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
 
 
 def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[Found]:
-    """One or two samples far outside of all that is beside them, of the signal's tail and of any answer.
+    """One to nine samples far outside of all that is beside them, of the signal's tail and of any answer.
 
     ``driven`` are spikes of the inputs, which an output may answer.
     """
@@ -232,17 +235,26 @@ def _answers(run: tuple[int, int], driven: Runs) -> bool:
 def _outside_runs(x: Signal, step: float) -> Runs:
     if len(x) < 2 * BESIDE + 5:
         return []
-    highest, lowest = _beside(x, scipy.ndimage.maximum_filter1d), -_beside(-x, scipy.ndimage.maximum_filter1d)
-    beyond = np.maximum(x - highest, lowest - x)
-    found = (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
+    found = _outside(x, step, 1)
+    if len(x) > 4 * (BESIDE + WIDE):
+        inner = slice(BESIDE + WIDE, -BESIDE - WIDE)
+        found[inner] |= _outside(x, step, WIDE)[inner]
     return [run for run in runs_of(found) if not _decays(x, run)]
 
 
-def _beside(x: Signal, largest: Callable[..., np.ndarray]) -> Signal:
-    """The largest of the samples beside each: 2 to BESIDE away, at an edge as many from inside."""
+def _outside(x: Signal, step: float, near: int) -> Bool[np.ndarray, " sample"]:
+    """Samples outside of those more than ``near`` and up to BESIDE + ``near`` - 1 away."""
+    highest = _beside(x, scipy.ndimage.maximum_filter1d, near)
+    lowest = -_beside(-x, scipy.ndimage.maximum_filter1d, near)
+    beyond = np.maximum(x - highest, lowest - x)
+    return (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
+
+
+def _beside(x: Signal, largest: Callable[..., np.ndarray], near: int) -> Signal:
+    """The largest of BESIDE - 1 samples on each side of those ``near``, at an edge as many from inside."""
     size = BESIDE - 1
-    # The window of BESIDE - 1 samples that ends two before a sample, and the one that begins two after it.
-    shift = 2 + size // 2
+    # The window of BESIDE - 1 samples that ends just before those near, and the one that begins after them.
+    shift = near + 1 + size // 2
     inner = largest(x, size)
     around = np.maximum(np.roll(inner, shift), np.roll(inner, -shift))
     for k in range(BESIDE + 1):

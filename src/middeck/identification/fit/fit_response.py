@@ -27,7 +27,7 @@ from middeck.identification.model.checks import check_logarithms, check_response
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.simulation import folded_response
-from middeck.identification.order.best_start import model_error, race, spread_to_follow
+from middeck.identification.order.best_start import FEW_STEPS, model_error, race, spread_to_follow
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
@@ -40,7 +40,7 @@ from middeck.identification.search.fit_warnings import (
     refuse_a_lead,
 )
 from middeck.identification.search.likelihood import likelihood_polish
-from middeck.identification.search.polish import Polished, logarithmic_polish, settle
+from middeck.identification.search.polish import Polished, logarithmic_polish, polish, settle
 from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
@@ -168,17 +168,18 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     """`fit_response` with its options as one value.
 
     A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
-    some thousandths of the response at an eighth of the rate.
+    some thousandths of the response at an eighth of the rate. From its end, where the order is given, the
+    second search begins: so little moves it by less than another race of all starts would scatter.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
         return fit_lines(measured, asked, cost)
     if not hold_s:
         return marked(fit_lines(measured, asked, cost), hold_s)
-    first = _model_of(_searched(release_hold(measured), asked, cost))[0]
-    folded = folded_response(first, measured.frequency_hz, 1.0 / hold_s)
+    first = _searched(release_hold(measured), asked, cost)
+    folded = folded_response(_model_of(first)[0], measured.frequency_hz, 1.0 / hold_s)
     alone = dataclasses.replace(measured, H=measured.H - folded)
-    return marked(fit_lines(release_hold(alone), asked, cost), hold_s)
+    return marked(_result(_searched(release_hold(alone), asked, cost, first.best)), hold_s)
 
 
 def marked(fit: FitResult, hold_s: float | None) -> FitResult:
@@ -204,7 +205,10 @@ class _Searched:
     reason: str
 
 
-def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Searched:
+def _searched(
+    measured: FrequencyResponse, asked: FitOptions, cost: Cost, near: Polished | None = None
+) -> _Searched:
+    """The search from all starts or, for a given order, from a fit that is ``near``."""
     check_word("cost", cost, get_args(Cost))
     options, states = decided(measured, asked), asked.states
     check_response(measured, count_unknowns(measured, options))
@@ -225,7 +229,8 @@ def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Se
     if states is None:
         best, reason = choose_order(measured, data, spread, options, asked)
     else:
-        best, reason = race(data, spread, options), f"{states} states were asked for"
+        best = None if near is None else _further(data, near, spread)
+        best, reason = best or race(data, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
     best = settle(data, best, followed)
     if states is None:
@@ -244,6 +249,11 @@ def _searched(measured: FrequencyResponse, asked: FitOptions, cost: Cost) -> _Se
         followed=followed,
         reason=reason,
     )
+
+
+def _further(data: Data, near: Polished, spread: Spread) -> Polished | None:
+    """A fit of other data, refined on these."""
+    return polish(data, near.start, spread, steps=FEW_STEPS, rounds=1, share=near.share)
 
 
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
@@ -329,7 +339,7 @@ def _poles_for_a_delay(
     standing: tuple[Standing, ...],
 ) -> PolesInstead | None:
     """Where a fit with delays has modes that are not sound, poles that describe as much without them."""
-    sound = sum(one == "sound" for one in standing)
-    if not covariance.structure.with_delay or sound == len(standing):
+    sound = np.unique(covariance.model.poles[[one == "sound" for one in standing]])
+    if not covariance.structure.with_delay or all(one == "sound" for one in standing):
         return None
     return poles_instead(measured, data, best, spread, sound)

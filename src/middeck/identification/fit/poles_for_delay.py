@@ -12,19 +12,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Complex
 
-from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions, decided
-from middeck.identification.order.best_start import race
 from middeck.identification.order.order import description_length
 from middeck.identification.problem.data import Data
-from middeck.identification.search.polish import Polished
+from middeck.identification.problem.layout import Start
+from middeck.identification.search.polish import Polished, polish
 from middeck.identification.spectra.weights import Spread
+from middeck.identification.start.start import start_at, upper_half
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
-# Pairs beyond the band that are tried.
+# Pairs beyond the band that are tried, from those of Butterworth's filter, whose delay is sqrt(2) over its
+# frequency; two that coincide would be one.
 PAIRS = (1, 2)
+BUTTERWORTH, PARTED = np.sqrt(0.5) * (-1.0 + 1.0j), 1.3
+# Steps of a search on one share of weights, and how often the share is found anew.
+STEPS, ROUNDS = 12, 2
 # Difference of two description lengths (twice a logarithm of likelihood) up to which neither is preferred:
 # ten in that logarithm are decisive in any scale (Kass and Raftery 1995).
 UNDECIDED = 20.0
@@ -53,20 +58,31 @@ class PolesInstead:
 
 
 def poles_instead(
-    measured: FrequencyResponse, data: Data, best: Polished, spread: Spread, sound: int
+    measured: FrequencyResponse,
+    data: Data,
+    best: Polished,
+    spread: Spread,
+    sound: Complex[np.ndarray, " mode"],
 ) -> PolesInstead | None:
-    """What describes ``measured`` as well as ``best`` does, with ``sound`` modes of it; None where nothing
+    """What describes ``measured`` as well as ``best`` does, with its ``sound`` poles; None where nothing
     does."""
-    own = _length(data, best)
     found: list[tuple[float, int]] = []
     for pairs in PAIRS:
-        asked = FitOptions(states=2 * (sound + pairs), constants="complex", delay=False)
-        try:
-            run = race(data, spread, decided(measured, asked))
-        except (DataError, FitError):
-            continue
-        found.append((_length(data, run), run.layout.states))
-    return instead_of(own, found)
+        start = _beyond(measured, data, best, sound, pairs)
+        run = polish(data, start, spread, steps=STEPS, rounds=ROUNDS)
+        if run is not None:
+            found.append((_length(data, run), run.layout.states))
+    return instead_of(_length(data, best), found)
+
+
+def _beyond(measured: FrequencyResponse, data: Data, best: Polished, sound: np.ndarray, pairs: int) -> Start:
+    """The sound poles, and beside them so many pairs that together are as late as the fit's largest delay."""
+    late = max(float(best.start.point.delay_s.max()), 1.0 / float(data.omega[-1]))
+    each = BUTTERWORTH * np.sqrt(2.0) * pairs / late * np.linspace(1.0, PARTED, pairs)
+    poles, pair = upper_half(np.concatenate([sound, each]), 0.0)
+    states = int(np.sum(np.where(pair, 2, 1)))
+    options = decided(measured, FitOptions(states=states, constants="complex", delay=False))
+    return start_at(data, options, poles, pair, np.zeros((len(data.H), 1)))
 
 
 def instead_of(own: float, others: Sequence[tuple[float, int]]) -> PolesInstead | None:

@@ -19,6 +19,7 @@ from middeck.structure.model.connectivity import some_names
 DIRECT = ("FORCE", "MOMENT")
 TAKEN = (*DIRECT, "PLOAD1", "GRAV")
 ALIKE = 1e-6  # of gravity: fields of eight columns
+INSIDE = "how its member bends between its ends, which move and turn as under it"
 
 
 class LoadSets:
@@ -40,7 +41,8 @@ class LoadSets:
     def cases(self, units: Units, faults: list[Fault]) -> list[dict[str, Any]]:
         """Load cases ``load7`` of the sets that case control selects, of all if it selects none.
 
-        Sets with loads other than forces, moments, those of PLOAD1 and gravity go to ``refused``.
+        Sets with loads other than forces, moments, those of PLOAD1 and gravity go to ``refused``, and what is
+        left out of PLOAD1.
         """
         found: list[dict[str, Any]] = []
         chosen = None if self.chosen is None else self.chosen & {*self.direct, *self.sums}
@@ -58,11 +60,14 @@ class LoadSets:
                 continue
             falls = [self._acceleration(f, entry, faults) for f, entry in parts if entry.name == "GRAV"]
             loads = [self._load(f, entry, units, faults) for f, entry in parts if entry.name in DIRECT]
+            along = [(f, entry) for f, entry in parts if entry.name == "PLOAD1"]
             try:
-                loads += [t for f, entry in parts if entry.name == "PLOAD1" for t in self._along(f, entry)]
+                loads += [t for f, entry in along for t in self._along(f, entry)]
             except ValueError as error:
                 self.refused.append((f"load set {sid}", 1, f"{error}"))
                 continue
+            if along:
+                self.refused.append((f"PLOAD1 of load set {sid}", len(along), INSIDE))
             if loads or not falls:
                 found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
             if loads or sid not in summed:
