@@ -13,7 +13,7 @@ from measured.rows import cell, peer, row
 from middeck.control.h2.closed_cost import Law
 from middeck.control.robust.verification.many_loops import close_many, decide_many, measure_many
 
-CASE, REPEATS = "many loops", 3
+CASE, REPEATS = "many_loops", 3
 LOOPS, MODES, CHANNELS, SPREAD, SEED = 10_000, 15, 3, 0.03, 0
 # Of input and sensor noise in the design: the authority at which 40 to 60 % of the loops are stable.
 NOISE = 1e-4
