@@ -89,14 +89,14 @@ def test_a_delay_is_told_from_a_mode_as_far_as_the_data_tell():
 HZ, ZETA = np.array([6.0, 14.0]), np.array([0.01, 0.008])
 
 
-def response(factor, *, seed=0, noise=1e-3, rates=False, beyond=0.0):
+def response(factor, *, seed=0, noise=1e-3, rates=False, beyond=0.0, lines=700):
     """Two modes in 1 to 30 Hz, and one ``beyond`` at 34 Hz, behind ``factor`` of s."""
-    f, w = np.linspace(1.0, 30.0, 700), 2.0 * np.pi * np.append(HZ, 34.0)
+    f, w = np.linspace(1.0, 30.0, lines), 2.0 * np.pi * np.append(HZ, 34.0)
     s, zeta = 2j * np.pi * f, np.append(ZETA, 0.01)
     modes = w**2 * [1.0, -1.5, beyond] / (s[:, None] ** 2 + 2.0 * zeta * w * s[:, None] + w**2)
     H = factor(s) * np.sum(modes, axis=1)
     H = H * s / w[0] if rates else H
-    size = noise * np.sqrt(np.mean(np.abs(H) ** 2))
+    size = np.sqrt(lines / 700) * noise * np.sqrt(np.mean(np.abs(H) ** 2))  # as of 700 lines
     re, im = np.random.default_rng(seed).standard_normal((2, len(f))) / np.sqrt(2.0)
     return FrequencyResponse(
         frequency_hz=f,
@@ -124,7 +124,7 @@ def low_pass(hz):
 @functools.cache
 def fitted_behind(hz, noise):
     """The default fit of the response behind a filter."""
-    return fit_response(response(low_pass(hz), noise=noise))
+    return fit_response(response(low_pass(hz), noise=noise, lines=400))
 
 
 @pytest.mark.parametrize("rates", repeats([False, True], 2))
@@ -154,7 +154,9 @@ def test_what_is_said_of_it_helps():
     fitted = fitted_behind(45.0, 1e-3)
     (warning,) = [w for w in fitted.warnings if "may stand for poles beyond the band" in w]
     states = int(warning.split("delay=False, ")[1].split()[0])
-    instead = fit_response(response(low_pass(45.0)), constants="complex", delay=False, states=states)
+    instead = fit_response(
+        response(low_pass(45.0), lines=400), constants="complex", delay=False, states=states
+    )
     at = np.argsort(natural_hz(instead.model))[:2]
     assert np.all(np.abs(natural_hz(instead.model)[at] - HZ) < 4.0 * instead.uncertainty.natural_hz[at])
     assert all(instead.standing[m] == "sound" for m in at)
@@ -188,7 +190,7 @@ def test_of_a_delay_common_to_four_paths_nothing_is_said_in_any_unit():
 
 @pytest.mark.parametrize(("hz", "noise"), repeats([(50.0, 3e-3), (70.0, 3e-3), (50.0, 1e-2)], 1))
 def test_a_delay_of_a_record_that_stands_for_a_filter_is_doubted(hz, noise):
-    rng, count = np.random.default_rng(4), 4000
+    rng, count = np.random.default_rng(4), 2000
     f = np.fft.rfftfreq(2 * count, 1.0 / RATE)
     s, w = 2j * np.pi * f, 2.0 * np.pi * HZ
     U = np.where((f > 1.0) & (f < 40.0), np.exp(2j * np.pi * rng.random(len(f))), 0.0)
