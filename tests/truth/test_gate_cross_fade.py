@@ -200,9 +200,9 @@ def test_ramps_of_other_lengths_bring_both_to_full_authority():
 
 
 def test_the_fade_is_tried_beside_the_hold():
-    """The hold takes half of each lag's crossing away, so that what grew without it decays."""
+    """With lags of 0.4 and 4 1/s what grew decays; one hold too many would drive the first lag out."""
     old, new = cross("old", 0, 1, 2.1), cross("new", 1, 0, 2.1)
-    hold = (LoopPath(0, 0, static_gain(-1.0)),)
+    hold = (LoopPath(0, 0, static_gain(0.6)), LoopPath(1, 1, static_gain(-3.0)))
     assert not check_cross_fade(old, new, LAGS, ANY, engine_of())[0].passed
     assert check_cross_fade(old, new, LAGS, ANY, engine_of(hold))[0].passed
     spoilt = check_cross_fade(old, new, LAGS, ANY, engine_of((LoopPath(0, 0, static_gain(2.0)),)))
