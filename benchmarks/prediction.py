@@ -3,16 +3,17 @@ refined on some of what was measured, against the rest.
 
     python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
 
-CASES, of sheet, five, response, rig, promise, slip, frontier, multimodel, motors, Sag and Torsion, are run
-alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with one BLAS
-thread. Sheet and five are refined on modal surveys of the truth, response on its responses too, rig on
-records of it, which take an hour.
+CASES, of sheet, five, response, rig, promise, coverage, slip, frontier, multimodel, motors, Sag and Torsion,
+are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with
+one BLAS thread. Sheet and five are refined on modal surveys of the truth, response on its responses too, rig
+on records of it, which take an hour.
 """
 
 from __future__ import annotations
 
 from measured import (
     all_motors,
+    coverage,
     garteur_promise,
     multimodel_bound,
     pazy_promise,
@@ -30,6 +31,7 @@ CASES = {
     "response": lambda _: responses.rows(),
     "rig": lambda _: rig_prediction.rows(),
     "promise": promise.rows,
+    "coverage": coverage.rows,
     "slip": slip_promise.rows,
     "frontier": promise.frontier_rows,
     "multimodel": multimodel_bound.rows,
