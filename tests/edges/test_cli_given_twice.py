@@ -84,13 +84,13 @@ def test_both_of_a_pair_of_flags_are_refused(capfd: Capture) -> None:
 
 
 REPEATED = {
-    ("record", "inputs"): (["a", "b,c"], "a,b,c"),
-    ("record", "outputs"): (["a [m]", "b"], "a [m],b"),
-    ("identify", "inputs"): (["a", "b"], "a,b"),
-    ("identify", "outputs"): (["a", "b"], "a,b"),
-    ("identify", "reference"): (["r", "s"], "r,s"),
-    ("path", "through"): (["earth", "moon"], "earth,moon"),
-    ("level", "about"): (["x", "z"], "xz"),
+    ("record", "inputs"): (["a", "b,c"], ("a", "b,c")),
+    ("record", "outputs"): (["a [m]", "b"], ("a [m]", "b")),
+    ("identify", "inputs"): (["a", "b"], ("a", "b")),
+    ("identify", "outputs"): (["a", "b"], ("a", "b")),
+    ("identify", "reference"): (["r", "s"], ("r", "s")),
+    ("path", "through"): (["earth", "moon"], ("earth", "moon")),
+    ("level", "about"): (["x", "z"], ("x", "z")),
     ("response", "at"): (["1,2", "3"], (1.0, 2.0, 3.0)),
     ("excite", "noise"): (["1", "2"], (1.0, 2.0)),
 }

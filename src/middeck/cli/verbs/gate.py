@@ -84,7 +84,7 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
 )
 @click.option(
     "--engaged",
-    "engaged_file",
+    "relieved",
     metavar="PACKAGE.mdk|json",
     help="The package that is relieved: the cross-fade from it is tried on every PLANT.",
 )
@@ -128,7 +128,7 @@ def verb(
     count: int,
     verdict_file: str | None,
     blacklist_file: str | None,
-    engaged_file: str | None,
+    relieved: str | None,
     overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
@@ -157,7 +157,7 @@ def verb(
 
     gain = _adaptive_gain(given)
     package = load_package(package_file)
-    engaged = None if engaged_file is None else load_package(engaged_file)
+    engaged = None if relieved is None else load_package(engaged_file)
     beside = [package] if engaged is None else [package, engaged]
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
