@@ -25,14 +25,6 @@ from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import LinearArticle
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.trials import (
-    GateRig,
-    GateTrials,
-    check_dry_run,
-    check_engagement,
-    check_shadow_run,
-)
-from middeck.realtime.package.package import ControllerPackage
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.values import record
 
@@ -188,34 +180,14 @@ def draw(
             return Destabiliser(kind=kind, law=law, article=truth, rate=rate, share=share)
 
 
-@functools.cache
 def refused_on_paper(law: Compensator, article: str, environment: str) -> str:
     """The step of the gate that refuses it on the model beside the hold; "" for none. Limits have no part."""
     settings = settings_of(article, environment)
-    package = _ranged(law, settings, np.ones(len(law.outputs)))
+    reach = [sensor.range for sensor in settings.sensors[: len(law.inputs)]]
+    package = pack(law, input_range=reach, limit=np.ones(len(law.outputs)))
     models = {"on board": rig_case(article, environment).plant}
     verdict = examine_package(package, models, settings=settings)
     return next((step.name.removesuffix(" on board") for step in verdict.steps if not step.passed), "")
-
-
-def stopped_by(found: Destabiliser, article: str = "dm", environment: str = "lab") -> str:
-    """The step of the gate that refuses it: on the model, in a dry run there, on the truth as its rig."""
-    step = refused_on_paper(found.law, article, environment)
-    if step:
-        return step
-    settings, trials = settings_of(article, environment), GateTrials(dry_s=5.0, shadow_s=2.0)
-    package = _ranged(found.law, settings, own_limits(found, settings))
-    bench, plant = GateRig(found.article, settings), rig_case(article, environment).plant
-    if not check_dry_run(package, "on board", plant, trials, settings).passed:
-        return "dry run"
-    if not check_shadow_run(package, bench, trials).passed:
-        return "shadow run"
-    return "" if check_engagement(package, bench, trials)[0].passed else "engagement"
-
-
-def _ranged(law: Compensator, settings: EngineSettings, limit: np.ndarray) -> ControllerPackage:
-    reach = [sensor.range for sensor in settings.sensors[: len(law.inputs)]]
-    return pack(law, input_range=reach, limit=limit)
 
 
 def own_limits(found: Destabiliser, settings: EngineSettings) -> np.ndarray:

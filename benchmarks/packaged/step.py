@@ -59,7 +59,7 @@ def _numpy_steps(system: Any) -> Callable[[], Any]:
 
     def run() -> None:
         for _ in range(STEPS):
-            stacked @ both  # pyright: ignore[reportUnusedExpression]
+            stacked @ both
 
     return run
 

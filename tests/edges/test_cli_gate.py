@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -21,6 +22,7 @@ from middeck.identification.model.plant_model import model_of_plant
 from middeck.realtime.engine.rigs.article import linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.served_rig import ServedRig
+from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.build import package_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
@@ -135,6 +137,27 @@ def test_processes_that_add_to_one_blacklist_lose_no_entry(tmp_path):
         process.communicate()
         assert process.returncode == 0
     assert set(load_blacklist(path)) == {f"{who}{k:063d}" for who in "abc" for k in range(25)}
+
+
+def test_the_package_that_is_relieved_and_the_hold_have_ports_of_their_own(files, capfd):
+    """A damper of the rate, and one that grows: as the old one is whole the loop is that of it alone."""
+    rate = dataclasses.replace(WAY, name="rate", unit="m/s")
+    seen = StateSpace(swing().dynamics.A, [[0.0], [1.0]], np.eye(2), np.zeros((2, 1)))
+    write_model("two.json", model_of_plant(Plant(dynamics=seen, inputs=(PUSH,), outputs=(WAY, rate))))
+    none = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+    for name, gain in (("sound", -0.1), ("grows", 0.5)):
+        law = Compensator(SampledStateSpace(*none, [[gain]], period_s=PERIOD_S), (rate,), (PUSH,))
+        package = package_law(law, name, input_range=1.0, limit=1.0)
+        write_package("old.mdk", package)
+        asked = (files[0], "two.json", *files[2:], "--engaged", "old.mdk", "--hold", "rate", "push", "-0.05")
+        ended = middeck(capfd, "gate", *asked, "--paper", "--json")
+        document = json.loads(ended.out)
+        assert document["engaged"] == hash_package(package)
+        last = document["steps"][-1]
+        assert last["name"].startswith(f"cross-fade from {name} on ")
+        assert last["passed"] == (ended.code == 0) == (name == "sound"), last["said"]
+    assert last["said"].startswith("grows at 1, law at 0: a root at ")
+    assert "grows (0.162" in last["said"]  # 0.225 - 0.02 pi
 
 
 @pytest.mark.usefixtures("compiler")

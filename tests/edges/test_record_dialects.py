@@ -135,6 +135,13 @@ def test_a_point_beside_decimal_commas_may_part_thousands(tmp_path: Path) -> Non
         load_record(tmp_path / "run.csv")
 
 
+def test_quoted_commas_that_may_part_thousands_are_refused(tmp_path: Path) -> None:
+    lines = [f'{k / 256},"{900 + 20 * k:,}",{y}' for k, y in enumerate(Y)]
+    (tmp_path / "run.csv").write_text("\n".join(("time [s],u:force [N],y:way [m]", *lines)) + "\n")
+    with pytest.raises(DataError, match=r"'1,000' may be 1000 times"):
+        load_record(tmp_path / "run.csv")
+
+
 @pytest.mark.parametrize(("before", "last"), [("", ";"), ("sep=;\n", ""), ("sep=;\n", ";")])
 def test_what_spreadsheets_add_to_lines_is_no_column(tmp_path: Path, before: str, last: str) -> None:
     path = written(tmp_path / "run.csv", "s", 1.0, ";", ",")

@@ -116,6 +116,14 @@ def test_a_loop_that_is_unstable_at_one_fade_of_eleven_is_refused():
     assert step.said.startswith("at a fade of 0.2: margins of")  # 11 degrees at full authority
 
 
+def test_an_engaged_law_that_leaves_a_body_free_is_refused():
+    """Without margins asked for: at a fade of zero a free body may rest where it is, and nowhere else."""
+    free = one_port(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]))
+    step = examine_package(gain_package(0.0), {"free": free}, ANY).steps[-1]
+    assert not step.passed
+    assert step.said.startswith("at a fade of 0.1: a root at 0 Hz does not decay")
+
+
 def test_a_loop_that_is_not_decided_is_not_passed():
     """At full authority y = -x + y: the loop has no solution."""
     direct = StateSpace([[-1.0]], [[1.0]], [[-1.0]], [[1.0]])

@@ -11,11 +11,13 @@ import scipy.linalg as sla
 
 from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package, still_article
 from middeck.control.law.compensator import Compensator
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.gate.cross_fade import check_cross_fade, fade_points
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import sum_of_laws
+from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import GateMargins
 from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.build import package_law
@@ -91,8 +93,11 @@ def test_the_mixture_is_what_the_engine_computes():
         packaged(names[0], first, (WAY, RATE), (PUSH,), E, unstable=True),
         packaged(names[1], second, (RATE,), (TURN, PUSH), G, unstable=True),
     ]
+    hold = np.array([[0.0, 0.3], [-0.4, 0.0]])
+    paths = (LoopPath(1, 0, static_gain(0.3)), LoopPath(0, 1, static_gain(-0.4)))
+    held = [with_hold(packages[0], engine_of(paths)), packages[1]]
     for old, new in ((1.0, 0.0), (0.784, 0.216), (0.3, 0.9)):
-        made = sum_of_laws(packages, [old, new])
+        made = sum_of_laws(held, [old, new])
         assert (made.inputs, made.outputs) == ((WAY, RATE), (PUSH, TURN))
         s = made.sampled
         A, B, C = plant
@@ -100,9 +105,10 @@ def test_the_mixture_is_what_the_engine_computes():
         by_hand = sample_by_sample(
             plant,
             [(first, E, [0, 1], [0], old), (second, G, [1], [1, 0], new)],
-            np.zeros((2, 2)),
+            hold,
         )
-        assert np.allclose(np.poly(loop), np.poly(by_hand), rtol=1e-9, atol=1e-9)
+        expected = np.append(np.poly(by_hand), np.zeros(4))  # states of two static sections
+        assert np.allclose(np.poly(loop), expected, rtol=1e-9, atol=1e-9)
 
 
 def largest_pole(plant, parts):
@@ -172,6 +178,16 @@ def test_two_stable_loops_whose_mean_is_not():
     assert refusal.said.startswith("old at 0.6, new at 0.4: a root at 0 Hz grows (0.028")
 
 
+def test_an_adaptive_gain_moves_both_laws():
+    """Either alone is triangular and decays at every gain; at one of 1.5 the mean of both grows."""
+    old, new = cross("old", 0, 1, 1.9), cross("new", 1, 0, 1.9)
+    gain = AdaptiveGain(
+        maximum=1.5, minimum=0.2, rate=0.01, sensor="way", band_hz=(1.0, 5.0), quiet_rms=0.01, loud_rms=0.1
+    )
+    (refusal,) = [s for s in examine_package(new, LAGS, ANY, gain=gain, engaged=old).steps if not s.passed]
+    assert refusal.said.startswith("old at 1.2, new at 0.3: a root at 0 Hz grows (0.13")
+
+
 def test_ramps_of_other_lengths_bring_both_to_full_authority():
     """A law that leaves more slowly than the other rises is there whole beside it: then g > 1 grows."""
     slow, fast = {"ramp_s": 4.0}, {"ramp_s": 0.0}
@@ -184,9 +200,9 @@ def test_ramps_of_other_lengths_bring_both_to_full_authority():
 
 
 def test_the_fade_is_tried_beside_the_hold():
-    """The hold takes half of each lag's crossing away, so that what grew without it decays."""
+    """With lags of 0.4 and 4 1/s what grew decays; one hold too many would drive the first lag out."""
     old, new = cross("old", 0, 1, 2.1), cross("new", 1, 0, 2.1)
-    hold = (LoopPath(0, 0, static_gain(-1.0)),)
+    hold = (LoopPath(0, 0, static_gain(0.6)), LoopPath(1, 1, static_gain(-3.0)))
     assert not check_cross_fade(old, new, LAGS, ANY, engine_of())[0].passed
     assert check_cross_fade(old, new, LAGS, ANY, engine_of(hold))[0].passed
     spoilt = check_cross_fade(old, new, LAGS, ANY, engine_of((LoopPath(0, 0, static_gain(2.0)),)))

@@ -619,3 +619,17 @@ def test_short_answers_to_steps_are_no_spikes(campaign: Callable[[int], range]) 
         y += 10.0 ** rng.uniform(-4.0, -2.0) * np.abs(y).max() * rng.standard_normal(4096)
         found = detect_faults(replace(heard(rng, y), u=u[None, None, :, None]))
         assert "spike" not in [f.kind for f in found]
+
+
+@pytest.mark.parametrize("name", ["square", "held"])
+def test_levels_that_an_input_holds_for_some_samples_are_no_spikes(name: str) -> None:
+    """Nothing may be left beside their steps, and the middle of a level is far from all some samples away."""
+    for hold in range(9, 20):
+        rng = np.random.default_rng([40, hold])
+        k = np.arange(1500)
+        levels = rng.standard_normal(len(k) // hold + 1)
+        u = np.where(k // hold % 2, 1.0, -1.0) if name == "square" else np.repeat(levels, hold)[: len(k)]
+        y = scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -0.6, 0.2], u)
+        y += 1e-3 * y.std() * rng.standard_normal(len(k))
+        found = detect_faults(replace(heard(rng, y), u=u[None, None, :, None]))
+        assert "spike" not in [f.kind for f in found]

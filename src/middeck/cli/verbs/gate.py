@@ -158,9 +158,9 @@ def verb(
     gain = _adaptive_gain(given)
     package = load_package(package_file)
     engaged = None if engaged_file is None else load_package(engaged_file)
-    engine = _held(package, given["paths"]) if given["paths"] else None
-    blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     beside = [package] if engaged is None else [package, engaged]
+    engine = _held(beside, given["paths"]) if given["paths"] else None
+    blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     linear = sum_of_laws(beside, [1.0] * len(beside))
     gathered = gather_plants(
         plants, environments or ("lab",), linear,
@@ -185,14 +185,18 @@ def verb(
         click.get_current_context().exit(1)
 
 
-def _held(package: ControllerPackage, paths: tuple[tuple[str, str, float], ...]) -> EngineSettings:
-    """An engine with the package's ports, ranges and limits, and the hold that was named."""
+def _held(packages: list[ControllerPackage], paths: tuple[tuple[str, str, float], ...]) -> EngineSettings:
+    """An engine with the packages' ports, ranges and limits, and the hold that was named."""
     import dataclasses
 
     from middeck.realtime.gate.trials import package_settings
     from middeck.realtime.package.section import LoopPath, static_gain
 
-    plain = package_settings(package)
+    plain, *others = (package_settings(package) for package in packages)
+    for other in others:
+        more = tuple(test for test in other.sensors if test.port not in plain.inputs)
+        drives = tuple(drive for drive in other.drives if drive.port not in plain.outputs)
+        plain = dataclasses.replace(plain, sensors=plain.sensors + more, drives=plain.drives + drives)
     hold = tuple(
         LoopPath(plain.sensor(sensor), plain.drive(output), static_gain(gain))
         for sensor, output, gain in paths

@@ -18,7 +18,7 @@ from middeck.errors import DataError
 from middeck.files.disk.atomic import replacing
 from middeck.files.json.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
-from middeck.files.records.decimals import separator_of, with_points
+from middeck.files.records.decimals import refuse_thousands, separator_of, with_points
 from middeck.files.records.ending import cut_short
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
 from middeck.files.records.stamps import JITTER, is_even, last_digit, mean_step, open_share, rate_of
@@ -257,7 +257,7 @@ def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.n
             if cells and any(cells) and not cells[0].startswith("#")
         )
         while block := list(itertools.islice(rows, size)):
-            table = _numbers(block, width, file)
+            table = _numbers(block, width, file, opening.separator)
             table[:, : int(opening.timed)] *= opening.second
             yield block[0][0], table
 
@@ -267,10 +267,12 @@ def _unended(cells: list[str]) -> list[str]:
     return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
 
 
-def _numbers(block: list[Row], width: int, file: Path) -> Float[np.ndarray, "line column"]:
+def _numbers(block: list[Row], width: int, file: Path, separator: str) -> Float[np.ndarray, "line column"]:
     try:
         table = np.array([cells for _, cells in block], dtype=float)
     except ValueError:
+        if separator == ",":
+            refuse_thousands(((n, c) for n, cells in block for c in cells), file)
         block = [(n, with_points(cells, f"{file}:{n}")) for n, cells in block]
         table = np.array([_line(row, width, file) for row in block])
     if table.shape[1] != width:

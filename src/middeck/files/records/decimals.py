@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from middeck.errors import DataError
 
@@ -15,6 +16,18 @@ COMMA = re.compile(r"[+-]?\d*,\d*(?:[eEdD][+-]?\d+)?")
 def separator_of(line: str) -> str:
     """The separator of columns: a tab or a semicolon where there is one, else a comma."""
     return next((s for s in ("\t", ";") if s in line), ",")
+
+
+def refuse_thousands(cells: Iterable[tuple[int, str]], file: Path) -> None:
+    """Raise `DataError` where all commas in ``cells``, of numbered lines, may part thousands, as in "1,234".
+
+    A file whose columns commas part quotes such cells of either kind.
+    """
+    commas = [(n, c) for n, c in cells if "," in c]
+    if commas and all(THOUSANDS.fullmatch(c.strip().replace(",", ".")) and "." not in c for _, c in commas):
+        line, cell = commas[0]
+        hint = "nothing between thousands; of decimal commas, part the columns with semicolons"
+        raise DataError(f"{cell!r} may be 1000 times as much", where=f"{file}:{line}", hint=hint)
 
 
 def with_points(cells: Sequence[str], where: str) -> list[str]:

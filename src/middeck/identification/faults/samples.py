@@ -47,6 +47,8 @@ WIDE = 8
 PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
 # Samples by which an output may follow a spike or a step of an input and be its answer.
 ANSWERS = WIDE + 2
+# Share of the largest sample of a run that one beside it has where the run is the middle of a longer one.
+LASTS = 0.8
 # Inputs with so much of their energy in spikes are impacts.
 IMPACTS = 0.1
 # Share of a sample at an edge that the next one inward has of it, from which on the two are one decay.
@@ -211,6 +213,8 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     for a, b in runs:
         # The first samples are foretold from those after them, up to twice as far in.
         rest[max(a - PREDICTED_FROM, 0) if a < 2 * PREDICTED_FROM else a : b + PREDICTED_FROM] = False
+    if not rest.any():  # steps or pulses all along: the signal itself
+        return np.zeros(len(x)), np.inf
     level = np.where(rest, x, np.interp(np.arange(len(x)), np.flatnonzero(rest), x[rest]))
     before = min(PREDICTED_FROM, len(x) // 4)
     past = np.fft.irfft(np.abs(np.fft.rfft(level - level.mean(), 2 * len(x))) ** 2)[: before + 1]
@@ -239,7 +243,7 @@ def _outside_runs(x: Signal, step: float) -> Runs:
     if len(x) > 4 * (BESIDE + WIDE):
         inner = slice(BESIDE + WIDE, -BESIDE - WIDE)
         found[inner] |= _outside(x, step, WIDE)[inner]
-    return [run for run in runs_of(found) if not _decays(x, run)]
+    return [run for run in runs_of(found) if not (_decays(x, run) or _goes_on(x, run))]
 
 
 def _outside(x: Signal, step: float, near: int) -> Bool[np.ndarray, " sample"]:
@@ -279,6 +283,14 @@ def _decays(x: Signal, run: tuple[int, int]) -> bool:
     off = np.abs(inward - np.median(inward[b - a + 1 :]))
     # The next one of a decay is itself outside of what comes after; beside a spike any sample may lie.
     return bool(off[b - a] > max(DECAYS * off[b - a - 1], FALLS * off[b - a + 1 :].max()))
+
+
+def _goes_on(x: Signal, run: tuple[int, int]) -> bool:
+    """Whether a run is the middle of something longer, as a level of a square wave."""
+    a, b = run
+    rest = np.median(x[max(a - BESIDE - WIDE, 0) : b + BESIDE + WIDE])
+    off = np.abs(x[max(a - 1, 0) : b + 1] - rest)
+    return bool(max(off[0] * (a > 0), off[-1] * (b < len(x))) > LASTS * off[min(a, 1) : b - a + 1].max())
 
 
 def is_impact(x: Signal) -> bool:

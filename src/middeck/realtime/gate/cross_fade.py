@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 
 from middeck.errors import ConfigError
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.gate.linear_law import sum_of_laws
 from middeck.realtime.gate.package_with_hold import with_hold
@@ -22,12 +23,15 @@ def check_cross_fade(
     models: Mapping[str, Plant],
     least: GateMargins,
     engine: EngineSettings | None = None,
+    gain: AdaptiveGain | None = None,
 ) -> tuple[GateStep, ...]:
     """While ``engaged`` fades out and ``package`` in, the loop with each model is stable with margin.
 
-    From full authority, at eleven points of either fade, beside the hold of the ``engine``; without one, by
-    the times of an engine's default settings.
+    From full authority of one to that of the other, at eleven points of either fade, beside the hold of the
+    ``engine``; without one, by the times of an engine's default settings. Both have the adaptive ``gain``:
+    with one, also at its least and at its largest.
     """
+    gains = {1.0} if gain is None else {1.0, gain.minimum, gain.maximum} - {0.0}
     try:
         plain = package_settings(package) if engine is None else engine
         fits = dataclasses.replace(package_settings(engaged), period_s=plain.period_s)
@@ -35,9 +39,10 @@ def check_cross_fade(
         second = with_hold(package, plain)
         tried = [
             Tried(
-                f"{engaged.name} at {leaves:.3g}, {package.name} at {rises:.3g}",
-                sum_of_laws([first, second], [leaves, rises]),
+                f"{engaged.name} at {g * leaves:.3g}, {package.name} at {g * rises:.3g}",
+                sum_of_laws([first, second], [g * leaves, g * rises]),
             )
+            for g in sorted(gains)
             for leaves, rises in fade_points(engaged.ramp, package.ramp, plain)
         ]
     except ConfigError as error:

@@ -46,13 +46,13 @@ class GateVerdict:
         name: Of the package.
         models: Names of the models that it was tried on.
         steps: In order; after one that is not passed the later ones are not taken.
-        left_out: Steps that were not asked for: an engine takes no package on such a verdict alone.
+        left_out: Steps that were not asked for; whether such a verdict counts is for its user to decide.
         tripped: The trip that the package is to blame for, with which it goes on the blacklist; empty for
             none.
         gain: The adaptive gain that was asked for; None for none.
         proofs: What is proved of it on each model; empty where its steps were not taken.
         hold: SHA-256 of the hold that was closed beside it (`hash_hold`).
-        engaged: SHA-256 of the package from which its cross-fade was tried; empty for none.
+        engaged: SHA-256 of the package that it is to relieve; empty for none.
     """
 
     sha256: str
@@ -136,7 +136,7 @@ def examine_package(
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
         if engaged is not None and _good(steps):
-            steps += check_cross_fade(engaged, package, models, least, engine)
+            steps += check_cross_fade(engaged, package, models, least, engine, gain)
     if gain is not None and _good(steps):
         proofs = prove_gain(held, gain, models)
         steps += [

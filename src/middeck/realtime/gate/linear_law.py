@@ -29,18 +29,17 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     >>> half.sampled.D.tolist()
     [[-1.0]]
     """
+    if not 0.0 <= fade <= 1.0:
+        raise ConfigError(f"a fade of {fade}", hint="0 to 1")
     return sum_of_laws([package], [fade])
 
 
 def sum_of_laws(packages: Sequence[ControllerPackage], fades: Sequence[float]) -> Compensator:
-    """u = sum of p + f c of ``packages`` that run at once, on the ports of all.
+    """u = sum of p + f c of ``packages`` that run at once, on the ports of all; f is a fade, times a gain.
 
     Each compensator learns what all of them apply at its outputs, as in the engine. Raises `ConfigError` for
-    a fade outside 0 to 1, and for one name with two units.
+    one name with two units.
     """
-    for fade in fades:
-        if not 0.0 <= fade <= 1.0:
-            raise ConfigError(f"a fade of {fade}", hint="0 to 1")
     laws = [unfold_law(package, single=False) for package in packages]
     reads, inputs = _places([package.inputs for package in packages])
     seen, outputs = _places([package.outputs for package in packages])

@@ -164,7 +164,8 @@ class Supervisor:
         """Take over an engine whose supervisor is gone, by its shared file ("engine.shared" in its folder).
 
         Its heart beats again at once; records go on where they were last read. Of an engine that has ended as
-        well, what the file holds can still be read. Raises `DataError` for what is no shared file,
+        well, what the file holds can still be read. ``admitted`` is asked for what is loaded from now on, not
+        for what its slots hold. Raises `DataError` for what is no shared file,
         `ConfigError` for one of other settings and while another supervisor lives.
         """
         file = open_shared_file(path)
