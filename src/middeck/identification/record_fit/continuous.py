@@ -85,6 +85,7 @@ def fit_continuous(
         if states is None and found is not None and len(data.H) > FEW and is_large(data):
             tell("modes that few outputs did not show")
             found = _with_modes_of_others(record, *found, options)
+            reason = f"{found[1].layout.states} states by all outputs; by {FEW} of them {reason}"
     if found is None:
         raise failed or _no_start()
     return *_finished(record, *found, weighting), reason
