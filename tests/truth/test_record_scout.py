@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from middeck.identification.model.measurement_model import is_mode
+from middeck.identification.model.measurement_model import is_mode, natural_hz
+from middeck.identification.record_fit import continuous, missed_modes
 from middeck.identification.record_fit.fit_record import fit_record, is_held
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.record_fit.spectra import as_fitted
@@ -64,3 +65,44 @@ def test_inputs_are_held_where_they_are_driven_to_half_the_rate(low_pass, band_h
         U[:, :, 500:] = 0.0
         record = dataclasses.replace(record, u=np.fft.irfft(U, 1500, axis=2))
     assert is_held(record, band_hz) == expected
+
+
+def shaken(seed, *, outputs=4, samples=1000, rate=64.0):
+    """Three modes, the last of which one sensor alone sees; each sensor has a delay of its own."""
+    rng = np.random.default_rng(seed)
+    size = 2 * samples
+    f = np.fft.rfftfreq(size, 1.0 / rate)
+    U = (rng.standard_normal((len(f), 2)) + 1j * rng.standard_normal((len(f), 2))) * ((f > 0.5) & (f < 28.0))[
+        :, None
+    ]
+    hz, damping, s = np.array([3.0, 7.5, 13.0]), 0.01, 2j * np.pi * f
+    C, B = rng.uniform(0.5, 1.5, (outputs, 3)), rng.choice([-1.0, 1.0], (3, 2)) * hz[:, None]
+    C[:, 2] = 0.5 * (np.arange(outputs) == 2)
+    w = 2.0 * np.pi * hz
+    modes = 1.0 / (s[:, None] ** 2 + 2.0 * damping * w * s[:, None] + w**2)
+    H = (
+        np.einsum("om,km,mi->koi", C, modes, B)
+        * np.exp(-np.outer(s, rng.uniform(0.0, 0.05, outputs)))[:, :, None]
+    )
+    u = np.fft.irfft(U, size, axis=0)[-samples:]
+    y = np.fft.irfft(np.einsum("koi,ki->ko", H, U), size, axis=0)[-samples:]
+    y = y + NOISE * y.std(axis=0) * rng.standard_normal(y.shape)
+    ports = tuple(Port(f"u{k}", "N") for k in range(2)), tuple(Port(f"y{k}", "m") for k in range(outputs))
+    return hz, Record(
+        sample_hz=rate, u=u[None, None], y=y[None, None], inputs=ports[0], outputs=ports[1], periodic=False
+    )
+
+
+def test_of_many_sensors_a_few_tell_the_order_and_a_mode_that_one_alone_sees_is_found(monkeypatch):
+    monkeypatch.setattr(missed_modes, "FEW", 1)
+    monkeypatch.setattr(missed_modes, "LARGE", 1000)
+    monkeypatch.setattr(continuous, "FEW", 1)
+    hz, record = shaken(0)
+    said = []
+    fitted = fit_record(record, sampled=False, tell=said.append)
+    f = natural_hz(fitted.model)
+    assert said[0] == "2 states"
+    assert said[-2:] == ["4 states, on all outputs", "modes that few outputs did not show"]
+    assert len(f) == len(hz)
+    assert np.abs((np.sort(f) - hz) / fitted.uncertainty.natural_hz[np.argsort(f)]).max() < 4.0
+    np.testing.assert_allclose(fitted.error, NOISE, rtol=0.15)

@@ -169,7 +169,7 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
 
     A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
     some thousandths of the response at an eighth of the rate. From its end, where the order is given, the
-    second search begins: so little moves it by less than another race of all starts would scatter.
+    second search begins, and is no race of all starts where that leaves no more than noise.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
@@ -229,8 +229,7 @@ def _searched(
     if states is None:
         best, reason = choose_order(measured, data, spread, options, asked)
     else:
-        best = None if near is None else _further(data, near, spread)
-        best, reason = best or race(data, spread, options), f"{states} states were asked for"
+        best, reason = _of_order(data, near, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
     best = settle(data, best, followed)
     if states is None:
@@ -251,9 +250,17 @@ def _searched(
     )
 
 
-def _further(data: Data, near: Polished, spread: Spread) -> Polished | None:
-    """A fit of other data, refined on these."""
-    return polish(data, near.start, spread, steps=FEW_STEPS, rounds=1, share=near.share)
+def _of_order(data: Data, near: Polished | None, spread: Spread, options: FitOptions) -> Polished:
+    """The fit that is ``near`` refined on these data; where that leaves much, the better of it and a race."""
+    further = (
+        None
+        if near is None
+        else polish(data, near.start, spread, steps=FEW_STEPS, rounds=1, share=near.share)
+    )
+    if further is not None and model_error(further, spread) <= EXPLAINED:
+        return further
+    raced = race(data, spread, options)
+    return raced if further is None else min(raced, further, key=lambda fit: model_error(fit, spread))
 
 
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:

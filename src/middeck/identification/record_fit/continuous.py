@@ -21,6 +21,12 @@ from middeck.identification.order.order import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.layout import Point, Start
 from middeck.identification.record_fit import order
+from middeck.identification.record_fit.missed_modes import (
+    FEW,
+    is_large,
+    with_few_lines,
+    with_few_outputs,
+)
 from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
 from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
 from middeck.identification.start.start import start_from_point
@@ -50,12 +56,15 @@ def fit_continuous(
     *,
     states: int | None,
     weighting: Weighting | None,
+    tell: Callable[[str], None],
 ) -> tuple[Data, RecordRun, str]:
     """The data with free samples at its ends, the model, and why it has its order.
 
     ``local`` fits an estimate of the response, for ``states`` or (None) for as many as that asks for.
     """
     short = data.H.shape[2] * record.u.shape[1] * record.u.shape[2] <= SHORT
+    if not short or states is not None:
+        tell("a local estimate of the response, and its fit")
     first, failed = (None, None) if short and states is None else _attempt(local)
     starts, reason = [], ""
     if first is not None:
@@ -67,11 +76,16 @@ def fit_continuous(
     if short or found is None or first is None or float(np.max(first.error)) > POOR:
         past = past_of(record, data)
         if states is None and (short or first is None):
-            options, reason = _choose_order(record, data, options, past)
+            options, reason = _choose_order(record, data, options, past, tell)
         elif states is None and first is not None:
             options = options.sized(_start_of(first, options).layout.states)
         starts += _prompt(record, continuous_starts(past, data, options))
+        tell(f"{options.moving} states, on all outputs")
         found = _led(record, data, starts, weighting)
+        if states is None and found is not None and len(data.H) > FEW and is_large(data):
+            tell("modes that few outputs did not show")
+            found = _with_modes_of_others(record, *found, options)
+            reason = f"{found[1].layout.states} states by all outputs; by {FEW} of them {reason}"
     if found is None:
         raise failed or _no_start()
     return *_finished(record, *found, weighting), reason
@@ -158,13 +172,20 @@ def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
 
 
 def _choose_order(
-    record: Record, data: Data, options: FitOptions, past: PastOfRecord
+    record: Record, data: Data, options: FitOptions, past: PastOfRecord, tell: Callable[[str], None]
 ) -> tuple[FitOptions, str]:
-    """The order of the shortest description of the record, its transients counted, and why."""
+    """The order of the shortest description of the record, its transients counted, and why.
+
+    Of many outputs, a few are judged: the poles of an article are in all, delays are each its own.
+    """
+    if len(data.H) > FEW and is_large(data):
+        record, data = with_few_outputs(record, data)
+        past = past_of(record, data)
     tried: list[tuple[int, float]] = []
     for states in sizes():
         if not order.enough_samples(record, states + options.at_zero):
             break
+        tell(f"{states} states")
         starts = _prompt(record, continuous_starts(past, data, options.sized(states)))
         if not starts:
             continue
@@ -179,6 +200,18 @@ def _choose_order(
         raise FitError("no order could be fitted", hint="a longer record, or say how many states")
     best = min(tried, key=lambda t: t[1])[0]
     return dataclasses.replace(options, states=best), order.shortest_reason(tried)
+
+
+def _with_modes_of_others(
+    record: Record, data: Data, best: RecordRun, options: FitOptions
+) -> tuple[Data, RecordRun]:
+    """With pairs more, as long as some lines of all outputs have a shorter description by them."""
+    thin = with_few_lines(data)
+    run = refine_record(thin, best.start, best.weighting, rounds=1, steps=FIRST_STEPS)
+    more = None if run is None else order.grown_while_shorter(record, thin, options, run)
+    if more is None or more.layout.states == best.layout.states:
+        return data, best
+    return data, refine_record(data, more.start, best.weighting, rounds=1, steps=FIRST_STEPS) or best
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:

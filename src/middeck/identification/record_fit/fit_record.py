@@ -181,7 +181,7 @@ def _fit(
         else:
             local = functools.partial(_local_fit, record, lines, asked)
             data, run, reason = fit_continuous(
-                record, data, options, local, states=states, weighting=weighting
+                record, data, options, local, states=states, weighting=weighting, tell=tell
             )
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
         score = np.maximum(causes.growth_score(data, run), causes.growth_score(fitted.data, fitted.run))

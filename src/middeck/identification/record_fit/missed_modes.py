@@ -18,12 +18,13 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import Start
+from middeck.identification.problem.layout import Start, pack
 from middeck.identification.record_fit.search import RecordRun
 from middeck.identification.record_fit.spectra import record_data
 from middeck.identification.record_fit.starts import start_of
@@ -72,7 +73,17 @@ def _with_peaks(
     point, pair = start.point, np.asarray(start.layout.pair)
     new = _peaks(data, left, count) * (1j - DAMPING)
     place = int(pair.sum())
-    return start_of(data, options, np.insert(point.poles, place, new), np.insert(pair, [place] * count, True))
+    # Residues are asked for without the delays that are known.
+    early = np.exp(data.s[:, None] * point.delay_s.mean(axis=1)[:, None, None])
+    found = start_of(
+        dataclasses.replace(data, H=data.H * early),
+        options,
+        np.insert(point.poles, place, new),
+        np.insert(pair, [place] * count, True),
+    )
+    if found is None:
+        return None
+    return Start(found.layout, pack(found.layout, dataclasses.replace(found.point, delay_s=point.delay_s)))
 
 
 def _peaks(
@@ -95,6 +106,8 @@ def _peaks(
 # so many outputs is no larger than its scout is worth.
 LINES, OUTPUTS = 768, 4
 LARGE = 8192
+# Outputs as they are, of a search that tells their delays.
+FEW = 6
 
 
 def is_large(data: Data) -> bool:
@@ -108,10 +121,27 @@ def scouted(record: Record, data: Data) -> tuple[Record, Data]:
     kept = _strongest(data, max(LINES // data.H.shape[2], 1))
     lines = data.omega / (2.0 * np.pi)
     whole = data if mixed is record else record_data(mixed, (lines[0], lines[-1]), whole=True)
-    thin = dataclasses.replace(
-        whole, s=whole.s[kept], H=whole.H[:, kept], weight=whole.weight[:, kept], drive=whole.U[kept]
-    )
-    return mixed, thin
+    return mixed, _on_lines(whole, kept)
+
+
+def with_few_outputs(record: Record, data: Data) -> tuple[Record, Data]:
+    """The record and its lines with outputs that span its principal ones best (Drmac, Gugercin 2016)."""
+    unit: Complex[np.ndarray, "output number"] = data.H.reshape(len(data.H), -1)
+    unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
+    main = np.linalg.eigh(unit @ unit.conj().T)[1][:, -FEW:]
+    kept = np.sort(scipy.linalg.qr(main.T, mode="r", pivoting=True)[1][:FEW])
+    few = dataclasses.replace(record, y=record.y[..., kept], outputs=tuple(record.outputs[k] for k in kept))
+    return few, with_few_lines(dataclasses.replace(data, H=data.H[kept], weight=data.weight[kept]))
+
+
+def with_few_lines(data: Data) -> Data:
+    """The line of each group of neighbours on which the outputs are strongest."""
+    return _on_lines(data, _strongest(data, max(LINES // data.H.shape[2], 1)))
+
+
+def _on_lines(data: Data, kept: np.ndarray) -> Data:
+    H, weight = data.H[:, kept], data.weight[:, kept]
+    return dataclasses.replace(data, s=data.s[kept], H=H, weight=weight, drive=data.U[kept])
 
 
 def _principal(record: Record) -> Record:

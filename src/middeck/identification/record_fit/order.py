@@ -127,7 +127,7 @@ def _from_scout(
         return [], ""
     if states is None:
         tell(f"{run.layout.states} states, on all lines")
-        run = _grown_while_shorter(record, data, options, run)
+        run = grown_while_shorter(record, data, options, run)
         if run.layout.states > first[0].layout.states:
             shortest = f"{run.layout.states} states have the shortest description"
             reason = f"{shortest}; on the lines of a first search {reason}"
@@ -137,7 +137,7 @@ def _from_scout(
     return [run, *(other for other in more if other is not None)], reason
 
 
-def _grown_while_shorter(record: Record, data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
+def grown_while_shorter(record: Record, data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
     """With pairs more where most is left, as long as the description of the record gets shorter."""
     while enough_samples(record, run.layout.states + 2):
         start = grown(data, options.sized(run.layout.states + 2), run)

@@ -31,6 +31,7 @@ from middeck.identification.fit.tidy import (
 )
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Start
+from middeck.identification.record_fit.missed_modes import FEW
 from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.order import record_length
 from middeck.identification.record_fit.search import RecordRun, refine_record
@@ -43,6 +44,7 @@ from middeck.values import record as frozen
 STEADY = 0.5
 # Rounds of noise and search, and steps of each.
 ROUNDS, STEPS = 3, 20
+FIRST_STEPS = 4
 # A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
 # of noise the largest is ln n means of it, or ln n / ln 2 medians.
 LINE_ABOVE, BESIDE = 15.0, 15
@@ -123,7 +125,20 @@ def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None
 
 
 def _in_two(state: Tidied, m: int) -> Tidied | None:
-    return _better(state, state.data, with_split(state.run.start, m), state.lines)
+    start = with_split(state.run.start, m)
+    if len(state.data.H) > FEW and not _promises(state, start):
+        return None
+    return _better(state, state.data, start, state.lines)
+
+
+def _promises(state: Tidied, start: Start) -> bool:
+    """Whether a few steps gain half of what the unknowns that ``start`` adds have to, where all take long."""
+    run = state.run
+    first = refine_record(state.data, start, run.weighting, rounds=1, steps=FIRST_STEPS)
+    if first is None:
+        return False
+    gain = 2.0 * (run.likelihood - first.likelihood)
+    return gain > 0.5 * (record_length(state.data, first) - record_length(state.data, run) + gain)
 
 
 def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
