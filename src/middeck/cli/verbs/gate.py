@@ -157,7 +157,7 @@ def verb(
 
     gain = _adaptive_gain(given)
     package = load_package(package_file)
-    engaged = None if relieved is None else load_package(engaged_file)
+    engaged = None if relieved is None else load_package(relieved)
     beside = [package] if engaged is None else [package, engaged]
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
