@@ -28,7 +28,7 @@ from middeck.signals.record import RecordStream
 from middeck.values import record
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
-# In square brackets anything is a unit; in round ones what is made of these, and all else, as (in), is a name.
+# In square brackets anything is a unit; in round ones what is made of these. All else, as (in), is a name.
 _SYMBOL = r"(?:[kmuµ]?(?:N|m|g|s|V|A|Pa|rad)|lbf|ft|deg|°|%|Hz|kg)"
 _UNIT = rf"\[([^\]]*)\]|\(({_SYMBOL}(?:[ */·]?{_SYMBOL}|\^?-?[234²])*)\)"
 # Lines read at once.
