@@ -343,7 +343,7 @@ def test_a_limit_of_ones_own_is_marked(capfd: Capture):
 
 def test_the_example_survey_is_what_its_script_makes(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.syspath_prepend(str(SURVEY.parent))
-    import make as maker  # pyright: ignore[reportMissingImports]
+    import make as maker
 
     made = maker.rounded(maker.survey())
     stored = load_measured_modes(SURVEY)

@@ -102,7 +102,7 @@ def library(monkeypatch: pytest.MonkeyPatch) -> Any:
         import control
     except ImportError:
         control = types.ModuleType("control")
-        control.StateSpace = StandIn  # type: ignore[attr-defined]
+        control.StateSpace = StandIn
         monkeypatch.setitem(sys.modules, "control", control)
     return control
 
@@ -351,7 +351,7 @@ def test_plants_and_systems_come_back_with_groups_units_and_transducers(tmp_path
     assert load_mat(file) == sampled
     for bare in (plant().system, gain_system(np.ones((2, 1))), tustin(plant().system, 0.01)):
         write_mat(file, bare)
-        same(load_mat(file).dynamics, bare)  # type: ignore[union-attr]
+        same(load_mat(file).dynamics, bare)
 
 
 def test_matrices_of_any_origin(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def models(draw: st.DrawFn) -> MeasurementModel:
 
 @given(model=models())
 def test_a_model_comes_back_as_it_was(model: MeasurementModel, tmp_path_factory: object) -> None:
-    path = Path(tmp_path_factory.mktemp("model")) / "model.json"  # type: ignore[attr-defined]
+    path = Path(tmp_path_factory.mktemp("model")) / "model.json"
     write_model(path, model)
     assert load_model(path) == model
     assert json.loads(path.read_text())["schema"] == "middeck.model/1"

@@ -67,4 +67,4 @@ def test_a_loop_has_one_time() -> None:
     with pytest.raises(ConfigError, match=r"systems of periods 0\.1 and 0\.2 s"):
         feedback(one, other, [0], [0])
     with pytest.raises(ConfigError, match=r"systems of periods 0 and 0\.1 s"):
-        feedback(StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]]), one, [0], [0])  # type: ignore[type-var]
+        feedback(StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]]), one, [0], [0])

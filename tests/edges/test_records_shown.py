@@ -72,7 +72,7 @@ def test_fields_by_name_only_are_locked_and_come_back_from_a_file() -> None:
     assert again == made
     assert not again.second.flags.writeable
     with pytest.raises(TypeError, match="positional"):
-        Named(1.0, [1.0, 2.0])  # type: ignore[misc]
+        Named(1.0, [1.0, 2.0])
 
 
 def test_five_fields_are_given_by_name() -> None:

@@ -35,7 +35,7 @@ def bent_beam(rng: np.random.Generator, stiffness: float = 100.0) -> tuple[Struc
 
 def with_component(whole: Structure, part: Structure, **reduction: object) -> Structure:
     """``whole`` with its part a-m-b as a component."""
-    made = reduce_structure(part, ["a", "b"], name="part", **reduction).component  # type: ignore[arg-type]
+    made = reduce_structure(part, ["a", "b"], name="part", **reduction).component
     kept = [dataclasses.replace(n, body=NONE) if n.name in "ab" else n for n in whole.nodes if n.name != "m"]
     bare = structure(kept, [whole.members[-1]])
     return dataclasses.replace(bare, components=(made,))

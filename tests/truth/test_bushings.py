@@ -134,11 +134,11 @@ def test_gradient_and_tangent_are_derivatives_of_the_energy(size: float) -> None
     assert way[0] @ (here.tangent @ way[1]) == pytest.approx(want, rel=1e-4)
 
 
-def _energy(model, at, loads, q):  # type: ignore[no-untyped-def]
+def _energy(model, at, loads, q):
     return assemble(model, move(model.tree, at, q), loads).energy
 
 
-def _curvature(energy, e):  # type: ignore[no-untyped-def]
+def _curvature(energy, e):
     """By complex steps of the slope."""
     h = 1e-20
     return (energy(e + 1j * h).imag - energy(-e + 1j * h).imag) / (2.0 * e * h)

@@ -189,7 +189,7 @@ def test_clamps_that_cannot_be_are_refused(message: str) -> None:
 )
 def test_a_clamp_says_what_is_wrong_with_it(message: str, wrong: dict[str, object]) -> None:
     with pytest.raises(ConfigError) as error:
-        Clamp(node="a", **wrong)  # type: ignore[arg-type]
+        Clamp(node="a", **wrong)
     assert message in str(error.value) or message in error.value.hint
 
 

@@ -112,7 +112,7 @@ def test_ports_and_models_that_are_no_survey_are_refused(fit: FitResult):
     article, _ = case.sheet()
 
     def ported(**change: object) -> Structure:
-        return dataclasses.replace(article, **change)  # pyright: ignore[reportArgumentType]
+        return dataclasses.replace(article, **change)
 
     with pytest.raises(ConfigError, match="no sensor 'pri_rel_z'"):
         survey_from_fit(ported(sensors=article.sensors[:-1]), fit)

@@ -342,7 +342,7 @@ def test_bad_pairs_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"period is 0\.2 s, the plant's 0\.1 s"):
         measure_margins(sample_plant(INTEGRATOR, 0.1), slower)
     with pytest.raises(ConfigError, match="broken at"):
-        measure_margins(INTEGRATOR, gain(1.0), at="input")  # type: ignore[arg-type]
+        measure_margins(INTEGRATOR, gain(1.0), at="input")
 
 
 def test_scaling_is_the_structured_singular_value_for_three_channels() -> None:

@@ -109,7 +109,7 @@ def asked(**changes: object) -> Plan:
         "disturbances": ("turn",), "intensity": np.array([0.3]), "noise": {"rad": 1e-4, "": 1e-4},
         "laws": {"none": None}, "joints": (GIMBAL,), "draws": 1,
     }  # fmt: skip
-    return Plan(**(given | changes))  # pyright: ignore[reportArgumentType]
+    return Plan(**(given | changes))
 
 
 def alike(joints: tuple[JointSlip, ...], draws: int) -> DrawnSlips:

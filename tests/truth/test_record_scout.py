@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from middeck.identification.model.measurement_model import is_mode, natural_hz
-from middeck.identification.record_fit import continuous, missed_modes
+from middeck.identification.record_fit import scout
 from middeck.identification.record_fit.fit_record import fit_record, is_held
 from middeck.identification.record_fit.simulation import record_nrmse
 from middeck.identification.record_fit.spectra import as_fitted
@@ -94,9 +94,8 @@ def shaken(seed, *, outputs=4, samples=1000, rate=64.0):
 
 
 def test_of_many_sensors_a_few_tell_the_order_and_a_mode_that_one_alone_sees_is_found(monkeypatch):
-    monkeypatch.setattr(missed_modes, "FEW", 1)
-    monkeypatch.setattr(missed_modes, "LARGE", 1000)
-    monkeypatch.setattr(continuous, "FEW", 1)
+    monkeypatch.setattr(scout, "FEW", 1)
+    monkeypatch.setattr(scout, "LARGE", 1000)
     hz, record = shaken(0)
     said = []
     fitted = fit_record(record, sampled=False, tell=said.append)

@@ -21,12 +21,7 @@ from middeck.identification.order.order import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.layout import Point, Start
 from middeck.identification.record_fit import order
-from middeck.identification.record_fit.missed_modes import (
-    FEW,
-    is_large,
-    with_few_lines,
-    with_few_outputs,
-)
+from middeck.identification.record_fit.scout import FEW, has_many_outputs, with_few_lines, with_few_outputs
 from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
 from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
 from middeck.identification.start.start import start_from_point
@@ -74,17 +69,17 @@ def fit_continuous(
         starts = _prompt(record, [_start_of(first, options)])
     found = _led(record, data, starts, weighting)
     if short or found is None or first is None or float(np.max(first.error)) > POOR:
-        past = past_of(record, data)
-        if states is None and (short or first is None):
+        past, chosen = past_of(record, data), states is None and (short or first is None)
+        if chosen:
             options, reason = _choose_order(record, data, options, past, tell)
         elif states is None and first is not None:
             options = options.sized(_start_of(first, options).layout.states)
         starts += _prompt(record, continuous_starts(past, data, options))
         tell(f"{options.moving} states, on all outputs")
         found = _led(record, data, starts, weighting)
-        if states is None and found is not None and len(data.H) > FEW and is_large(data):
+        if chosen and found is not None and has_many_outputs(data):
             tell("modes that few outputs did not show")
-            found = _with_modes_of_others(record, *found, options)
+            found = found[0], _with_modes_of_others(record, *found, options)
             reason = f"{found[1].layout.states} states by all outputs; by {FEW} of them {reason}"
     if found is None:
         raise failed or _no_start()
@@ -178,7 +173,7 @@ def _choose_order(
 
     Of many outputs, a few are judged: the poles of an article are in all, delays are each its own.
     """
-    if len(data.H) > FEW and is_large(data):
+    if has_many_outputs(data):
         record, data = with_few_outputs(record, data)
         past = past_of(record, data)
     tried: list[tuple[int, float]] = []
@@ -202,16 +197,14 @@ def _choose_order(
     return dataclasses.replace(options, states=best), order.shortest_reason(tried)
 
 
-def _with_modes_of_others(
-    record: Record, data: Data, best: RecordRun, options: FitOptions
-) -> tuple[Data, RecordRun]:
+def _with_modes_of_others(record: Record, data: Data, best: RecordRun, options: FitOptions) -> RecordRun:
     """With pairs more, as long as some lines of all outputs have a shorter description by them."""
     thin = with_few_lines(data)
     run = refine_record(thin, best.start, best.weighting, rounds=1, steps=FIRST_STEPS)
     more = None if run is None else order.grown_while_shorter(record, thin, options, run)
     if more is None or more.layout.states == best.layout.states:
-        return data, best
-    return data, refine_record(data, more.start, best.weighting, rounds=1, steps=FIRST_STEPS) or best
+        return best
+    return refine_record(data, more.start, best.weighting, rounds=1, steps=FIRST_STEPS) or best
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:

@@ -27,7 +27,8 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import description_length, is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.layout import Start
-from middeck.identification.record_fit.missed_modes import exchanges, grown, is_large, scouted
+from middeck.identification.record_fit.missed_modes import exchanges, grown
+from middeck.identification.record_fit.scout import is_large, scouted
 from middeck.identification.record_fit.search import (
     WEIGHTINGS,
     RecordRun,

@@ -31,9 +31,9 @@ from middeck.identification.fit.tidy import (
 )
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Start
-from middeck.identification.record_fit.missed_modes import FEW
 from middeck.identification.record_fit.model import record_covariance
 from middeck.identification.record_fit.order import record_length
+from middeck.identification.record_fit.scout import has_many_outputs
 from middeck.identification.record_fit.search import RecordRun, refine_record
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
@@ -44,6 +44,7 @@ from middeck.values import record as frozen
 STEADY = 0.5
 # Rounds of noise and search, and steps of each.
 ROUNDS, STEPS = 3, 20
+# Steps that tell whether the rest is worth its time.
 FIRST_STEPS = 4
 # A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
 # of noise the largest is ln n means of it, or ln n / ln 2 medians.
@@ -126,7 +127,7 @@ def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None
 
 def _in_two(state: Tidied, m: int) -> Tidied | None:
     start = with_split(state.run.start, m)
-    if len(state.data.H) > FEW and not _promises(state, start):
+    if has_many_outputs(state.data) and not _promises(state, start):
         return None
     return _better(state, state.data, start, state.lines)
 

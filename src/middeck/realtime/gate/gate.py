@@ -122,7 +122,7 @@ def examine_package(
         raise ConfigError("the rig's engine has another hold", hint="the settings of the same engine")
     engine = rig.settings if settings is None and rig is not None and rig.settings.hold else settings
     held, unfit = _beside_hold(package, engine)
-    steps, tripped = [check_blacklist(hash_law(package), blacklist or {})], ""
+    steps = [check_blacklist(hash_law(package), blacklist or {})]
     if steps[0].passed:
         steps += [
             unfit or check_interface(held, models),
@@ -143,13 +143,12 @@ def examine_package(
             GateStep(name=f"adaptive gain {proof.model}", passed=proof.proved, said=proof.said)
             for proof in proofs
         ]
+    tripped = ""
     if trials is not None and _good(steps):
         steps += [check_dry_run(package, name, plant, trials, engine) for name, plant in models.items()]
     if trials is not None and rig is not None and _good(steps):
-        steps.append(check_shadow_run(package, rig, trials))
-    if trials is not None and rig is not None and _good(steps):
-        engagement, tripped = check_engagement(package, rig, trials)
-        steps.append(engagement)
+        runs, tripped = _on_rig(package, rig, trials)
+        steps += runs
     left_out = ("dry run",) if trials is None else ()
     left_out += ("shadow run", "engagement") if trials is None or rig is None else ()
     return GateVerdict(
@@ -158,6 +157,15 @@ def examine_package(
         hold=NO_HOLD if engine is None else hash_hold(engine),
         engaged="" if engaged is None else hash_package(engaged),
     )  # fmt: skip
+
+
+def _on_rig(package: ControllerPackage, rig: GateRig, trials: GateTrials) -> tuple[list[GateStep], str]:
+    """A shadow run; if it is passed, engagement, and the trip that ended it."""
+    shadow = check_shadow_run(package, rig, trials)
+    if not shadow.passed:
+        return [shadow], ""
+    engagement, tripped = check_engagement(package, rig, trials)
+    return [shadow, engagement], tripped
 
 
 def _beside_hold(
