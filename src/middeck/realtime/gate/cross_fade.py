@@ -14,6 +14,7 @@ from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import FADES, GateMargins, GateStep, Tried, check_loops
 from middeck.realtime.gate.trials import package_settings
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.reference import fade_at
 from middeck.systems.plants.plant import Plant
 
 
@@ -65,12 +66,7 @@ def fade_points(leaves: int, rises: int, settings: EngineSettings) -> list[tuple
     """
     least, most = settings.fade_samples
     fall, rise = min(max(leaves, least), most), max(rises, least)
+    # Where a fade is a tenth, two tenths ...: `fade_at` inverted.
     parts = [0.5 - math.sin(math.asin(1.0 - 2.0 * fade) / 3.0) for fade in FADES]
     times = sorted({round(part * length, 6) for part in parts for length in (fall, rise)})
-    return [(1.0 - _faded(time / fall), _faded(time / rise)) for time in times]
-
-
-def _faded(part: float) -> float:
-    """The fade of the engine and of generated C, over a ramp from 0 to 1."""
-    s = min(max(part, 0.0), 1.0)
-    return s * s * (3.0 - 2.0 * s)
+    return [(1.0 - fade_at(min(time / fall, 1.0)), fade_at(min(time / rise, 1.0))) for time in times]

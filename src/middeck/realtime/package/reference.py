@@ -8,6 +8,7 @@ engine and small processors do the same and give the same bits.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,12 @@ from middeck.realtime.package.package import ControllerPackage, largest
 from middeck.realtime.package.section import SMALLEST, Section
 
 Array = np.ndarray
+Part = TypeVar("Part", float, np.floating)
+
+
+def fade_at(part: Part) -> Part:
+    """3 s^2 - 2 s^3 of a part of a ramp, 0 to 1: no corner at either end, and no library to compute it."""
+    return part * part * (3.0 - 2.0 * part)
 
 
 class ReferenceLaw:
@@ -80,11 +87,10 @@ class ReferenceLaw:
             self.level = max(self.level - 1, 0)
 
     def fade(self) -> np.floating:
-        """3 s^2 - 2 s^3 of the ramp: no corner at either end, and no library to compute it."""
+        """By where the ramp stands, in the package's precision."""
         if self.package.ramp == 0:
             return self.real(1.0 if self.engaged else 0.0)
-        s = self.real(self.level) / self.real(self.package.ramp)
-        return s * s * (self.real(3.0) - self.real(2.0) * s)
+        return fade_at(self.real(self.level) / self.real(self.package.ramp))
 
     def _within_range(self, y: Array) -> Array:
         """An input that is no number keeps its last value; one beyond its range is taken as its end."""

@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.commands import REASONS
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.reference import ReferenceLaw, SectionState
+from middeck.realtime.package.reference import ReferenceLaw, SectionState, fade_at
 from middeck.signals.ports import Port
 
 
@@ -85,7 +85,7 @@ class ReferenceLoop:
         held, part = np.zeros(len(self.last)), min(self.count / self.ramp, 1.0)
         for sensor, output, section in self.hold:
             held[output] += section.step(y[sensor])
-        return part * part * (3.0 - 2.0 * part) * held
+        return fade_at(part) * held
 
     def _command(self, y: np.ndarray) -> np.ndarray:
         """What the law adds: nothing while it stands by."""
