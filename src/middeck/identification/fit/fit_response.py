@@ -11,7 +11,7 @@ from jaxtyping import Complex, Float, Int
 from middeck.errors import FitError
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.missing_delay import name_missing_delay
-from middeck.identification.fit.poles_for_delay import PolesInstead, poles_instead
+from middeck.identification.fit.poles_for_delay import PolesInstead, poles_instead, true_modes
 from middeck.identification.fit.standing import (
     Standing,
     SteadyLine,
@@ -27,7 +27,7 @@ from middeck.identification.model.checks import check_logarithms, check_response
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.simulation import folded_response
-from middeck.identification.order.best_start import FEW_STEPS, model_error, race, spread_to_follow
+from middeck.identification.order.best_start import model_error, race, spread_to_follow
 from middeck.identification.order.order import EXPLAINED
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
@@ -40,7 +40,7 @@ from middeck.identification.search.fit_warnings import (
     refuse_a_lead,
 )
 from middeck.identification.search.likelihood import likelihood_polish
-from middeck.identification.search.polish import Polished, logarithmic_polish, polish, settle
+from middeck.identification.search.polish import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
@@ -251,16 +251,18 @@ def _searched(
 
 
 def _of_order(data: Data, near: Polished | None, spread: Spread, options: FitOptions) -> Polished:
-    """The fit that is ``near`` refined on these data; where that leaves much, the better of it and a race."""
-    further = (
-        None
-        if near is None
-        else polish(data, near.start, spread, steps=FEW_STEPS, rounds=1, share=near.share)
-    )
-    if further is not None and model_error(further, spread) <= EXPLAINED:
-        return further
-    raced = race(data, spread, options)
-    return raced if further is None else min(raced, further, key=lambda fit: model_error(fit, spread))
+    """The likeliest end of a race; from a fit that is ``near`` on, where that leaves noise or is likelier.
+
+    Where more than noise is left, a mode may stand for distortion in several places, and rounding decides to
+    which of them one race leads: two ends are more than one.
+    """
+    if near is None:
+        return race(data, spread, options)
+    followed = spread_to_follow(near, spread)
+    again = settle(data, near, followed)
+    if model_error(again, spread) <= EXPLAINED:
+        return again
+    return min(again, settle(data, race(data, spread, options), followed), key=lambda run: run.likelihood)
 
 
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
@@ -298,7 +300,7 @@ def _result(run: _Searched) -> FitResult:
     warnings += doubts_of_deviations(measured, covariance)
     phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
     standing = standing_of(measured, covariance, holds=not doubts, phase=phase[0])
-    poles = _poles_for_a_delay(measured, data, best, spread, covariance, standing)
+    poles = _poles_for_a_delay(measured, data, best, followed, covariance, standing)
     if poles is not None and poles.shorter:
         standing = standing_of(measured, covariance, holds=False, phase=phase[0])
     # What all lines lack alike looks like a delay before it is most of what is left.
@@ -341,12 +343,14 @@ def _poles_for_a_delay(
     measured: FrequencyResponse,
     data: Data,
     best: Polished,
-    spread: Spread,
+    followed: Spread,
     covariance: ModelCovariance,
     standing: tuple[Standing, ...],
 ) -> PolesInstead | None:
     """Where a fit with delays has modes that are not sound, poles that describe as much without them."""
-    sound = np.unique(covariance.model.poles[[one == "sound" for one in standing]])
     if not covariance.structure.with_delay or all(one == "sound" for one in standing):
         return None
-    return poles_instead(measured, data, best, spread, sound)
+    # Lengths compare on one spread alone: that by which ``best`` was found.
+    return poles_instead(
+        measured, data, best, followed, np.unique(covariance.model.poles[true_modes(standing)])
+    )

@@ -12,8 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Bool, Complex
 
+from middeck.identification.fit.standing import Standing
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.order import description_length
 from middeck.identification.problem.data import Data
@@ -57,29 +58,34 @@ class PolesInstead:
         )
 
 
+def true_modes(standing: Sequence[Standing]) -> Bool[np.ndarray, " mode"]:
+    """Those that are in the data: sound ones, and neighbours that are not told apart."""
+    return np.array([one in ("sound", "unresolved") for one in standing], dtype=bool)
+
+
 def poles_instead(
     measured: FrequencyResponse,
     data: Data,
     best: Polished,
     spread: Spread,
-    sound: Complex[np.ndarray, " mode"],
+    true: Complex[np.ndarray, " mode"],
 ) -> PolesInstead | None:
-    """What describes ``measured`` as well as ``best`` does, with its ``sound`` poles; None where nothing
+    """What describes ``measured`` as well as ``best`` does, with its ``true`` poles; None where nothing
     does."""
     found: list[tuple[float, int]] = []
     for pairs in PAIRS:
-        start = _beyond(measured, data, best, sound, pairs)
+        start = _beyond(measured, data, best, true, pairs)
         run = polish(data, start, spread, steps=STEPS, rounds=ROUNDS)
         if run is not None:
             found.append((_length(data, run), run.layout.states))
     return instead_of(_length(data, best), found)
 
 
-def _beyond(measured: FrequencyResponse, data: Data, best: Polished, sound: np.ndarray, pairs: int) -> Start:
-    """The sound poles, and beside them so many pairs that together are as late as the fit's largest delay."""
+def _beyond(measured: FrequencyResponse, data: Data, best: Polished, true: np.ndarray, pairs: int) -> Start:
+    """The true poles, and beside them so many pairs that together are as late as the fit's largest delay."""
     late = max(float(best.start.point.delay_s.max()), 1.0 / float(data.omega[-1]))
     each = BUTTERWORTH * np.sqrt(2.0) * pairs / late * np.linspace(1.0, PARTED, pairs)
-    poles, pair = upper_half(np.concatenate([sound, each]), 0.0)
+    poles, pair = upper_half(np.concatenate([true, each]), 0.0)
     states = int(np.sum(np.where(pair, 2, 1)))
     options = decided(measured, FitOptions(states=states, constants="complex", delay=False))
     return start_at(data, options, poles, pair, np.zeros((len(data.H), 1)))
