@@ -74,7 +74,7 @@ def race(folder, look, act, count=2):
 def test_of_several_that_start_or_take_over_one_does(tmp_path):
     """Each is slow between its look and what follows from it."""
     try:
-        said = race(tmp_path, "_require_no_engine", START)
+        said = race(tmp_path, "require_no_engine", START)
         assert said.count("alone") == 1
         assert sum(what.startswith("an engine runs there") for what in said) == 1
         said = race(tmp_path, "when_born", ATTACH)  # who started it has been killed

@@ -1,16 +1,20 @@
-"""What an engine is started with: its rig, its excitation, and the words of its shared file."""
+"""How an engine is started, and with what: its rig, its excitation, and the words of its shared file."""
 
 from __future__ import annotations
 
 import math
 import re
+import subprocess
 from collections.abc import Collection
+from pathlib import Path
 
 import numpy as np
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.header import constants, layout
 from middeck.realtime.engine.interface.settings import EngineSettings, encode_settings
+from middeck.realtime.engine.interface.shared_file import SharedFile, open_shared_file
+from middeck.realtime.engine.process.adopted import AdoptedEngine
 from middeck.realtime.engine.rigs.article import LinearArticle
 from middeck.values import record
 
@@ -86,3 +90,28 @@ def checked_waveform(waveform: np.ndarray, settings: EngineSettings) -> np.ndarr
     if not math.prod(w.shape):
         raise ConfigError("an excitation without a sample", hint="at least one")
     return w
+
+
+def require_no_engine(path: Path) -> None:
+    """A new shared file takes the place of an old one, not of one that a loop has mapped."""
+    try:
+        found = AdoptedEngine(open_shared_file(path))
+    except DataError:
+        return
+    if found.poll() is None:
+        raise ConfigError(
+            f"an engine runs there, process {found.pid}",
+            where=str(path),
+            hint="another folder, or Supervisor.attach",
+        )
+
+
+def launch(program: Path, file: SharedFile) -> subprocess.Popen[str]:
+    """The engine's process."""
+    return subprocess.Popen(
+        [str(program), str(file.path.resolve())],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
+        stderr=subprocess.PIPE,
+        text=True,
+    )

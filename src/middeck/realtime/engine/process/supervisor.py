@@ -44,10 +44,13 @@ from middeck.realtime.engine.process.launch import (
     banned_hashes,
     checked_waveform,
     is_run_by,
+    launch,
     no_article,
+    require_no_engine,
     started_settings,
 )
 from middeck.realtime.engine.recording.recorder import Recorder
+from middeck.realtime.engine.recording.ring import event_rows, pretrip_records, take_records
 from middeck.realtime.engine.recording.run_head import run_head
 from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
 from middeck.realtime.package.binary import encode_package
@@ -123,7 +126,7 @@ class Supervisor:
             np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
         )
         with locked(where):
-            _require_no_engine(where / "engine.shared")
+            require_no_engine(where / "engine.shared")
             self.file = make_shared_file(
                 where / "engine.shared",
                 started_settings(settings, rig, self.real_time),
@@ -135,21 +138,12 @@ class Supervisor:
                 pretrip=max(1, settings.samples(pretrip_s)),
             )
             self._sign()
-            self._launch(program)
-
-    def _launch(self, program: Path) -> None:
-        self.process: subprocess.Popen[str] | AdoptedEngine = subprocess.Popen(
-            [str(program), str(self.file.path.resolve())],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        try:
-            self._wait(lambda: bool(self.file.status["running"]))
-        except BaseException:
-            self.close()
-            raise
+            self.process: subprocess.Popen[str] | AdoptedEngine = launch(program, self.file)
+            try:
+                self._wait(lambda: bool(self.file.status["running"]))
+            except BaseException:
+                self.close()
+                raise
 
     def _sign(self) -> None:
         """Say who supervises: a process, and when it began; it keeps no records yet."""
@@ -398,23 +392,17 @@ class Supervisor:
         return found
 
     def _take(self) -> tuple[np.ndarray, int]:
-        """What has not been read yet and is still whole, and how many records no longer are."""
-        ring, first, last = self.file.ring, int(self.file.asks["taken"]), self.sample
-        begin = max(first, last - len(ring))
-        found = ring[np.arange(begin, last) % len(ring)]
-        # The engine may be in the midst of the record after the last that it has told of.
-        safe = self.sample - len(ring) + (2 if self._runs_on else 0)
-        kept = found[max(0, safe - begin) :]
-        whole = kept["sequence"] == np.arange(last - len(kept), last) + 1
-        kept = kept[len(whole) - int(np.argmin(whole[::-1])) :] if not whole.all() else kept
-        self._record(kept)
+        """`take_records`, recorded."""
+        last = self.sample
+        found, lost = take_records(self.file, last, runs_on=self._runs_on)
+        self._record(found)
         self.file.asks["taken"] = last
-        return kept, last - first - len(kept)
+        return found, lost
 
     def _record(self, records: np.ndarray) -> None:
         if self.recorder is None:
             return
-        events = self._event_rows(self.recorder.last_event)
+        events = event_rows(self.file, self.recorder.last_event)
         self.recorder.add_events(events)
         self.recorder.add_records(records)
         if any(KINDS.get(int(kind)) in TRIPS for kind in events["kind"]):
@@ -430,7 +418,7 @@ class Supervisor:
 
     def events(self) -> list[Event]:
         """Events that have not been read yet, in order."""
-        rows = self._event_rows(self.seen_events)
+        rows = event_rows(self.file, self.seen_events)
         lost = int(rows["sequence"][0]) - self.seen_events - 1 if len(rows) else 0
         self.seen_events += lost + len(rows)
         if lost:
@@ -440,20 +428,9 @@ class Supervisor:
             )  # fmt: skip
         return [read_event(row, self.settings.inputs, self.settings.outputs, KINDS) for row in rows]
 
-    def _event_rows(self, seen: int) -> np.ndarray:
-        """Those after ``seen`` that are still there, without a gap."""
-        count, most = int(self.file.status["events"]), len(self.file.events)
-        numbers = np.arange(max(seen, count - most), count) + 1
-        places = (numbers - 1) % most
-        rows = self.file.events[places]  # an engine may write there meanwhile
-        return rows[(rows["sequence"] == numbers) & (self.file.events["sequence"][places] == numbers)]
-
     def pretrip(self) -> np.ndarray:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
-        kept, end = self.file.pretrip, int(self.file.status["frozen_at"])
-        samples = np.arange(max(0, end - len(kept)), end)
-        found = kept[samples % len(kept)]
-        return found[found["sequence"] == samples + 1]  # none was kept while an earlier trip held the loop
+        return pretrip_records(self.file)
 
     def blacklist(self) -> tuple[str, ...]:
         """Laws that are refused, by their `hash_law`: those of the start, then those that tripped."""
@@ -511,20 +488,6 @@ class Supervisor:
                 where="engine",
                 hint="what it said; its records are still in the shared file",
             )
-
-
-def _require_no_engine(path: Path) -> None:
-    """A new shared file takes the place of an old one, not of one that a loop has mapped."""
-    try:
-        found = AdoptedEngine(open_shared_file(path))
-    except DataError:
-        return
-    if found.poll() is None:
-        raise ConfigError(
-            f"an engine runs there, process {found.pid}",
-            where=str(path),
-            hint="another folder, or Supervisor.attach",
-        )
 
 
 def kind_of_end(supervisor: Supervisor) -> bool:
