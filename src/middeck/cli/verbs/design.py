@@ -46,7 +46,7 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
     "band_hz",
     type=options.Frequencies(2),
     metavar="LO,HI",
-    help="Band of the rms [Hz].  [default: all modes]",
+    help="Band of the rms [Hz].  [default: half the lowest frequency above zero to twice the highest]",
 )
 @options.periods
 @options.states
@@ -106,7 +106,7 @@ def verb(
         from middeck.cli.given.cases import solve_case
         from middeck.cli.given.design_plants import article_plant
 
-        modes = solve_case(sources[0], environment, overrides, case=load_case, standstill=True)
+        modes = solve_case(sources[0], environment, overrides, count, load_case, standstill=True)
         plant, band_hz = article_plant(modes, count, wanted)
     elif load_case is not None:
         raise ConfigError("--load-case is for an article", hint="name an article, or leave it out")
