@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import pkgutil
 import re
 from collections.abc import Collection, Mapping
@@ -51,6 +52,7 @@ CLAUSES = r"(;\s+|,? or\s+)"
 CALL = r"\b[A-Za-z_][\w.]*\w\(|(?<![\w.-])[a-z_]+=(?=[\w(\['\"])|\b[A-Z][a-z]+[A-Z]\w*"
 
 
+@functools.cache
 def public_names() -> set[str]:
     """Names of the library and of its rooms."""
     rooms = (import_module(f"middeck.{m.name}") for m in pkgutil.iter_modules(middeck.__path__) if m.ispkg)

@@ -176,7 +176,7 @@ def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
     return {
         "name": name,
         "modes": _modes(promise.modes, plan.loop.damping_std),
-        "without_control_rms": [few(float(np.quantile(promise.rest_rms, q))) for q in (0.025, 0.5, 0.975)]
+        "without_control_rms": [few(level(promise.rest_rms, share)) for share in (0.025, 0.5, 0.975)]
         if np.all(np.isfinite(promise.rest_rms))
         else None,
         "sweep": {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -86,9 +87,14 @@ def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
     """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
     since, roots = config.since_drawn, np.arange(tree.roots)
     if since is None or not since.carries:
-        return sp.csr_array(sp.eye_array(tree.size))
+        return _identity(tree.size)
     over = chain_within(since, roots, np.full(len(roots), -1))
     return chain_jacobian(over, config.x, config.x, tree.size, len(tree.parent))
+
+
+@functools.cache
+def _identity(size: int) -> sp.csr_array:
+    return sp.csr_array(sp.eye_array(size))
 
 
 def symmetric(K: sp.csr_array) -> sp.csr_array:
