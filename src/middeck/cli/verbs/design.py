@@ -213,8 +213,26 @@ def describe(
         "rms_closed": by_output(closed),
         "db": by_output(db),
         "riccati_residual": [law.regulator.residual, law.estimator.residual],
-        "warnings": [*warnings, *(f"{UNREACHED}: {name}" for name in law.inert)],
+        "warnings": [
+            *warnings,
+            *(f"{UNREACHED}: {name}" for name in law.inert),
+            *([] if settings.band_hz else _rigid_below(plant, designed.band_hz[0])),
+        ],
     }
+
+
+def _rigid_below(plant: Plant, low_hz: float) -> list[str]:
+    """Warning of rigid modes that the loop moves and that the band of the rms leaves out by default."""
+    from middeck.control.law.partition import partition_modes
+
+    modal = partition_modes(plant).active.modal
+    count = 0 if modal is None else int((modal.omega == 0.0).sum())
+    if not count:
+        return []
+    return [
+        f"the band of the rms begins at {low_hz:.3g} Hz, above {count} rigid mode{'s' * (count > 1)}, whose "
+        "rms without control is not finite: the dB leave their improvement out; --band LO,HI begins lower"
+    ]
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
