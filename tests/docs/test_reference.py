@@ -15,7 +15,7 @@ from pydantic_core import PydanticUndefined
 import middeck
 from middeck import errors
 from middeck.cli import main as console
-from middeck.cli.app import VERBS
+from middeck.cli.app import VERBS, app
 from middeck.files.articles import boundary_form, component_form, link_form
 from middeck.files.articles import form as article_form
 from middeck.files.environments import form as environment_form
@@ -225,3 +225,13 @@ def test_every_verb_is_documented_and_fresh(monkeypatch: pytest.MonkeyPatch):
         sys.modules.pop("make_cli_reference")
     text = (REFERENCE / "cli.md").read_text(encoding="utf-8")
     assert re.findall(r"^## middeck (\S+)$", text, re.MULTILINE) == list(VERBS)
+
+
+def test_the_page_of_pictures_names_the_verbs_that_draw():
+    """Above its pictures, and all but those of shapes in its table of figures."""
+    draws = {name for name in VERBS for part in app.get_command(None, name).params if "--figure" in part.opts}
+    page = ROOT / "docs/how-to/see-the-shapes.md"
+    told = page.read_text(encoding="utf-8").split("The ending")[0]
+    assert set(re.findall(r"`(\w+)`", told)) == draws
+    listed = {name for row in rows(page) for name in re.findall(r"`(\w+)`", row[0])}
+    assert listed == draws - {"modes", "compare"}

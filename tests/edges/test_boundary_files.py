@@ -187,3 +187,15 @@ def test_an_environment_names_nodes_of_the_article(files: tuple[Path, Path]) -> 
     files[1].write_text(WALL.replace('"end", stiff', '"end", name = "root", stiff'))
     with pytest.raises(ConfigError, match=r"toml:4: bushing.0.name = \"root\": names a second support"):
         load_setup(*files)
+
+
+@pytest.mark.parametrize("key", ["mass = [{frame =", "load = [{frame =", "parent ="])
+def test_an_attach_point_in_place_of_a_frame_is_answered_with_its_frame(tmp_path: Path, key: str) -> None:
+    """As of a converted deck, where a grid that rides rigidly is an attach point; a near name misled."""
+    article = tmp_path / "boom.toml"
+    article.write_text(BOOM.replace(f'{key} "tip"', f'{key} "end"', 1))
+    with pytest.raises(ConfigError, match="no frame of this name") as caught:
+        load_structure(article)
+    assert (
+        caught.value.hint == 'it is an attach point on "tip": name that, and its offset_m as the place there'
+    )

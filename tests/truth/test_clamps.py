@@ -10,7 +10,7 @@ import pytest
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.comparison import compare_modes
-from middeck.structure.model.article import Actuator, ActuatorKind, Joint, JointState, Sensor
+from middeck.structure.model.article import Actuator, ActuatorKind, Body, Joint, JointState, Sensor
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
@@ -198,6 +198,18 @@ def test_what_a_clamp_leaves_is_a_rigid_mode_with_a_name() -> None:
     assert modes.kind[:2] == ("rigid", "flexible")
     assert modes.name[0] == "translation x"
     assert any("nothing holds 'translation x'" in w for w in modes.warnings)
+
+
+@pytest.mark.parametrize(("angle_deg", "name"), [(30.0, "rotation x"), (75.0, "rotation y")])
+def test_the_roll_of_a_slender_body_is_named_by_its_axis(angle_deg: float, name: str) -> None:
+    """Its products of inertia give it more momentum about z, about which it does not turn at all."""
+    axes = rotation_exp(np.array([0.0, 0.0, np.radians(angle_deg)]))
+    slender = axes @ np.array([[0.02, 0.0, 0.15], [0.0, 3.1, 0.0], [0.15, 0.0, 3.1]]) @ axes.T
+    rod = structure([node("a", (0, 0, 0), Body(4.7, np.array([0.0, 0.0, -0.04]), (slender + slender.T) / 2))])
+    modes = solve_modes(solve_equilibrium(rod, held(Clamp(node="a", about="yz", axes=axes))))
+    assert modes.name == (name,)
+    roll = modes.shapes[:, 0] / np.linalg.norm(modes.shapes[:, 0])
+    np.testing.assert_allclose(roll, [0.0, 0.0, 0.0, *axes[:, 0]], atol=1e-12)
 
 
 def test_a_clamp_beside_a_stiff_link_keeps_the_soft_digits() -> None:

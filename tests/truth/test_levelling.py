@@ -13,7 +13,8 @@ from middeck.files.documents import load_setup
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import AttachPoint
-from middeck.structure.model.environment import Device, Environment, Suspension
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import Device, Environment, GroundBushing, Suspension
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.suspension.attitude import estimate_attitude, fit_rotation, split_rotation
 from middeck.structure.suspension.hanging import doubt_attitude, sag
@@ -76,6 +77,20 @@ def test_on_one_cable_the_centre_of_mass_comes_under_it():
     # About the level axis across the drawn `off`, whatever way the body then faces.
     across = np.cross(off, -UP) / np.hypot(0.3, 0.2)
     assert hangs.tilt == pytest.approx(across * np.arctan2(np.hypot(0.3, 0.2), 0.2), abs=ROUNDING)
+
+
+def test_what_bushings_to_the_ground_and_clamps_hold_hangs_from_them():
+    """As from cables: they are no devices, and a span of no points had no numbers."""
+    stiff = np.diag([3e4, 3e4, 3e4, 0.0, 0.0, 0.0])
+    soft = tuple(GroundBushing(name=n, attach=n, stiffness=stiff) for n in ("left", "right"))
+    sprung = Environment(title="springs", gravity=GRAVITY, suspension=None, bushings=soft)
+    hangs = estimate_attitude(solve_equilibrium(lopsided(), sprung))
+    assert hangs.hangs_from == "line"
+    assert hangs.lies_off == pytest.approx([0.0, -DEPTH, OFF], abs=1e-15)
+    held = Environment(title="wall", gravity=GRAVITY, suspension=None, clamps=(Clamp(node="bar"),))
+    built_in = estimate_attitude(solve_equilibrium(lopsided(), held))
+    assert built_in.hangs_from == "point"
+    assert built_in.lies_off == pytest.approx([0.0, -DEPTH, OFF], abs=1e-15)
 
 
 def test_on_two_cables_it_rolls_until_its_weight_is_under_their_line():

@@ -95,7 +95,7 @@ def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
 def _article(
     source: str, environment: str, law: Law, case: str | None, count: int, overrides: Sequence[str]
 ) -> tuple[Modes, Plant]:
-    modes = solve_case(source, environment, overrides, case=case, standstill=True)
+    modes = solve_case(source, environment, overrides, count, case, standstill=True)
     tell_warnings(modes)
     structure = modes.equilibrium.model.structure
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))

@@ -46,7 +46,7 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
     "band_hz",
     type=options.Frequencies(2),
     metavar="LO,HI",
-    help="Band of the rms [Hz].  [default: all modes]",
+    help="Band of the rms [Hz].  [default: half the lowest frequency above zero to twice the highest]",
 )
 @options.periods
 @options.states
@@ -106,7 +106,7 @@ def verb(
         from middeck.cli.given.cases import solve_case
         from middeck.cli.given.design_plants import article_plant
 
-        modes = solve_case(sources[0], environment, overrides, case=load_case, standstill=True)
+        modes = solve_case(sources[0], environment, overrides, count, load_case, standstill=True)
         plant, band_hz = article_plant(modes, count, wanted)
     elif load_case is not None:
         raise ConfigError("--load-case is for an article", hint="name an article, or leave it out")
@@ -213,8 +213,26 @@ def describe(
         "rms_closed": by_output(closed),
         "db": by_output(db),
         "riccati_residual": [law.regulator.residual, law.estimator.residual],
-        "warnings": [*warnings, *(f"{UNREACHED}: {name}" for name in law.inert)],
+        "warnings": [
+            *warnings,
+            *(f"{UNREACHED}: {name}" for name in law.inert),
+            *([] if settings.band_hz else _rigid_below(plant, designed.band_hz[0])),
+        ],
     }
+
+
+def _rigid_below(plant: Plant, low_hz: float) -> list[str]:
+    """Warning of rigid modes that the loop moves and that the band of the rms leaves out by default."""
+    from middeck.control.law.partition import partition_modes
+
+    modal = partition_modes(plant).active.modal
+    count = 0 if modal is None else int((modal.omega == 0.0).sum())
+    if not count:
+        return []
+    return [
+        f"the band of the rms begins at {low_hz:.3g} Hz, above {count} rigid mode{'s' * (count > 1)}, whose "
+        "rms without control is not finite: the dB leave their improvement out; --band LO,HI begins lower"
+    ]
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:

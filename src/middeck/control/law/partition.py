@@ -14,6 +14,7 @@ from jaxtyping import Bool
 
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.inert_modes import inert_modes
+from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.poles.stability import growth_limits, none_grows
 from middeck.systems.state_space.modal import select_modes
 from middeck.systems.state_space.statespace import StateSpace
@@ -36,13 +37,14 @@ class ModePartition:
 def partition_modes(plant: Plant) -> ModePartition:
     """Set aside the modes that are neither reachable from any input nor observed by any output.
 
-    Modal dynamics use `inert_modes`; a state space loses the states of one name that exact zeros separate
-    from all other states and ports. Modes that grow stay, and so do those only uncontrollable or only
-    unobservable: a design then refuses them by name.
+    Modal dynamics use `inert_modes`, of rigid modes combined by `align_rigid`; a state space loses the states
+    of one name that exact zeros separate from all other states and ports. Modes that grow stay, and so do
+    those only uncontrollable or only unobservable: a design then refuses them by name.
     """
     modal = plant.modal
     if modal is None:
         return _partition_states(plant, remove_delays(plant).system)
+    modal = align_rigid(modal)
     # An unstable mode stays for verdict and design to name.
     grows = -modal.zeta * modal.omega > growth_limits(1j * modal.omega)
     inert = inert_modes(modal) & ~grows

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, cast, get_args
 
 import numpy as np
@@ -204,8 +205,11 @@ def _references(data: Table) -> Iterator[Finding]:
     nodes, joints = dict.fromkeys(node_names(data)), dict.fromkeys(joint_names(data))
     frames, points = nodes | joints, dict.fromkeys(attach_names(data))
     sections = dict.fromkeys(named_tables(data, "section"))
+    unknown = partial(
+        _unknown, carriers={str(t.get("name")): t.get("frame") for _, t in tables(data, "attach")}
+    )
     if "wheel_node" in data:
-        yield from _unknown(("wheel_node",), data["wheel_node"], nodes, "node")
+        yield from unknown(("wheel_node",), data["wheel_node"], nodes, "node")
     wanted = [
         ("strut", "from", nodes, "node"),
         ("strut", "to", nodes, "node"),
@@ -223,36 +227,48 @@ def _references(data: Table) -> Iterator[Finding]:
     ]
     for i, component in tables(data, "component"):
         for grid, name in table_of(component, "nodes").items():
-            yield from _unknown(("component", i, "nodes", grid), name, frames, "frame")
+            yield from unknown(("component", i, "nodes", grid), name, frames, "frame")
     for ends in linked_frames(data):
         for path, name in ends:
-            yield from _unknown(path, name, frames, "frame")
-    yield from _case_references(data, nodes, frames)
+            yield from unknown(path, name, frames, "frame")
+    yield from _case_references(data, nodes, frames, unknown)
     for table, key, known, kind in wanted:
         for i, t in tables(data, table):
             if key in t:
-                yield from _unknown((table, i, key), t[key], known, kind)
+                yield from unknown((table, i, key), t[key], known, kind)
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
             anywhere = "axis" in t or t.get("kind") in AT_POINT
             known, kind = (frames, "frame") if anywhere else (joints, "joint (or give an axis)")
-            yield from _unknown((table, i, "frame"), t.get("frame"), known, kind)
+            yield from unknown((table, i, "frame"), t.get("frame"), known, kind)
     for i, name in enumerate(array_of(table_of(data, "suspension"), "nodes")):
-        yield from _unknown(("suspension", "nodes", i), name, frames, "frame")
+        yield from unknown(("suspension", "nodes", i), name, frames, "frame")
 
 
-def _case_references(data: Table, nodes: Collection[str], frames: Collection[str]) -> Iterator[Finding]:
+def _case_references(
+    data: Table, nodes: Collection[str], frames: Collection[str], unknown: Callable[..., Iterator[Finding]]
+) -> Iterator[Finding]:
     """Frames and nodes that load cases name."""
     wanted = (("load", "frame", frames), ("mass", "frame", frames), ("prescribed", "node", nodes))
     for i, case in tables(data, "load_case"):
         for table, key, known in wanted:
             for k, t in tables(case, table):
-                yield from _unknown(("load_case", i, table, k, key), t.get(key), known, key)
+                yield from unknown(("load_case", i, table, k, key), t.get(key), known, key)
 
 
-def _unknown(path: Path, name: Any, known: Collection[str], kind: str) -> Iterator[Finding]:
+def _unknown(
+    path: Path,
+    name: Any,
+    known: Collection[str],
+    kind: str,
+    carriers: Mapping[str, Any] | None = None,
+) -> Iterator[Finding]:
+    """A name that is not ``known``; ``carriers`` are the frames of attach points, which may be meant."""
     if isinstance(name, str) and name not in known:
         hint = nearest(name, known) or f"define a {kind} first"
+        if carriers and name in carriers and kind != "section":
+            frame = show(carriers[name])
+            hint = f"it is an attach point on {frame}: name that, and its offset_m as the place there"
         yield finding(path, f"no {kind} of this name", name, hint=hint)
 
 

@@ -121,9 +121,25 @@ def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constan
     return "complex" if sample_hz is not None or any(is_rate(p) for p in outputs) else "real"
 
 
+# The end of a unit in lower case: over seconds, once or twice, by a stroke or by a negative power.
+SQUARED = r"(\^|\*\*)?\s*2|²"
+OVER = rf"/\s*s(ec)?\s*({SQUARED}|/\s*s(ec)?)?$"
+POWER = r"\b(m|mm|cm)?s(ec)?\s*((\^|\*\*)?\(?-\s*[12]\)?|⁻[¹²])$"
+RATE = re.compile(f"{OVER}|{POWER}")
+
+
 def is_rate(port: Port) -> bool:
-    """Whether the unit is that of a velocity or an acceleration: no modal constant of degree two fits it."""
-    return port.unit.strip() in ("g", "gn", "g0") or bool(re.search(r"/\s*s(\^?2|²)?$", port.unit.strip()))
+    """Whether the unit is that of a velocity or an acceleration: no modal constant of degree two fits it.
+
+    In any of the ways that files of measuring systems write one:
+
+    >>> [is_rate(Port("tip", u)) for u in ("M/S2", "m/s**2", "m/s/s", "(m s^-2)", "ms⁻²", "in/sec^2", "G")]
+    [True, True, True, True, True, True, True]
+    >>> [is_rate(Port("tip", u)) for u in ("m", "N", "g/N", "V", "ms", "m/s^3", "")]
+    [False, False, False, False, False, False, False]
+    """
+    unit = port.unit.strip().strip("()[]").casefold()
+    return unit in ("g", "gn", "g0") or bool(RATE.search(unit))
 
 
 def _check_sampled(measured: FrequencyResponse, asked: FitOptions) -> None:

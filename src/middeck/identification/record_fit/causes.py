@@ -36,6 +36,8 @@ LEFT, MUCH = 0.05, 0.1
 TOLD, STEPS = 6.0, 5.0
 # Deviations by which an output leads that are no chance.
 LEADS = 6.0
+# Of rates the constants are complex, which their unit tells.
+NO_UNIT = ", a velocity or an acceleration (the output has no unit: give it, or --constants complex)"
 # A step of the delay is looked for so many samples, and this share of the record, from both ends.
 EDGE, EDGE_SHARE = 16, 0.01
 # Faults by which a fit is wrong in all parts of the record.
@@ -79,6 +81,8 @@ def causes_of(
         for f in faults
     ]
     named = {f.channel for f in faults}
+    real = run.layout.options.constants == "real"
+    unknown = [NO_UNIT if real and not port.unit else "" for port in record.outputs]
     for o, port in enumerate(record.outputs):
         if port.name in named:
             continue
@@ -91,13 +95,14 @@ def causes_of(
         elif told[o] > TOLD and left[o] > MUCH:
             found.append(
                 f"output {port.name}: what the fit leaves still follows the inputs ({told[o]:.0f} standard "
-                "deviations of noise), so that it is no noise: more states, a delay, feedback or a fault of "
-                "the record; no stated deviation holds"
+                f"deviations of noise), so that it is no noise: more states, a delay, feedback{unknown[o]} "
+                "or a fault of the record; no stated deviation holds"
             )
         elif leads[o]:
             found.append(
                 f"output {port.name}: it leads its input by {lead[o]:.0f} deviations, as no article does: "
-                "feedback, an input recorded late, or modes the model lacks; no stated deviation holds"
+                f"feedback, an input recorded late{unknown[o]}, or modes the model lacks; no stated "
+                "deviation holds"
             )
     return found
 

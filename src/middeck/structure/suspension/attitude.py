@@ -35,7 +35,8 @@ class Attitude:
             ``tilt`` is the article's own bending.
         device, tension: Name and pull [N] of every device and spring.
         centre_of_mass: As drawn.
-        hangs_from: What the attach points in use span as drawn: a "point", a "line", a "plane" or "space".
+        hangs_from: What the attach points in use, and clamped nodes, span as drawn: a "point", a "line", a
+            "plane" or "space".
         lies_off: From that point, line or plane to the centre of mass, normal to it. A rigid article on a
             point or a level line comes to rest with this vector downwards: what of it is not downwards now,
             tilts it.
@@ -126,10 +127,12 @@ def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Floa
 
 
 def _span(equilibrium: Equilibrium, centre: np.ndarray) -> tuple[str, Float[np.ndarray, "3"]]:
-    """The span of the attach points, and the part of the way from it to ``centre`` normal to it."""
-    model = equilibrium.model
-    world = points_in_world(model.points, frame_poses(model.tree, model.rest))
-    feet = world[np.unique(equilibrium.loads.attach_point)]
+    """The span of what holds the article, and the part of the way from it to ``centre`` normal to it."""
+    model, loads = equilibrium.model, equilibrium.loads
+    poses = frame_poses(model.tree, model.rest)
+    held = np.union1d(loads.attach_point, loads.ground.point)
+    clamped = [model.frames.index(clamp.node) for clamp in equilibrium.environment.clamps]
+    feet = np.concatenate([points_in_world(model.points, poses)[held], poses.p[clamped]])
     middle = feet.mean(axis=0)
     _, size, directions = np.linalg.svd(feet - middle, full_matrices=False)
     rank = int(np.sum(size > FLAT * max(float(size.max(initial=0.0)), np.finfo(float).tiny)))

@@ -14,6 +14,7 @@ from middeck.systems.delay.delayed_integrators import approximate_delayed_integr
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.inert_modes import inert_modes, silence_inert
 from middeck.systems.poles.integrators import part_integrators
+from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.sampling.delayed_sampling import is_sum, split_delays
 from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
 from middeck.systems.state_space.statespace import StateSpace, add, gain_system, series
@@ -34,7 +35,7 @@ def approximate_delays(plant: Plant, order: int) -> Plant:
     smaller side has a copy of the states on its paths, except integrators (rigid modes): these are kept once,
     controllable and observable or not, with the integrators that such delays add
     (`middeck.systems.delay.delayed_integrators`), and come last. States: the input delays (named "delay"),
-    the plant's, the output delays. Inert modes are separated by exact zeros (`silence_inert`).
+    the plant's, the output delays. Inert modes are separated by exact zeros (`align_rigid`, `silence_inert`).
 
     A plant without delays stays as it is.
 
@@ -43,9 +44,12 @@ def approximate_delays(plant: Plant, order: int) -> Plant:
     if not plant.delayed:
         return plant
     on_time = remove_delays(plant)
-    modal = None if plant.modal is None else silence_inert(plant.modal)
+    modal = None
+    if plant.modal is not None:
+        modal = silence_inert(align_rigid(plant.modal))
+        on_time = dataclasses.replace(on_time, dynamics=modal)
     whole = on_time.system if modal is None else modal_to_statespace(modal)
-    system, names = _approximate(whole, modal, name_states(plant), plant.delay_s, order)
+    system, names = _approximate(whole, modal, name_states(on_time), plant.delay_s, order)
     return dataclasses.replace(on_time, dynamics=system, state_names=names)
 
 

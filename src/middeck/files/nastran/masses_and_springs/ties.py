@@ -120,8 +120,10 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
     stiffness = _stiffness(_property(entry, properties, "PBUSH"))
     a = _place(entry["ga"], places)
     if entry["gb"] is None:
-        if entry["cid"] is None or entry["ocid"] != -1:
-            raise ValueError("a bushing to the ground needs a CID, and an offset of it is not converted yet")
+        if entry["cid"] is None:
+            raise ValueError("a bushing to the ground needs a CID, 0 for the basic system: field 9 is blank")
+        if entry["ocid"] != -1:
+            raise ValueError("an offset (OCID) of a bushing to the ground is not converted yet")
         return Tie(entry, (entry["ga"],), (a,), _axes(entry, a, a, stiffness, places), stiffness)
     b = _place(entry["gb"], places)
     grids = (entry["ga"], entry["gb"])

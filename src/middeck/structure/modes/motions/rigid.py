@@ -12,6 +12,7 @@ from middeck.structure.model.article import Joint, JointState
 from middeck.structure.rest.equilibrium import Equilibrium
 
 AXES = "xyz"
+TURNS = slice(3, 6)  # of the motions: the rotations
 # A motion that is less than this part new is one that earlier ones contain, e.g. a second coaxial joint.
 NEW_PART = 1e-3
 
@@ -57,7 +58,8 @@ def rigid_basis(
 
     Any basis of the null space is as good; this one separates the translations, which no internal torque
     moves, from the rest. Motions that the structure resists in part come last, the freest of them first;
-    those that it resists wholly are skipped.
+    those that it resists wholly are skipped. Such a mode has the name of the motion that it is most of, not
+    of the one that it shares most momentum with: the roll of a slender article has little about any axis.
     """
     motions, motion_names = rigid_motions(equilibrium, M)
     whole = _norm(motions, M)
@@ -65,16 +67,21 @@ def rigid_basis(
     free = _norm(motions - inside, M) < NEW_PART * whole
     basis = np.zeros((len(space), 0))
     names: list[str] = []
-    waiting = np.flatnonzero(whole > 0.0).tolist()  # a straight line of masses has no inertia about itself
+    waiting = unnamed = np.flatnonzero(
+        whole > 0.0
+    ).tolist()  # a straight line of masses has no inertia about itself
     while waiting and len(names) < space.shape[1]:
         left = {i: _without(inside[:, i], basis, M) for i in waiting}
         new = {i: float(_norm(left[i][:, None], M)[0] / whole[i]) for i in waiting}
         waiting = [i for i in waiting if new[i] > NEW_PART]
         best = next((i for i in waiting if free[i]), max(waiting, key=new.__getitem__, default=None))
         if best is not None:
-            basis = np.column_stack([basis, left[best] / (new[best] * whole[best])])
-            names.append(motion_names[best])
+            mode = left[best] / (new[best] * whole[best])
+            named = best if free[best] else max(unnamed, key=_amounts(motions, mode, M).__getitem__)
+            basis = np.column_stack([basis, mode])
+            names.append(motion_names[named])
             waiting.remove(best)
+            unnamed = [i for i in unnamed if i != named]
     missing = space.shape[1] - len(names)
     if missing:  # mechanisms that are no single motion, e.g. a hinged frame or a loose part
         rest = space - basis @ (basis.T @ (M @ space))
@@ -82,6 +89,18 @@ def rigid_basis(
         basis = np.column_stack([basis, space @ turn])
         names += [f"mechanism {i + 1}" for i in range(missing)]
     return basis, tuple(names)
+
+
+def _amounts(motions: np.ndarray, mode: np.ndarray, M: sp.csr_array) -> Float[np.ndarray, " motion"]:
+    """How much of each motion is in the combination of all that is nearest to ``mode``, by its inertia.
+
+    That of rotations is their largest: about axes across each other, the larger angle counts.
+    """
+    own = _norm(motions, M)
+    unit = motions / np.where(own > 0.0, own, 1.0)
+    parts = np.linalg.lstsq(unit.T @ (M @ unit), unit.T @ (M @ mode), rcond=NEW_PART**2)[0]
+    parts[TURNS] *= own[TURNS].max() / np.where(own[TURNS] > 0.0, own[TURNS], np.inf)
+    return np.abs(parts)
 
 
 def _norm(motions: np.ndarray, M: sp.csr_array) -> np.ndarray:
