@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ from random_articles import draw_article, write_tables
 
 from middeck.files.documents import load_setup, load_structure
 from middeck.structure.model.article import Section, Structure
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.doubts.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from structure_builders import straight_beam
+from structure_builders import GRAVITY, body, member, node, straight_beam, structure
 
 FREE = np.array([4.730040745, 7.853204624, 10.99560784, 14.13716549])  # of free-free beams, k L
 
@@ -84,3 +86,38 @@ def test_a_mesh_that_lacks_modes_says_from_where_on(tmp_path: Path):
     assert np.isinf(error[-1])
     (said,) = mesh_warnings(modes, 12)
     assert "modes are missing" in said
+
+
+@pytest.mark.parametrize(("elements", "ratio"), [(1, 0.3), (1, 0.9), (2, 0.9), (2, 0.97), (4, 0.99)])
+def test_error_of_a_column_near_its_critical_load(elements: int, ratio: float):
+    """A heavy tip on a massless column: k^3 EI/(tan kL - kL) of the beam column, k^2 = m g/EI."""
+    EI, L = 10.0, 1.0
+    mass = ratio * np.pi**2 / 4.0 * EI / (L**2 * 9.80665)
+    section = Section(EA=1e9, GJ=8.0, EI_y=EI, EI_z=1.7 * EI, rho_A=1e-7, rho_I_y=0.0, rho_I_z=0.0)
+    column = structure(
+        [node("foot", (0, 0, 0)), node("tip", (0, L, 0), body(mass, inertia=(1e-9 * mass,) * 3))],
+        [member("foot", "tip", section, elements, up=(1, 0, 0))],
+    )
+    held = Environment(title="clamped", gravity=GRAVITY, clamps=(Clamp(node="foot"),))
+    modes = modes_in(column, held)
+    k = np.sqrt(mass * 9.80665 / EI)
+    exact = np.sqrt(k**3 * EI / (np.tan(k * L) - k * L) / mass)
+    true, said = modes.omega[0] / exact - 1.0, estimate_mesh_error(modes)[0]
+    # First order in what is lost of omega^2, which is up to a twelfth of it.
+    assert said == pytest.approx(true, rel=0.15)
+    assert bool(mesh_warnings(modes, 1)) == (true > LIMIT)
+
+
+def test_error_of_a_stretched_beam_of_few_elements():
+    """Pinned, pulled by 3 times its Euler load: omega_n^2 = (EI q^4 + N q^2)/rho_A, q = n pi/L."""
+    EI, L, rho_A = 10.0, 2.0, 0.5
+    pull = 3.0 * np.pi**2 * EI / L**2
+    section = Section(EA=1e7, GJ=8.0, EI_y=EI, EI_z=EI, rho_A=rho_A, rho_I_y=0.0, rho_I_z=0.0)
+    strut = dataclasses.replace(member("a", "b", section, 3, up=(0, 1, 0)), tension=pull)
+    ends = (Clamp(node="a", along="xyz", about="xy"), Clamp(node="b", along="xyz", about="x"))
+    pinned = Environment(title="pinned", gravity=np.zeros(3), clamps=ends)
+    modes = modes_in(structure([node("a", (0, 0, 0)), node("b", (L, 0, 0))], [strut]), pinned)
+    across = [m for m, name in enumerate(modes.name) if "x-y" in name][:2]
+    q = np.arange(1, 3) * np.pi / L
+    true = modes.omega[across] / np.sqrt((EI * q**4 + pull * q**2) / rho_A) - 1.0
+    assert estimate_mesh_error(modes)[across] == pytest.approx(true, rel=0.25)

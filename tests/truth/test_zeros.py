@@ -407,3 +407,35 @@ def test_a_rate_and_an_acceleration_have_zeros_at_the_origin(rate: int):
     s = left[0]
     H = sum(g / (s**2 + 2 * zeta * w * s + w**2) for g, w in zip(gain, omega, strict=True))
     assert abs(H) < 1e-9 / omega[0] ** 2
+
+
+def test_poles_at_the_origin_of_both_kinds_are_no_zeros():
+    """a/s^2 + b/s + c/(s^2 + w^2): (a + b s)(s^2 + w^2) + c s^2 = 0, three zeros and none at the origin."""
+    a, b, c, w = 3.0, 0.7, -0.4, HZ * 2.0
+    one = np.ones((1, 1))
+    model = dataclasses.replace(
+        modal_model([2.0], [[1.0]], [c], 0.0), lower=0.4 * a * one, rigid=0.6 * a * one, integral=b * one
+    )
+    found = path_zeros(model, "y0", "u0")
+    expected = np.roots([b, a + c, b * w**2, a * w**2])
+    ours = np.concatenate([found.value, found.value[found.is_pair].conj()])
+    np.testing.assert_allclose(np.sort_complex(ours), np.sort_complex(expected), rtol=1e-12)
+
+
+def test_a_zero_at_the_origin_beside_a_pole_there():
+    """A wheel's rate g/s u0 + rates of two modes, and rates of the modes: det H = s (g/s h11 + ...)."""
+    omega, zeta = HZ * np.array([0.5, 3.0]), 0.01
+    phi, psi, g = np.array([[0.1, 0.2], [1.0, -0.7]]), np.array([[0.3, 1.0], [0.2, 0.9]]), 2.0
+    plain = modal_model(omega / HZ, phi, psi, zeta)
+    model = dataclasses.replace(
+        plain, shapes=plain.shapes * plain.poles, integral=np.array([[g, 0.0], [0.0, 0.0]])
+    )
+    found = matrix_zeros(model)
+    # det of phi s/d psi + [g/s, 0; 0, 0] over s, with d_m = s^2 + 2 zeta w_m s + w_m^2, is
+    # det(phi) det(psi) s / (d1 d2) + g / s (phi_2m psi_m2 / d_m); times s d1 d2 its roots are the others.
+    d = [np.array([1.0, 2.0 * zeta * w, w**2]) for w in omega]
+    cross = np.linalg.det(phi) * np.linalg.det(psi)
+    numerator = g * (phi[1, 0] * psi[0, 1] * d[1] + phi[1, 1] * psi[1, 1] * d[0]) + [cross, 0.0, 0.0]
+    others = np.roots(numerator)
+    assert found.value[0] == 0.0
+    np.testing.assert_allclose(found.value[1:], others[others.imag > 0.0], rtol=1e-10)

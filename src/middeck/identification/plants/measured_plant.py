@@ -15,6 +15,7 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
     path_delay,
     rank_of,
+    single_pole,
 )
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
@@ -47,14 +48,12 @@ def modal_statespace(model: MeasurementModel) -> StateSpace:
 
 
 def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpace:
-    """All of the model but its delays, with 1/s^2 as two states for each direction of L."""
+    """All of the model but its delays, with as few states at s = 0 as 1/s^2 and 1/s together need."""
     if model.sample_hz is not None:
         A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
         return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)
     modes = StateSpace(*_modal_blocks(model, model.poles), model.direct)
-    double = double_pole(model)
-    modes = _beside(modes, double, DOUBLE) if np.any(double) else modes
-    return modes if model.integral is None else _beside(modes, model.integral, SINGLE)
+    return _at_rest(modes, double_pole(model), single_pole(model))
 
 
 def state_names(model: MeasurementModel) -> tuple[str, ...]:
@@ -63,6 +62,27 @@ def state_names(model: MeasurementModel) -> tuple[str, ...]:
     poles = tuple(f"pole at {hz:.4g} Hz" for hz, pair in pairs for _ in range(1 + pair))
     rigid = tuple(f"rigid-body mode {1 + k}" for k in range(rank_of(model.rigid)) for _ in range(2))
     return (*poles, *rigid, *(f"integrator {1 + k}" for k in range(rank_of(model.integral))))
+
+
+def _at_rest(modes: StateSpace, double: np.ndarray, single: np.ndarray) -> StateSpace:
+    """With double / s^2 + single / s in parallel, of the McMillan degree rank [single, double; double, 0].
+
+    q1' = q2 + into u, q2' = psi u and y = phi q1 + out q2 give phi psi / s^2 + (phi into + out psi) / s: of
+    ``single`` all but its part beside both phi and psi needs no state of its own.
+    """
+    if not np.any(double):
+        return _beside(modes, single, SINGLE) if np.any(single) else modes
+    first = len(modes.A)
+    whole = _beside(modes, double, DOUBLE)
+    phi, psi = whole.C[:, first::2], whole.B[first + 1 :: 2]
+    into = np.linalg.pinv(phi) @ single
+    out = (single - phi @ into) @ np.linalg.pinv(psi)
+    B, C = whole.B.copy(), whole.C.copy()
+    B[first::2], C[:, first + 1 :: 2] = into, out
+    rest = single - phi @ into - out @ psi
+    whole = StateSpace(whole.A, B, C, whole.D)
+    alone = np.abs(rest).max() > RANK * np.abs(single).max()
+    return _beside(whole, rest, SINGLE) if alone else whole
 
 
 def _beside(modes: StateSpace, residue: np.ndarray, drift: np.ndarray) -> StateSpace:

@@ -15,10 +15,12 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
+    double_pole,
     is_single,
     path_delay,
     rational_response,
     rational_slope,
+    single_pole,
 )
 from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.measured_plant import rational_statespace
@@ -186,12 +188,14 @@ def _refine(model: MeasurementModel, z: complex, *, regular: bool) -> tuple[comp
 def _standing(model: MeasurementModel) -> tuple[complex, float, np.ndarray]:
     """A zero at the origin, with what is left of the smallest singular value there, as a share of the usual.
 
-    Where several stand there the response has no slope, and no step says how far they are off.
+    Where several stand there the response has no slope, and no step says how far they are off. Where poles
+    stand there too, of other directions, it is judged beside them.
     """
     slowest = 1j * float(np.min(np.abs(model.poles), initial=np.inf))
+    beside = STANDING * slowest if np.any(double_pole(model)) or np.any(single_pole(model)) else 0.0
     (_, usual, _), rows, columns = _scaled_svd(*_at(model, slowest))
-    here = np.linalg.svd(_at(model, 0.0)[0] * rows[:, None] * columns, compute_uv=False)
-    return 0.0, float(here[-1] / usual[-1]), _newton(model, 0.0)[1]
+    here = np.linalg.svd(_at(model, beside)[0] * rows[:, None] * columns, compute_uv=False)
+    return 0.0, float(here[-1] / usual[-1]), _newton(model, beside)[1]
 
 
 def _newton(model: MeasurementModel, s: complex) -> tuple[complex, np.ndarray]:

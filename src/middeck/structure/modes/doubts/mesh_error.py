@@ -1,10 +1,11 @@
 """Discretisation error of each frequency, estimated without another mesh.
 
 Between its nodes a member moves by the static shapes of its elements. These omit the deflection of an element
-with clamped ends under its own inertia omega^2 rho w. The energy of that deflection, to first order in the
-element's flexibility, is the part of omega^2 that refinement removes: the next term of the dynamic stiffness
-in powers of omega^2 (Przemieniecki 1968, Theory of Matrix Structural Analysis, section 10.6). For a cubic
-beam it is of the order h^4, for a bar or a shaft of the order h^2.
+with clamped ends under its own inertia omega^2 rho w and its pull N w''. The energy of that deflection,
+to first order in the element's flexibility, is the part of omega^2 that refinement removes: the next term of
+the dynamic stiffness in powers of omega^2 and N (Przemieniecki 1968, Theory of Matrix Structural Analysis,
+section 10.6). For a cubic beam it is of the order h^4, for a bar or a shaft of the order h^2. Near buckling,
+where omega^2 is what elasticity and N leave of each other, N alone makes it large.
 
 The estimate holds up to an element's own clamped frequency: above it a mesh lacks modes.
 """
@@ -17,18 +18,21 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.beam_ends import element_poses
+from middeck.structure.assembly.energy import inner_forces
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.beam_inertia import transverse_shapes
+from middeck.structure.elements.beam_kinematics import STRETCH
 from middeck.structure.elements.frames import frame_poses, pose_jacobian
 from middeck.structure.modes.solve import Modes
 
 LIMIT = 1e-4
 """Relative error of a frequency above which `mesh_warnings` speaks; a mode damped by 1 % is 2 % wide."""
-# Flexibility of a clamped bar of unit length and stiffness under a load that is linear along it, by the
-# load's end values.
-BAR = np.array([[1.0 / 45.0, 7.0 / 360.0], [7.0 / 360.0, 1.0 / 45.0]])
+# Root of the flexibility of a clamped bar of unit length and stiffness under a load that is linear along it,
+# by the load's end values.
+BAR = np.linalg.cholesky([[1.0 / 45.0, 7.0 / 360.0], [7.0 / 360.0, 1.0 / 45.0]]).T
 CLAMPED_BEAM = 500.5639  # 4.7300^4: omega^2 of its first vibration in EI / (rho A L^4)
 CLAMPED_BAR = np.pi**2
+CLAMPED_COLUMN = 4.0 * np.pi**2  # its critical load in EI / L^2
 # Of omega^2 over an element's own: beyond, the mesh has no shape like the mode.
 BEYOND = 0.5
 ORDER = 0.25  # errors of bending fall with the fourth power of the number of elements
@@ -39,22 +43,21 @@ def estimate_mesh_error(modes: Modes, count: int | None = None) -> Float[np.ndar
     """Relative error of each of the lowest ``count`` frequencies (all by default): too high, by the mesh.
 
     Infinite where elements vibrate by themselves at or below the mode's frequency. Of the static shape under
-    gravity, and of the stiffness that its forces make, the error is not in it: it is smaller.
+    gravity the error is not in it: it is smaller.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
-    model = modes.equilibrium.model
-    beams, lam = model.beams, modes.omega[:count] ** 2
-    if not len(model.element_ends) or not count:
+    rest, omega = modes.equilibrium, modes.omega[:count]
+    if not len(rest.model.element_ends) or not count:
         return np.zeros(count)
-    moves = _end_moves(modes, count)
+    pull = inner_forces(rest.model, rest.config, rest.loads).beam[:, STRETCH]
     lost = np.zeros(count)
     beyond = np.zeros(count, dtype=bool)
-    for ends, flexibility, own in _parts(beams, moves):
-        near = lam / own[:, None]
-        energy = np.einsum("eim,eij,ejm->em", ends, flexibility, ends)
-        lost += np.sum(energy / np.maximum(1.0 - near, 1.0 - BEYOND), axis=0)
+    for ends, inertia, pulled, own, critical in _parts(rest.model.beams, _end_moves(modes, count), pull):
+        near = omega**2 / own[:, None] - (pull / critical)[:, None]
+        load = omega * (inertia @ ends) + (pulled @ ends) * _over(np.ones(count), omega)
+        lost += np.sum(np.sum(load**2, axis=1) / np.maximum(1.0 - near, 1.0 - BEYOND), axis=0)
         beyond |= near.max(axis=0) > BEYOND
-    return np.where(beyond, np.inf, 0.5 * lam * lost)
+    return np.where(beyond, np.inf, 0.5 * lost)
 
 
 def mesh_warnings(modes: Modes, count: int) -> tuple[str, ...]:
@@ -92,14 +95,22 @@ def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mod
 
 
 class _Part(NamedTuple):
-    """One way for elements to deform: its end moves, the flexibility to them, their own lowest omega^2."""
+    """One way for elements to deform.
+
+    Attributes:
+        ends: How their ends move in each mode.
+        inertia, pulled: Root of the energy that their inertia at omega = 1, and their axial force, give them.
+        own, critical: Their lowest omega^2 with clamped ends, and the axial force at which they buckle so.
+    """
 
     ends: Float[np.ndarray, "element end mode"]
-    flexibility: Float[np.ndarray, "element end end"]
+    inertia: Float[np.ndarray, "element point end"]
+    pulled: Float[np.ndarray, "element point end"]
     own: Float[np.ndarray, " element"]
+    critical: Float[np.ndarray, " element"]
 
 
-def _parts(beams: BeamProperties, moves: np.ndarray) -> list[_Part]:
+def _parts(beams: BeamProperties, moves: np.ndarray, pull: np.ndarray) -> list[_Part]:
     """Stretch, twist and both bendings."""
     L = beams.length
     parts: list[_Part] = []
@@ -107,8 +118,9 @@ def _parts(beams: BeamProperties, moves: np.ndarray) -> list[_Part]:
         (0, beams.rho_A, beams.EA),
         (1, beams.rho_I_y + beams.rho_I_z, beams.GJ),
     ):
-        flexibility = _over(inertia**2 * L**3, stiffness)[:, None, None] * BAR
-        parts.append(_Part(moves[:, :, field, 0], flexibility, CLAMPED_BAR * _own(stiffness, inertia * L**2)))
+        load = np.sqrt(_over(inertia**2 * L**3, stiffness))[:, None, None] * BAR
+        own = CLAMPED_BAR * _own(stiffness, inertia * L**2)
+        parts.append(_Part(moves[:, :, field, 0], load, 0.0 * load, own, np.full(len(L), np.inf)))
     for across, about, sign, EI, rho_I, shear in (
         (1, 2, 1.0, beams.EI_z, beams.rho_I_z, beams.shear_y),
         (2, 1, -1.0, beams.EI_y, beams.rho_I_y, beams.shear_z),  # w' = -theta_y
@@ -117,7 +129,9 @@ def _parts(beams: BeamProperties, moves: np.ndarray) -> list[_Part]:
             [m for n in (0, 1) for m in (moves[:, n, 0, across], sign * moves[:, n, 1, about])], axis=1
         )
         own = CLAMPED_BEAM * _own(EI, beams.rho_A * L**4) / (1.0 + shear)
-        parts.append(_Part(ends, _bending_flexibility(L, EI, beams.rho_A, rho_I, shear), own))
+        critical = CLAMPED_COLUMN * _own(EI, L**2) / (1.0 + CLAMPED_COLUMN / 12.0 * shear)
+        loads = _bending_loads(L, EI, beams.rho_A, rho_I, shear, pull)
+        parts.append(_Part(ends, *loads, own, critical))
     return parts
 
 
@@ -133,10 +147,10 @@ def _own(stiffness: np.ndarray, inertia: np.ndarray) -> np.ndarray:
     )
 
 
-def _bending_flexibility(
-    L: np.ndarray, EI: np.ndarray, rho_A: np.ndarray, rho_I: np.ndarray, shear: np.ndarray
-) -> Float[np.ndarray, "element 4 4"]:
-    """Compliance of a clamped element under the inertia of its four static shapes, at omega = 1.
+def _bending_loads(
+    L: np.ndarray, EI: np.ndarray, rho_A: np.ndarray, rho_I: np.ndarray, shear: np.ndarray, pull: np.ndarray
+) -> tuple[Float[np.ndarray, "element point 4"], Float[np.ndarray, "element point 4"]]:
+    """Root of a clamped element's energy under the inertia of its four static shapes, and under their pull.
 
     The stress resultants of each load are those of a cantilever less the end forces that make the
     complementary energy least: exact for Bernoulli and Timoshenko beams.
@@ -145,11 +159,8 @@ def _bending_flexibility(
     shapes = [transverse_shapes(at, L, shear) for at in x]
     v, slope = (np.stack([s[k] for s in shapes], axis=1) for k in (0, 1))
     long = L[:, None, None]
-    force = -long * (integral @ (rho_A[:, None, None] * v))
-    moment = -long * (integral @ (force + rho_I[:, None, None] * slope))
     bend = np.sqrt(weight[None, :, None] * _over(L, EI)[:, None, None])
     across = bend * np.sqrt(shear / 12.0)[:, None, None] * long
-    loads = np.concatenate([moment * bend, force * across], axis=1)
     ends = np.concatenate(
         [
             np.concatenate([-long * x[None, :, None] * bend, bend], axis=2),
@@ -158,8 +169,15 @@ def _bending_flexibility(
         axis=1,
     )
     Q = np.linalg.qr(ends)[0]
-    loads = loads - Q @ (np.swapaxes(Q, 1, 2) @ loads)
-    return np.swapaxes(loads, 1, 2) @ loads
+
+    def root(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
+        loads = np.concatenate([moment * bend, force * across], axis=1)
+        return loads - Q @ (np.swapaxes(Q, 1, 2) @ loads)
+
+    force = -long * (integral @ (rho_A[:, None, None] * v))
+    moment = -long * (integral @ (force + rho_I[:, None, None] * slope))
+    pulled = pull[:, None, None]
+    return root(force, moment), root(-pulled * slope, pulled * v)
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
