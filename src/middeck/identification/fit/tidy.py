@@ -77,8 +77,7 @@ def split(
 
 
 def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | None:
-    pole = pairs_of(run)[m]
-    own = np.abs(data.omega - abs(pole)) < max(OWN * abs(pole.real), 2.0 * float(np.diff(data.omega).min()))
+    own = own_lines(data, pairs_of(run)[m])
     left = np.abs(run.residual(data)[:, own]) ** 2 / spread.at(run.share)[:, own]
     if np.sum(left - 1.0) < BEYOND:
         return None
@@ -86,6 +85,12 @@ def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | Non
     if two is None or model_error(two, spread) > EXPLAINED:
         return None
     return two if _length(data, two) + CLEARLY < _length(data, run) else None
+
+
+def own_lines(data: Data, pole: complex) -> Bool[np.ndarray, " line"]:
+    """Those within some half-power widths of a mode, and the nearest at any rate."""
+    width = max(OWN * abs(pole.real), 2.0 * float(np.diff(data.omega).min()))
+    return np.abs(data.omega - abs(pole)) < width
 
 
 def shed(

@@ -22,7 +22,9 @@ from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.standing import SteadyLine
 from middeck.identification.fit.tidy import (
+    BEYOND,
     mode_significance,
+    own_lines,
     pairs_of,
     shed,
     split,
@@ -127,9 +129,16 @@ def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None
 
 def _in_two(state: Tidied, m: int) -> Tidied | None:
     start = with_split(state.run.start, m)
-    if has_many_outputs(state.data) and not _promises(state, start):
+    if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
         return None
     return _better(state, state.data, start, state.lines)
+
+
+def _leaves_more(state: Tidied, m: int) -> bool:
+    """Whether the lines of a mode have more left than noise."""
+    run = state.run
+    own = own_lines(state.data, pairs_of(run)[m])
+    return bool(np.sum(np.abs(run.residual(state.data)[:, own]) ** 2 / run.variance[:, own] - 1.0) > BEYOND)
 
 
 def _promises(state: Tidied, start: Start) -> bool:
