@@ -22,6 +22,7 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
 from middeck.identification.faults import detect_faults
+from middeck.identification.model.fit_options import is_rate
 from middeck.identification.problem.data import Data
 from middeck.identification.record_fit.noise import likelier_variance, noise_variance
 from middeck.identification.record_fit.search import RecordRun
@@ -38,6 +39,8 @@ TOLD, STEPS = 6.0, 5.0
 LEADS = 6.0
 # Of rates the constants are complex, which their unit tells.
 NO_UNIT = ", a velocity or an acceleration (the output has no unit: give it, or --constants complex)"
+# A force moves an acceleration at once; a continuous model has it through the hold, as a filter would.
+AT_ONCE = "an acceleration that steps with a held force (take a sampled model), "
 # A step of the delay is looked for so many samples, and this share of the record, from both ends.
 EDGE, EDGE_SHARE = 16, 0.01
 # Faults by which a fit is wrong in all parts of the record.
@@ -83,6 +86,8 @@ def causes_of(
     named = {f.channel for f in faults}
     real = run.layout.options.constants == "real"
     unknown = [NO_UNIT if real and not port.unit else "" for port in record.outputs]
+    held = record.held and run.layout.options.period_s == 0.0
+    at_once = [AT_ONCE if held and is_rate(port) else "" for port in record.outputs]
     for o, port in enumerate(record.outputs):
         if port.name in named:
             continue
@@ -92,11 +97,11 @@ def causes_of(
                 "standard deviations of noise): samples lost or repeated, two runs joined, a clock that "
                 "drifts, or an article that changes; no stated deviation holds"
             )
-        elif told[o] > TOLD and left[o] > MUCH:
+        elif told[o] > TOLD and left[o] > (0.0 if at_once[o] else MUCH):
             found.append(
                 f"output {port.name}: what the fit leaves still follows the inputs ({told[o]:.0f} standard "
-                f"deviations of noise), so that it is no noise: more states, a delay, feedback{unknown[o]} "
-                "or a fault of the record; no stated deviation holds"
+                f"deviations of noise), so that it is no noise: {at_once[o]}more states, a delay, "
+                f"feedback{unknown[o]} or a fault of the record; no stated deviation holds"
             )
         elif leads[o]:
             found.append(
