@@ -121,3 +121,18 @@ def test_error_of_a_stretched_beam_of_few_elements():
     q = np.arange(1, 3) * np.pi / L
     true = modes.omega[across] / np.sqrt((EI * q**4 + pull * q**2) / rho_A) - 1.0
     assert estimate_mesh_error(modes)[across] == pytest.approx(true, rel=0.25)
+
+
+def test_error_of_a_string_clamped_at_one_end():
+    """Without EI: c n pi/L across a pinned pair of ends; a clamp of the turn stiffens few elements."""
+    L, rho_A, pull = 2.0, 0.5, 74.0
+    section = Section(EA=1e7, GJ=8.0, EI_y=0.0, EI_z=0.0, rho_A=rho_A, rho_I_y=0.0, rho_I_z=0.0)
+    string = dataclasses.replace(member("a", "b", section, 8, up=(0, 1, 0)), tension=pull)
+    ends = (Clamp(node="a", along="xyz", about="xy"), Clamp(node="b", along="xyz", about="x"))
+    held = Environment(title="held", gravity=np.zeros(3), clamps=ends)
+    modes = modes_in(structure([node("a", (0, 0, 0)), node("b", (L, 0, 0))], [string]), held)
+    true = modes.omega[:4] / (np.repeat([1.0, 2.0], 2) * np.pi / L * np.sqrt(pull / rho_A)) - 1.0
+    said = estimate_mesh_error(modes)[:4]
+    assert said[[0, 2]] == pytest.approx(true[[0, 2]], rel=0.1)
+    assert np.all((said > 0.4 * true) & (said < 2.0 * true))
+    assert len(mesh_warnings(modes, 2)) == 1
