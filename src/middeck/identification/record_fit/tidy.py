@@ -22,7 +22,6 @@ from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.standing import SteadyLine
 from middeck.identification.fit.tidy import (
-    BEYOND,
     mode_significance,
     own_lines,
     pairs_of,
@@ -52,6 +51,8 @@ FIRST_STEPS = 4
 # of noise the largest is ln n means of it, or ln n / ln 2 medians.
 LINE_ABOVE, BESIDE = 15.0, 15
 MOST_LINES = 8
+# Powers of 1 / (s - pole) by which modes beside one differ from it, and times what chance makes them gain.
+ORDERS, CHANCE = (1, 2, 3), 2.0
 # Powers of time in the amplitude.
 POWERS = 3
 
@@ -135,10 +136,27 @@ def _in_two(state: Tidied, m: int) -> Tidied | None:
 
 
 def _leaves_more(state: Tidied, m: int) -> bool:
-    """Whether the lines of a mode have more left than noise."""
-    run = state.run
-    own = own_lines(state.data, pairs_of(run)[m])
-    return bool(np.sum(np.abs(run.residual(state.data)[:, own]) ** 2 / run.variance[:, own] - 1.0) > BEYOND)
+    """Whether the lines of a mode leave more than noise: what follows the inputs as modes beside it would.
+
+    Their power does not tell, as the variance of noise is that of what is left. Of chance, the ways to follow
+    gain one each.
+    """
+    data, run = state.data, state.run
+    pole = pairs_of(run)[m]
+    own = own_lines(data, pole)
+    beside = 1.0 / (data.s[own] - pole)
+    ways = np.stack([(beside / np.abs(beside).max()) ** power for power in ORDERS])
+    size = np.sqrt(run.variance[:, own])
+    columns = np.einsum("pl,lie,ole->olepi", ways, data.U[own], 1.0 / size)
+    outputs, lines, experiments, *each = columns.shape
+    numbers, count = lines * experiments, int(np.prod(each))
+    if numbers <= 2 * count:
+        return True
+    Q = np.linalg.qr(columns.reshape(outputs, numbers, count))[0]
+    white = (run.residual(data)[:, own] / size).reshape(outputs, numbers, 1)
+    alone = white - Q @ (Q.conj().mT @ white)
+    left, rest = (np.sum(np.abs(x) ** 2, axis=(1, 2)) + np.finfo(float).tiny for x in (white, alone))
+    return bool(np.sum(numbers * np.log(left / rest)) > CHANCE * outputs * count)
 
 
 def _promises(state: Tidied, start: Start) -> bool:
