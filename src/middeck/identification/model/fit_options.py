@@ -122,10 +122,12 @@ def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constan
 
 
 # The end of a unit in lower case: over seconds, once or twice, by a stroke or by a negative power.
-SQUARED = r"(\^|\*\*)?\s*2|²"
-OVER = rf"/\s*s(ec)?\s*({SQUARED}|/\s*s(ec)?)?$"
-POWER = r"\b(m|mm|cm)?s(ec)?\s*((\^|\*\*)?\(?-\s*[12]\)?|⁻[¹²])$"
+SECOND = r"s(ec(ond)?s?)?\s*"
+TWICE = rf"((\^|\*\*)?\s*\{{?2\}}?|²|[/*·]\s*{SECOND})?"
+OVER = rf"/\s*({SECOND}{TWICE}|\(\s*{SECOND}{TWICE}\s*\))$"
+POWER = rf"\b(m|mm|cm)?{SECOND}((\^|\*\*)?[({{]?-\s*[12][)}}]*|⁻[¹²])$"
 RATE = re.compile(f"{OVER}|{POWER}")
+GRAVITIES = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug")
 
 
 def is_rate(port: Port) -> bool:
@@ -135,11 +137,13 @@ def is_rate(port: Port) -> bool:
 
     >>> [is_rate(Port("tip", u)) for u in ("M/S2", "m/s**2", "m/s/s", "(m s^-2)", "ms⁻²", "in/sec^2", "G")]
     [True, True, True, True, True, True, True]
-    >>> [is_rate(Port("tip", u)) for u in ("m", "N", "g/N", "V", "ms", "m/s^3", "")]
-    [False, False, False, False, False, False, False]
+    >>> [is_rate(Port("tip", u)) for u in ("m/(s^2)", "meter / second ** 2", "m/s^{2}", "m s^{-2}", "mg")]
+    [True, True, True, True, True]
+    >>> [is_rate(Port("tip", u)) for u in ("m", "N", "g/N", "V", "ms", "m/s^3", "", "V/(m/s)")]
+    [False, False, False, False, False, False, False, False]
     """
-    unit = port.unit.strip().strip("()[]").casefold()
-    return unit in ("g", "gn", "g0") or bool(RATE.search(unit))
+    unit = re.sub(r"^[(\[{]([^()\[\]]*)[)\]}]$", r"\1", port.unit.strip()).strip().casefold()
+    return unit in GRAVITIES or bool(RATE.search(unit))
 
 
 def _check_sampled(measured: FrequencyResponse, asked: FitOptions) -> None:

@@ -39,8 +39,8 @@ TOLD, STEPS = 6.0, 5.0
 LEADS = 6.0
 # Of rates the constants are complex, which their unit tells.
 NO_UNIT = ", a velocity or an acceleration (the output has no unit: give it, or --constants complex)"
-# A force moves an acceleration at once; a continuous model has it through the hold, as a filter would.
-AT_ONCE = "an acceleration that steps with a held force (take a sampled model), "
+# A force moves a rate within a sample; a continuous model has it through the hold, as a filter would.
+AT_ONCE = "a velocity or an acceleration that a held force moves within a sample (take a sampled model), "
 # A step of the delay is looked for so many samples, and this share of the record, from both ends.
 EDGE, EDGE_SHARE = 16, 0.01
 # Faults by which a fit is wrong in all parts of the record.
