@@ -10,6 +10,7 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.spectra import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
@@ -186,6 +187,30 @@ def test_of_a_delay_common_to_four_paths_nothing_is_said_in_any_unit():
     fitted = fit_response(paths, states=6, delay="common")
     assert set(fitted.standing) > {"sound"}
     assert not [w for w in fitted.warnings if "may stand for poles" in w]
+
+
+@pytest.mark.parametrize("unit", [1.0, 10.0])
+def test_by_likelihood_modes_are_as_sound_as_by_least_squares_in_any_unit_of_an_input(unit):
+    """A pair too many asks whether poles do instead of the delay: by two costs two lengths do not compare."""
+    rng, count = np.random.default_rng(0), 512
+    f = np.fft.rfftfreq(count, 1.0 / RATE)
+    s, w = 2j * np.pi * f, 2.0 * np.pi * HZ
+    each = 1.0 / (s[:, None] ** 2 + 2.0 * ZETA * w * s[:, None] + w**2) * np.exp(-0.02 * s[:, None])
+    H = np.einsum("lm,om,mi->loi", each, [[1.0, 0.7], [0.5, -0.9]], [[1.0, 0.4 / unit], [-0.6, 1.0 / unit]])
+    U = np.exp(2j * np.pi * rng.random((2, len(f), 2))) * ((f > 1.0) & (f < 40.0))[:, None]
+    U[1] = U[0] * [1.0, -1.0]
+    U[..., 1] *= unit
+    u, y = (np.fft.irfft(x, axis=1) for x in (U, np.einsum("loi,eli->elo", H, U)))
+    u, y = (np.repeat(x[:, None], 4, axis=1) for x in (u, y))
+    y = y + 0.02 * y.std(axis=(0, 1, 2)) * rng.standard_normal(y.shape)
+    ports = tuple(tuple(Port(p.name + k, p.unit) for k in "12" for p in side) for side in PORTS)
+    record = Record(sample_hz=RATE, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=True)
+    measured = estimate_response(record, band_hz=(1.5, 39.0))
+    for cost in ("weighted", "likelihood"):
+        fitted = fit_response(measured, states=6, cost=cost)
+        assert set(fitted.standing) > {"sound"}
+        assert fitted.standing.count("sound") == 2
+        assert set(fitted.delay_standing) == {"sound"}
 
 
 @pytest.mark.parametrize(("hz", "noise"), repeats([(50.0, 3e-3), (70.0, 3e-3), (50.0, 1e-2)], 1))

@@ -71,14 +71,15 @@ def poles_instead(
     true: Complex[np.ndarray, " mode"],
 ) -> PolesInstead | None:
     """What describes ``measured`` as well as ``best`` does, with its ``true`` poles; None where nothing
-    does."""
+    does. A ``best`` of another cost is refined by the same first: likelihoods of two costs do not compare."""
+    same = polish(data, best.start, spread, steps=STEPS, rounds=ROUNDS, share=best.share) or best
     found: list[tuple[float, int]] = []
     for pairs in PAIRS:
         start = _beyond(measured, data, best, true, pairs)
         run = polish(data, start, spread, steps=STEPS, rounds=ROUNDS)
         if run is not None:
             found.append((_length(data, run), run.layout.states))
-    return instead_of(_length(data, best), found)
+    return instead_of(_length(data, same), found)
 
 
 def _beyond(measured: FrequencyResponse, data: Data, best: Polished, true: np.ndarray, pairs: int) -> Start:
