@@ -351,6 +351,5 @@ def _poles_for_a_delay(
     if not covariance.structure.with_delay or all(one == "sound" for one in standing):
         return None
     # Lengths compare on one spread alone: that by which ``best`` was found.
-    return poles_instead(
-        measured, data, best, followed, np.unique(covariance.model.poles[true_modes(standing)])
-    )
+    true = [np.unique(covariance.model.poles[which]) for which in true_modes(standing)]
+    return poles_instead(measured, data, best, followed, true)

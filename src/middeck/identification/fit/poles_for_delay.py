@@ -9,6 +9,7 @@ are fitted in its place: which of the two is the article, their description leng
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -29,6 +30,8 @@ from middeck.values import record
 # frequency; two that coincide would be one.
 PAIRS = (1, 2)
 BUTTERWORTH, PARTED = np.sqrt(0.5) * (-1.0 + 1.0j), 1.3
+# Standing of the modes that stay: a pair that is spent on the delay may look like a neighbour of a true one.
+KEPT = (("sound",), ("sound", "unresolved"))
 # Steps of a search on one share of weights, and how often the share is found anew.
 STEPS, ROUNDS = 12, 2
 # Difference of two description lengths (twice a logarithm of likelihood) up to which neither is preferred:
@@ -58,9 +61,10 @@ class PolesInstead:
         )
 
 
-def true_modes(standing: Sequence[Standing]) -> Bool[np.ndarray, " mode"]:
-    """Those that are in the data: sound ones, and neighbours that are not told apart."""
-    return np.array([one in ("sound", "unresolved") for one in standing], dtype=bool)
+def true_modes(standing: Sequence[Standing]) -> list[Bool[np.ndarray, " mode"]]:
+    """What may be those in the data: sound ones, and these with neighbours that are not told apart."""
+    found = [np.array([one in kept for one in standing], dtype=bool) for kept in KEPT]
+    return found[: 1 + bool(np.any(found[0] != found[1]))]
 
 
 def poles_instead(
@@ -68,14 +72,14 @@ def poles_instead(
     data: Data,
     best: Polished,
     spread: Spread,
-    true: Complex[np.ndarray, " mode"],
+    true: Sequence[Complex[np.ndarray, " mode"]],
 ) -> PolesInstead | None:
-    """What describes ``measured`` as well as ``best`` does, with its ``true`` poles; None where nothing
-    does. A ``best`` of another cost is refined by the same first: likelihoods of two costs do not compare."""
+    """What describes ``measured`` as well as ``best`` does, with one set of its ``true`` poles; None where
+    nothing does. The fit is refined by the same cost first: likelihoods of two costs do not compare."""
     same = polish(data, best.start, spread, steps=STEPS, rounds=ROUNDS, share=best.share) or best
     found: list[tuple[float, int]] = []
-    for pairs in PAIRS:
-        start = _beyond(measured, data, best, true, pairs)
+    for poles, pairs in itertools.product(true, PAIRS):
+        start = _beyond(measured, data, best, poles, pairs)
         run = polish(data, start, spread, steps=STEPS, rounds=ROUNDS)
         if run is not None:
             found.append((_length(data, run), run.layout.states))
