@@ -61,11 +61,11 @@ def examples(text: str) -> list[list[str]]:
 
 
 def quicker(arguments: list[str]) -> list[str]:
-    """The example, but it watches for a second, searches a narrower band, or draws twelve modes."""
+    """The example, but it watches the computer for a second, or draws twelve modes."""
     if arguments[0] in ("compare", "modes", "path") and "--figure" in arguments:
         return [*arguments, "--count", "12"]
     if arguments[0] != "doctor":
-        return ["300,1000" if told == "100,1000" else told for told in arguments]
+        return arguments
     told = arguments.index("--seconds") if "--seconds" in arguments else len(arguments)
     return [*arguments[:told], "--seconds", "1", *arguments[told + 2 :]]
 
