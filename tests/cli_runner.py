@@ -6,6 +6,7 @@ import functools
 import hashlib
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from middeck.updating.candidates.foreseen import foresee
 from middeck.updating.orbit.frequencies import solve_there
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine
+from repeats import LONG
 
 ROOT = Path(__file__).parents[1]
 FITTED: dict[str, Any] = {}
@@ -76,6 +78,20 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
     monkeypatch.setattr("middeck.updating.candidates.candidates.foresee", foresee_once)
     monkeypatch.setattr("middeck.updating.candidates.candidates.solve_there", solve_there_once)
+
+
+def link_documents(folder: Path) -> None:
+    """Let ``folder`` hold the project's documents and data; `make test` promises by fewer draws."""
+    for name in ("articles", "environments", "studies"):
+        (folder / name).symlink_to(ROOT / name)
+    (folder / "data").mkdir()
+    for path in (ROOT / "data").iterdir():
+        if path.name != "virtual-survey":
+            (folder / "data" / path.name).symlink_to(path)
+    survey = shutil.copytree(ROOT / "data/virtual-survey", folder / "data/virtual-survey")
+    text = (survey / "promise.toml").read_text(encoding="utf-8")
+    assert "draws = 24 " in text
+    (survey / "promise.toml").write_text(text if LONG else text.replace("draws = 24 ", "draws = 8 "))
 
 
 def script(*arguments: object) -> list[str]:

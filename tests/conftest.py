@@ -95,7 +95,7 @@ def paper_outcomes(paper_study):
     """
     from middeck.study.mission import run_chapters  # with matplotlib, which few tests need
 
-    fewer = () if LONG else ("promise.draws=10", "promise.log10_authority=[0, 3]")
+    fewer = () if LONG else ("promise.draws=6", "promise.log10_authority=[0, 3]")
     quick = load_study(Path(__file__).parents[1] / "studies/mace-1993.toml", fewer)
     chapters = {**dict(run_chapters(paper_study)), "promise": dict(run_chapters(quick))["promise"]}
     return {name: run() for name, run in chapters.items() if name != "mirror"}

@@ -1,7 +1,8 @@
 """Coverage of what is said of orbit, on truths that no other row draws: frequencies and the response.
 
 That of decibels is a row of the promise. Lines of one response miss together (a sensor's gain is common to
-all), so that the truths count, not the lines. The truth has all modes to 200 Hz, a drawn plant the lowest 26.
+all), so that the truths count, not the lines, and the last row is of what lines do not share. The truth has
+all modes to 200 Hz, a drawn plant the lowest 26.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ def rows(_: Any) -> list[dict[str, Any]]:
     title = f"coverage, {len(found)} other truths"
     return [
         _row(title, what, np.array([one[k] for one in found]))
-        for k, what in enumerate(("ten frequencies", "response, 40 lines"))
+        for k, what in enumerate(
+            ("ten frequencies", "response, 40 lines", "response, what all lines share left out")
+        )
     ]
 
 
@@ -43,7 +46,7 @@ def _row(title: str, what: str, missed: np.ndarray) -> dict[str, Any]:
     return row(title, f"{what}: 95 % intervals that miss", "%", 100.0 * np.mean(missed), 10.0, note=note)
 
 
-def _missed(seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _missed(seed: int) -> tuple[np.ndarray, ...]:
     refined, asked = case.refined(seed), case.plan([1.0], DRAWS)
     told = predict_modes(refined, Environment.orbit())
     errors = prediction.case.log_errors(
@@ -54,8 +57,26 @@ def _missed(seed: int) -> tuple[np.ndarray, np.ndarray]:
         rng=np.random.default_rng(asked.seed), loop=asked.loop, finish=partial(close_inner, asked),
     )  # fmt: skip
     said, came = np.array([_gain(plant) for plant in drawn.plants]), _gain(case.true_plant(seed))
+    whole = (
+        np.abs(errors) > NORMAL_95 * told.log_std,
+        _outside(said, came),
+        _outside(_shape(said), _shape(came)),
+    )
+    print(
+        f"truth {seed}: {', '.join(str(np.sum(m)) for m in whole)} of {len(errors)}, 40 and 40 missed",
+        flush=True,
+    )
+    return whole
+
+
+def _outside(said: np.ndarray, came: np.ndarray) -> np.ndarray:
     low, high = (np.array([level(line, share) for line in said.T]) for share in (0.025, 0.975))
-    return np.abs(errors) > NORMAL_95 * told.log_std, (came < low) | (came > high)
+    return (came < low) | (came > high)
+
+
+def _shape(size: np.ndarray) -> np.ndarray:
+    """Over its geometric mean: without the gain of the sensor, common to all lines."""
+    return size / np.exp(np.mean(np.log(size), axis=-1, keepdims=True))
 
 
 def _gain(plant: Plant) -> np.ndarray:

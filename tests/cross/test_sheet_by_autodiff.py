@@ -9,6 +9,7 @@ there (1e-6 in the lowest modes).
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from middeck.study.chapters.zero_g_control.computation import SUB_MODELS, ZeroGControl, study_zero_g_control
 from middeck.study.shared import find_modes
 from middeck.systems.plants.response import evaluate_plant
-from repeats import LONG
+from repeats import LONG, repeats
 
 HERE = Path(__file__).parent
 STUDY = HERE.parents[1] / "studies" / "mace-1993.toml"
@@ -54,18 +55,28 @@ class Case:
         self.theirs = THEIRS[name]
         self.study: Study = load_study(STUDY, CASES[name])
         self.comparison = {article: self._compare(article) for article in ("simple", "dm")}
+
+    @functools.cached_property
+    def control(self) -> ZeroGControl:
         simple = self.comparison["simple"]
-        sides = {"orbit": simple.orbit, "lab": simple.lab}
-        self.control: ZeroGControl = study_zero_g_control(sides, self.study.control)
+        return study_zero_g_control({"orbit": simple.orbit, "lab": simple.lab}, self.study.control)
 
     def _compare(self, article: str) -> ModeComparison:
         orbit, lab = (find_modes(*self.study.case(article, side)) for side in ("orbit", "lab"))
         return compare_modes(orbit, lab, 26)
 
 
+case_of = functools.cache(Case)
+
+
 @pytest.fixture(scope="module", params=[n for n in CASES if LONG or n in QUICK])
 def case(request: pytest.FixtureRequest) -> Case:
-    return Case(request.param)
+    return case_of(request.param)
+
+
+@pytest.fixture(scope="module", params=repeats(CASES))
+def controlled(request: pytest.FixtureRequest) -> Case:
+    return case_of(request.param)
 
 
 @pytest.fixture(params=("simple", "dm"))
@@ -111,17 +122,17 @@ def test_reactions_torques_and_attitude_agree(pair):
     np.testing.assert_allclose(degrees, theirs["node_rotation_deg"], atol=ATTITUDE_DEG)
 
 
-def test_the_disturbance_and_the_metric_under_pd_agree(case):
-    theirs = case.theirs["figure_7"]
-    assert case.control.disturbance_psd == pytest.approx(theirs["disturbance_psd"], rel=MESH)
-    for side, metric in case.control.metric_pd:
+def test_the_disturbance_and_the_metric_under_pd_agree(controlled):
+    theirs = controlled.theirs["figure_7"]
+    assert controlled.control.disturbance_psd == pytest.approx(theirs["disturbance_psd"], rel=MESH)
+    for side, metric in controlled.control.metric_pd:
         expected = theirs["metric_3sigma_deg_pd"][side]
         assert np.degrees(3.0 * metric) == pytest.approx(expected, rel=MESH), side
 
 
 @pytest.mark.parametrize("which", SUB_MODELS)
-def test_decibels_over_authority_agree(case, which):
-    ours, theirs = dict(case.control.sweeps)[which], case.theirs["figure_7"][which]
+def test_decibels_over_authority_agree(controlled, which):
+    ours, theirs = dict(controlled.control.sweeps)[which], controlled.theirs["figure_7"][which]
     assert ours.reference_db_lab_pd == pytest.approx(theirs["reference_db_lab_pd"], abs=DECIBEL)
     np.testing.assert_array_equal(ours.sweep.compensator_stable, theirs["compensator_stable"])
     for row, side in enumerate(ours.sweep.plants):
@@ -134,9 +145,9 @@ def test_decibels_over_authority_agree(case, which):
 
 
 @pytest.mark.parametrize("which", SUB_MODELS)
-def test_the_first_instability_agrees(case, which):
-    ours = dict(case.control.sweeps)[which]
-    theirs = case.theirs["figure_7"][which]["first_instability"]
+def test_the_first_instability_agrees(controlled, which):
+    ours = dict(controlled.control.sweeps)[which]
+    theirs = controlled.theirs["figure_7"][which]["first_instability"]
     first = ours.first_instability
     assert first is not None
     assert first.log10_authority == pytest.approx(theirs["log10_authority"], abs=AUTHORITY)

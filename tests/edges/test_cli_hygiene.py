@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import middeck as package
-from cli_runner import ROOT, as_process, middeck, script, share_results
+from cli_runner import ROOT, link_documents, middeck, script, share_results
 from middeck.cli.app import VERBS
 from repeats import LONG, repeats
 
@@ -60,8 +60,10 @@ def examples(text: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in below.splitlines() if line.strip().startswith("middeck")]
 
 
-def in_a_second(arguments: list[str]) -> list[str]:
-    """The example of a verb that watches the computer for a while, which it waits for."""
+def quicker(arguments: list[str]) -> list[str]:
+    """The example, but it watches the computer for a second, or draws twelve modes."""
+    if arguments[0] in ("compare", "modes", "path") and "--figure" in arguments:
+        return [*arguments, "--count", "12"]
     if arguments[0] != "doctor":
         return arguments
     told = arguments.index("--seconds") if "--seconds" in arguments else len(arguments)
@@ -72,8 +74,7 @@ def in_a_second(arguments: list[str]) -> list[str]:
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the project's documents and data, where examples may write."""
     share_results(monkeypatch)
-    for name in ("articles", "environments", "studies", "data"):
-        (tmp_path / name).symlink_to(ROOT / name)
+    link_documents(tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -83,7 +84,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 )
 def test_every_example_of_a_verb_runs(project: Path, capfd: Capture, verb: str) -> None:
     for arguments in examples(middeck(capfd, verb, "--help").out):
-        ended = middeck(capfd, *(arguments if LONG else in_a_second(arguments)))
+        ended = middeck(capfd, *(arguments if LONG else quicker(arguments)))
         assert ended.code == 0, arguments
         assert all(line.startswith("warning: ") for line in ended.err.splitlines()), arguments
         assert ended.out
@@ -141,9 +142,14 @@ def on_a_terminal(*arguments: str, **variables: str) -> str:
     return sent.decode()
 
 
-def test_escape_codes_only_on_a_terminal_that_wants_them() -> None:
+def test_escape_codes_only_on_a_terminal_that_wants_them(
+    capfd: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
     ask = ("modes", "articles/mace-dm.toml", "--environment", "orbit", "--count", "9")
-    piped = as_process(*ask, FORCE_COLOR="1")
+    with monkeypatch.context() as colourful:
+        colourful.setenv("FORCE_COLOR", "1")
+        piped = middeck(capfd, *ask)
     assert "\x1b" not in piped.out + piped.err
     fancy = on_a_terminal(*ask)
     assert "\x1b[" in fancy

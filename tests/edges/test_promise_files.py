@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli_runner import middeck
+from cli_runner import middeck, share_results
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import seal
@@ -35,9 +35,13 @@ def promised(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def promise(folder: Path, name: str) -> None:
+def promise(folder: Path, name: str, *, fresh: bool = False) -> None:
+    """``middeck promise``, on what was refined already unless ``fresh``."""
     asked = ["promise", str(ARTICLE), str(folder / "promise.toml"), "--date", "2026-11-23"]
-    assert execute([*asked, "-o", str(folder / name)], lambda: False) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        if not fresh:
+            share_results(patch)
+        assert execute([*asked, "-o", str(folder / name)], lambda: False) == 0
 
 
 def test_the_document_names_what_it_stands_on(promised: Path):
@@ -103,7 +107,7 @@ def test_friction_stands_beside_what_would_be_without_and_all_is_the_same_again(
     assert orbit["friction"]["joints"][0]["slip_torque_nm"] == 0.002
     assert not any("every plant is linear" in limit for limit in document["not_valid_for"])
     first = (tmp_path / "promise.json").read_bytes()
-    promise(tmp_path, "again.json")
+    promise(tmp_path, "again.json", fresh=True)
     assert (tmp_path / "again.json").read_bytes() == first
 
 

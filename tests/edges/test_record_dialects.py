@@ -126,6 +126,7 @@ def test_times_that_are_hardly_seconds_are_doubted(
     (tmp_path / "run.csv").write_text("\n".join((f"{heading},u:force [N],y:way [m]", *lines)) + "\n")
     (fault,) = read_record(tmp_path / "run.csv").faults
     assert (fault.severity, said in fault.what) == ("serious", True)
+    assert read_record(tmp_path / "run.csv", name_columns(sample_hz=1.0 / step)).faults == ()
     assert read_record(written(tmp_path / "run.csv", "s", 1.0, ",", ".")).faults == ()
 
 

@@ -98,7 +98,7 @@ def run_under_excitation(engine, package, samples: int, settle: int, periods: in
             ("payload", (6.0, 30.0), False),
             ("both", (6.0, 30.0), False),
         ],
-        4,
+        3,
     ),
 )
 def test_the_gate_judges_each_compensator(paper_study, loops, name, margins, passes):

@@ -10,7 +10,7 @@ from engine_rigs import closed_states, rig_case
 from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
-WHOLE, QUICK = 1000, 5
+WHOLE, QUICK = 1000, 3
 RIGS = [("dm", "lab"), ("simple", "lab"), ("simple", "orbit"), ("dm", "orbit")]
 
 

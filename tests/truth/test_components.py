@@ -31,7 +31,7 @@ from middeck.structure.sensitivity.parameters import find_parameters, set_parame
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.summary.summary import summarise
 from repeats import repeats
-from structure_builders import GRAVITY
+from structure_builders import GRAVITY, TUBE, clamped_matrices, member, node, structure
 
 
 def _element(rng, grids, modal):
@@ -401,3 +401,21 @@ def test_grids_with_some_coordinates_and_arms():
     same = dataclasses.replace(good, components=(none,))
     found = md.solve_modes(md.solve_equilibrium(same, orbit)).frequency_hz[6:16]
     np.testing.assert_allclose(found, true, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_line_of_grids_may_turn_about_itself_without_inertia(seed):
+    """Lumped masses on a bar in any direction: taken where free, refused where a stiffness is grounded."""
+    rng = np.random.default_rng(seed)
+    R = rotation_exp(rng.standard_normal(3)) if seed else np.eye(3)
+    section = dataclasses.replace(TUBE, rho_A=1e-12)
+    ends = [node(n, R @ [0.5 * k, 0.0, 0.0]) for k, n in enumerate("abc")]
+    bars = [member(*pair, section, 1, up=R @ [0.0, 1.0, 0.0]) for pair in ("ab", "bc")]
+    K = clamped_matrices(mesh_structure(structure(ends, bars)), fixed=())[0]
+    M = np.diag(np.tile(np.repeat([1.0, 0.0], 3), 3)) * rng.uniform(0.1, 1.0)
+    names, places = tuple("abc"), np.array([n.position for n in ends])
+    part = Component(name="bar", grids=names, frames=names, positions=places, stiffness=K, mass=M)
+    assert list(component_faults(part)) == []
+    for way in range(6):
+        grounded = dataclasses.replace(part, stiffness=_pair(K, 6 + way, 6 + way, 0.01 * K[6 + way, 6 + way]))
+        assert any("resists a motion as one body" in fault for fault in component_faults(grounded))

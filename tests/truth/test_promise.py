@@ -87,8 +87,7 @@ def test_no_compensator_passes_the_bound_and_one_of_its_effort_comes_near():
     ((own, least),) = bound_db([plant], other, WEIGHTS)
     effort = measure_noise_rms(plant, other, WEIGHTS).control_rms
     tried = [
-        measure_noise_rms(plant, design_lqg(plant, WEIGHTS, a), WEIGHTS)
-        for a in np.geomspace(0.03, 300.0, 150)
+        measure_noise_rms(plant, design_lqg(plant, WEIGHTS, a), WEIGHTS) for a in np.geomspace(0.3, 30.0, 75)
     ]
     at = int(np.argmin([abs(t.control_rms - effort) for t in tried]))
     alone = measure_noise_rms(plant, STILL, WEIGHTS).rms
@@ -210,7 +209,7 @@ def test_a_ladder_ends_below_the_first_that_is_not_promised():
 
 def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
     """Its covariance, although some unknowns keep nearly all of their spread."""
-    draws = 100 if LONG else 60
+    draws = 100 if LONG else 40
     asked = case.plan([1.0], draws)
     drawn = draw_plants(
         refined, Environment.orbit(), lambda modes: plant_of(asked, modes), draws=draws,
@@ -362,19 +361,19 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
     asked = case.with_all_motors(case.plan([1e4], 1))
     law = design_ladder(case.modes_in_orbit(refined), asked)["LQG 4"]
     weights = weights_of(asked, law.outputs, law.inputs)
-    held = []
+    held, draws = [], 6 if LONG else 3
     for umbilical_hz in (0.0, 0.03):
         loop = dataclasses.replace(asked.loop, umbilical_hz=umbilical_hz)
         drawn = draw_plants(
-            refined, Environment.orbit(), partial(plant_of, asked), draws=6, rng=np.random.default_rng(2),
+            refined, Environment.orbit(), partial(plant_of, asked), draws=draws, rng=np.random.default_rng(2),
             loop=loop, finish=partial(close_inner, asked),
         )  # fmt: skip
         plants = [group_loop(asked, p, case.PD.names, case.ALL_ANGLES) for p in drawn.plants]
         stable, rms, _ = noise_on(plants, law, weights)
         np.testing.assert_array_equal(which_decay(plants, law, weights), stable & np.isfinite(rms))
         held.append(int(np.count_nonzero(stable)))
-    assert held[0] == 6
-    assert held[1] < 6
+    assert held[0] == draws
+    assert held[1] < draws
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.noise import noise_variance
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from repeats import repeats
 
 # rad per sample: two modes of 0.8 and 1.5 %, the first where the coloured noise is strong.
 OMEGA, ZETA = np.array([0.15, 0.43]), np.array([0.008, 0.015])
@@ -34,7 +35,7 @@ def a_record(seed, *, noise, colour, samples=1000):
 # By default the held-out samples choose the weights, and choose flat ones here; it is slow, so fewer seeds.
 @pytest.mark.parametrize(
     ("weighting", "noise", "colour", "runs"),
-    [("flat", 0.05, 0.9, 100), ("flat", 0.03, 0.0, 100), (None, 0.05, 0.9, 40)],
+    repeats([("flat", 0.05, 0.9, 100), (None, 0.05, 0.9, 40), ("flat", 0.03, 0.0, 100)], 2),
 )
 def test_intervals_cover_whatever_noise_the_weights_assume(weighting, noise, colour, runs, campaign):
     z = []

@@ -11,7 +11,7 @@ from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.uncertainty.parameters import parameters_of
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
-from repeats import repeats
+from repeats import LONG, repeats
 
 INPUTS = (Port("torque", "N m"), Port("wheel", "N m"))
 OUTPUTS = (Port("payload", "rad"), Port("bus", "rad"))
@@ -163,7 +163,7 @@ def test_an_offset_and_a_ramp_of_any_channel_change_nothing(options, within):
 
     A sampled fit keeps small ramps, as slow response: its weights differ by those of the still record.
     """
-    record = moving(4)
+    record = moving(4, 1024 if LONG else 512)
     t = np.linspace(0.0, 1.0, record.u.shape[2])[:, None]
     drifting = dataclasses.replace(
         record,
@@ -181,7 +181,7 @@ def test_an_offset_and_a_ramp_of_any_channel_change_nothing(options, within):
 
 
 def test_a_drifting_free_body_keeps_its_poles():
-    record = moving(5, rigid=FREE["rigid"])
+    record = moving(5, 1024 if LONG else 512, rigid=FREE["rigid"])
     t = np.linspace(-1.0, 1.0, record.u.shape[2])[:, None]
     # Sensors of a plant at zero may drift too: a parabola is free motion of its double pole.
     drift = (30.0 * t + 20.0 * t**2) * record.y.std(axis=(0, 1, 2))

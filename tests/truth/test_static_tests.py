@@ -99,7 +99,7 @@ def test_a_point_of_a_node_goes_along_with_its_turn():
     assert far == pytest.approx(tip + 0.1 * (np.sin(before + slope) - np.sin(before)), rel=1e-9)
 
 
-@pytest.mark.parametrize("since_unloaded", [True, False])
+@pytest.mark.parametrize("since_unloaded", repeats([True, False]))
 def test_slopes_are_those_of_differences_at_large_sag(since_unloaded: bool):
     """Central differences of a wing bent to half its span: their error falls with the square of the step."""
     point = dataclasses.replace(TIP, point=np.array([0.05, 0.02, 0.01]))

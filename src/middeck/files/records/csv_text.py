@@ -213,7 +213,7 @@ def _doubts_of_rate(opening: Opening, rate: float) -> tuple[Fault, ...]:
         return ()
     what = f"times are read as seconds, so that the rate is {rate:.6g} Hz: "
     what += "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"
-    hint = "head the column time [s] or time [ms]; without that column, state the rate"
+    hint = "state the rate (--sample-hz) if it is right; if not, head the column time [ms], or leave it out"
     return (channel_fault("format", "serious", opening.heads[0], what, hint),)
 
 

@@ -23,6 +23,8 @@ RESISTS_WHOLE = 1e-8
 ROUNDING = 1e-12
 # Of the lowest elastic omega^2, and of the largest share of mass: negative by more is not rounding.
 NEGATIVE, NEGATIVE_MASS = 1e-6, 1e-7
+# Of the inertia: rounding of it is below `NEGATIVE_MASS`, and it below that of the whole.
+SLIGHT = 1e-8
 # Of the mass and of the inertia: what a rigid body has of neither.
 BODY = 1e-6
 # Of the size: how far a grid may be from the point that it is fixed to.
@@ -263,15 +265,19 @@ def _indefinite(component: Component) -> Iterator[str]:
     modal = both & (index >= 6 * len(component.grids))
     both = modal if np.any(modal) else both
     shift = float(np.median(k[both] / m[both])) if np.any(both) else 1.0
-    whole = K + shift * M
-    size = np.sqrt(np.abs(np.diagonal(whole)))
+    size = np.sqrt(np.abs(np.diagonal(K + shift * M)))
     if not np.all(size > 0.0):
         lost = coordinate_name(component, int(index[np.argmin(size)]))
         yield f"{lost} has neither stiffness nor mass"
         return
+    # About a line of grids without rotary inertia nothing resists: too little to change anything else does.
+    R = rigid_vectors(component.positions - component.positions.mean(axis=0), len(there))[there, 3:]
+    inertia = R.T @ M @ R
+    turn = R @ np.linalg.eigh(inertia)[1][:, 0]
+    M = M + SLIGHT * max(float(np.trace(inertia)), 0.0) / len(component.grids) * np.outer(turn, turn)
     scaled = np.outer(size, size)
     try:
-        share, shapes = sla.eigh(M / scaled, whole / scaled)
+        share, shapes = sla.eigh(M / scaled, (K + shift * M) / scaled)
     except sla.LinAlgError:
         yield "its stiffness or mass is indefinite"
         return
