@@ -53,10 +53,10 @@ CALL = r"\b[A-Za-z_][\w.]*\w\(|(?<![\w.-])[a-z_]+=(?=[\w(\['\"])|\b[A-Z][a-z]+[A
 
 
 @functools.cache
-def public_names() -> set[str]:
+def public_names() -> frozenset[str]:
     """Names of the library and of its rooms."""
     rooms = (import_module(f"middeck.{m.name}") for m in pkgutil.iter_modules(middeck.__path__) if m.ispkg)
-    return {name for place in (middeck, *rooms) for name in getattr(place, "__all__", ())}
+    return frozenset(name for place in (middeck, *rooms) for name in getattr(place, "__all__", ()))
 
 
 def in_options(text: str, own: Collection[str]) -> str:

@@ -84,8 +84,8 @@ def read_record(path: str | Path, columns: Columns | None = None) -> Reading:
     raw = _reader(file)(file, "" if told is None else told.variable)
     taken = build_record(raw, told, str(path))
     stated = told is not None and told.sample_hz is not None
-    # Times that agree with a stated rate leave nothing to doubt.
-    faults = (f for f in raw.faults if not (stated and (f.kind, f.severity) == ("format", "serious")))
+    # Times that agree with a stated rate leave no doubt of it.
+    faults = (f for f in raw.faults if not (stated and f.kind == "rate"))
     return Reading(check_shape(taken, str(path)), tuple(faults))
 
 

@@ -214,7 +214,7 @@ def _doubts_of_rate(opening: Opening, rate: float) -> tuple[Fault, ...]:
     what = f"times are read as seconds, so that the rate is {rate:.6g} Hz: "
     what += "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"
     hint = "state the rate (--sample-hz) if it is right; if not, head the column time [ms], or leave it out"
-    return (channel_fault("format", "serious", opening.heads[0], what, hint),)
+    return (channel_fault("rate", "serious", opening.heads[0], what, hint),)
 
 
 def _first_rows(file: Path, opening: Opening) -> list[list[str]]:

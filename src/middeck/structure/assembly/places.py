@@ -94,7 +94,9 @@ def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
 
 @functools.cache
 def _identity(size: int) -> sp.csr_array:
-    return sp.csr_array(sp.eye_array(size))
+    made = sp.csr_array(sp.eye_array(size))
+    made.data.setflags(write=False)  # all share it
+    return made
 
 
 def symmetric(K: sp.csr_array) -> sp.csr_array:

@@ -67,9 +67,8 @@ def rigid_basis(
     free = _norm(motions - inside, M) < NEW_PART * whole
     basis = np.zeros((len(space), 0))
     names: list[str] = []
-    waiting = unnamed = np.flatnonzero(
-        whole > 0.0
-    ).tolist()  # a straight line of masses has no inertia about itself
+    # A straight line of masses has no inertia about itself.
+    waiting = unnamed = np.flatnonzero(whole > 0.0).tolist()
     while waiting and len(names) < space.shape[1]:
         left = {i: _without(inside[:, i], basis, M) for i in waiting}
         new = {i: float(_norm(left[i][:, None], M)[0] / whole[i]) for i in waiting}
