@@ -50,10 +50,13 @@ def result(figures: Numbers) -> Line:
     """Frequencies and decibels, promised and come."""
     numbers = figures["promise"]
     apart = median_error_db(numbers)
-    loops = "" if apart is None else f", decibels within {fixed(apart, 2)} dB"
+    loops = "" if apart is None else f", decibels within {fixed(apart, 2)} dB in the median"
     error = significant(frequency_error(numbers, "refined_hz"), 2)
+    count = len(numbers["frequencies"]["true_hz"])
     return Line(
-        f"Promised from 1-g records for 0-g: frequencies within {error} %{loops} of what came.", SECTION
+        f"Promised from 1-g records for 0-g: the first {count} flexible frequencies within {error} % rms"
+        f"{loops}.",
+        SECTION,
     )
 
 
