@@ -123,6 +123,8 @@ def test_the_deck_is_sound(tmp_path):
         ),
         ("PBEAM,2,1,1.,1.,1.,.5,1.\n,\n,1.,0.\nCBEAM,21,2,1,4,0.,1.,0.", "rigid in shear in one plane alone"),
         ("RBE2,20,1,123456,5,6,7,8,9,10", "a number, 10, where the mark of a continuation stands"),
+        ("RBE2    20      1       123456  5       6       7       8       9       10", "a number, 10, where"),
+        (f"{'GRID*':8}{8:<32}{5.0:<16}{0.0:<16}1.5\n*       {0.0:<16}", "a number, 1.5, where"),
         (
             "GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2",
             "RBE3 30 field 4 (REFGRID) = 8: component 5 of grid 8 is dependent and held by the ground",

@@ -108,6 +108,15 @@ def test_a_row_of_large_fields_is_whole_before_a_small_one():
     assert found["gm"] == ["3", None, None, None, None, "4"]
 
 
+def test_lines_may_be_numbered_in_columns_73_to_80():
+    """Where all are and the numbers rise, as editors once wrote them; a lone one is a field too many."""
+    lines = [f"{f'GRID    {n:<8}        {n}.':72}{10 * n:08d}" for n in range(1, 13)]
+    assert [entry["x1"] for entry in entries("\n".join(lines)).of("GRID")] == [*map(float, range(1, 13))]
+    lines[4] = lines[4][:72]
+    assert "11 errors" in (said := refused("\n".join(lines)))
+    assert "a number, 00000010, where the mark of a continuation stands" in said
+
+
 def test_a_fixed_field_reaches_to_the_next_one():
     (found,) = entries("PARAM   COUPMASS1").of("PARAM")
     assert found.values == ("COUPMASS", "1", [])
