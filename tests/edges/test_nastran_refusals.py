@@ -110,9 +110,11 @@ def test_the_deck_is_sound(tmp_path):
         ("PBUSH,2,K,RIGID\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has K"),
         ("PBUSH,2,K,1.\n,,M,2.\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has M"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "only K1 and K4"),
-        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "by OCID"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "there is no coordinate system 5 (OCID)"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,0,.1", "by OCID is measured from its origin by some"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,1.5", "S is 1.5; must be 0 to 1"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2", "to the ground needs a CID, 0 for the basic system: field 9"),
-        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,,,,,0,+B\n+B,,0,.1", "an offset (OCID) of a bushing to the ground"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,,,,,0,+B\n+B,,0,.1", "an elastic point by OCID"),
         (
             "PBEAM,2,1,1.,1.,1.,,1.\n,\n,1.,1.,.2\nCBEAM,21,2,1,4,0.,1.,0.",
             ".2: shear relief S1",
