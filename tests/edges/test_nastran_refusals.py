@@ -289,7 +289,7 @@ def test_a_held_deck_needs_an_environment(capfd, tmp_path):
 def test_matrices_are_refused_where_selected(tmp_path):
     dmig = "DMIG,KAAX,0,6,1,0"
     assert ("DMIG", 1, "not selected by case control") in convert(write(tmp_path, dmig)).left_out
-    with pytest.raises(ConfigError, match="no M2GG beside it"):
+    with pytest.raises(ConfigError, match="DMIG KAAX: has no entries"):
         convert(write(tmp_path, dmig, case=["K2GG = KAAX"]))
 
 

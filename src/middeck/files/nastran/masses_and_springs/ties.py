@@ -25,7 +25,7 @@ ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
 
 
 class Tie(NamedTuple):
-    """The grids (one: to the ground), the points joined, axes and the diagonal of stiffness."""
+    """The grids (one: to the ground), the points joined, axes and the stiffness (6, 6) in them."""
 
     entry: Entry
     grids: tuple[int, ...]
@@ -113,7 +113,7 @@ def _spring(
                 "a spring across the line between its grids, which resists rigid motion: "
                 "put them in one place, or hold their rotations"
             )
-    return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], stiffness)
+    return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], np.diag(stiffness))
 
 
 def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
@@ -123,7 +123,7 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
         if entry["cid"] is None:
             raise ValueError("a bushing to the ground needs a CID, 0 for the basic system: field 9 is blank")
         point = a if entry["ocid"] == -1 else _offset(entry, a, places)
-        return Tie(entry, (entry["ga"],), (point,), _axes(entry, a, a, stiffness, places), stiffness)
+        return Tie(entry, (entry["ga"],), (point,), _axes(entry, a, a, stiffness, places), np.diag(stiffness))
     b = _place(entry["gb"], places)
     grids = (entry["ga"], entry["gb"])
     if grids[0] == grids[1]:
@@ -131,7 +131,7 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
     if not 0.0 <= entry["s"] <= 1.0:
         raise ValueError(f"S is {entry['s']:g}; must be 0 to 1, a place on the line between its grids")
     point = a + entry["s"] * (b - a) if entry["ocid"] == -1 else _offset(entry, a, places)
-    return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), stiffness)
+    return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), np.diag(stiffness))
 
 
 def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
