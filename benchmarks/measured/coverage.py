@@ -52,7 +52,8 @@ def rows(_: Any) -> list[dict[str, Any]]:
 def _row(title: str, what: str, unit: str, judged: Sequence[Judged]) -> dict[str, Any]:
     missed = np.array([one.missed for one in judged])
     half = np.median([one.half_width for one in judged])
-    note = f"{np.sum(missed.any(axis=1))} truths of {len(missed)} have one; median half-width {half:.3g} {unit}"
+    some = f"{np.sum(missed.any(axis=1))} truths of {len(missed)} have one"
+    note = f"{some}; half-width {half:.3g} {unit} in the median"
     return row(title, f"{what}: 95 % intervals that miss", "%", 100.0 * np.mean(missed), 10.0, note=note)
 
 

@@ -1,7 +1,8 @@
 """Several unknowns at once: the covariance of a refinement beside the exact posterior, sampled.
 
-A cantilever with a body on its tip, of a few elements, drawn with a shear stiffness. Its frequencies for the samples are those of a beam of
-two planes written here, so that no line of the model, of its slopes or of the estimate is shared.
+A cantilever with a body on its tip, of a few elements, drawn with a shear stiffness. Its frequencies for the
+samples are those of a beam of two planes written here, so that no line of the model, of its slopes or of the
+estimate is shared.
 """
 
 from __future__ import annotations

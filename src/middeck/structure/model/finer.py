@@ -38,7 +38,7 @@ def refine_mesh(structure: Structure, factor: int, shear: float | None = None) -
 
 
 def add_shear(structure: Structure, part: float) -> Structure:
-    """Members without a shear stiffness of their own as flexible as ``part`` of a tube in shear; none below zero."""
+    """Members without a shear stiffness of their own, with ``part`` of a tube's; none from zero down."""
     return refine_mesh(structure, 1, TUBE_SHEAR / part) if part > 0.0 else structure
 
 

@@ -1,9 +1,8 @@
-"""What a model leaves out that more elements and shear would bring in, to first order.
+"""What a model lacks in shear and elements: an error of one sign that all its modes share.
 
-A model that is drawn without shear errs by one sign, most in the highest modes, and all its modes err
-together. Members of a shear flexibility F yield under the shear forces V of the modes: phi_i'dK phi_j = - sum
-of L V_i'F V_j over the elements, by their flexibilities, since forces hardly change where one element gives
-way and its neighbours do not hold it.
+Members of a shear flexibility F yield under the shear forces V of the modes, to first order by
+phi_i'dK phi_j = - sum of L V_i'F V_j over the elements: an element's forces stay as they are where it gives
+way, since its ends are free to follow. Of the mesh it is the estimate of `estimate_mesh_error`.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ from middeck.structure.modes.solve import Modes
 
 
 def left_out(modes: Modes, index: Int[np.ndarray, " mode"]) -> Float[np.ndarray, "mode mode"]:
-    """phi_i'dK phi_j [rad^2/s^2] of ``modes[index]``, dK what more elements, and shear where there was none, do.
+    """phi_i'dK phi_j [rad^2/s^2] of ``modes[index]``: what endless elements, and shear, would change.
 
-    That of more elements is known of each mode by itself. A mode that the mesh has no shape for has as much
-    of it as the worst of the others.
+    Shear is that of tubes, in members without a shear stiffness of their own. A mode for which the mesh has
+    no shape lacks as much by the mesh as the worst of the others.
     """
     beams, structure = modes.equilibrium.model.beams, modes.equilibrium.model.structure
     lam, mesh = modes.omega[index] ** 2, estimate_mesh_error(modes, int(index.max(initial=-1)) + 1)[index]
