@@ -53,7 +53,7 @@ def _row(title: str, what: str, unit: str, judged: Sequence[Judged]) -> dict[str
     missed = np.array([one.missed for one in judged])
     half = np.median([one.half_width for one in judged])
     some = f"{np.sum(missed.any(axis=1))} truths of {len(missed)} have one"
-    note = f"{some}; half-width {half:.3g} {unit} in the median"
+    note = f"{some}; median half-width {half:.3g} {unit}"
     return row(title, f"{what}: 95 % intervals that miss", "%", 100.0 * np.mean(missed), 10.0, note=note)
 
 
