@@ -45,13 +45,16 @@ SHORT_OF_NYQUIST = 1e-9
 """Relative distance of the last line from half the sampling rate, which is an end point (`ends`)."""
 
 
-def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray, " line"]:
+def place_lines(
+    loop: FeedbackLoop, at: At, ratio: Response, *, zeros: bool = True
+) -> Float[np.ndarray, " line"]:
     """Angular frequencies [rad/s] from well below the slowest pole or zero to a negligible loop gain.
 
     Poles and zeros are those of the loop broken at each channel with the others closed, delays by a Pade
-    approximation of high order: they place the lines, no more.
+    approximation of high order: they place the lines, no more. Crossings need the zeros; the sensitivity
+    peaks at poles, and `refine_lines` follows the rest.
     """
-    features, fastest = _features(loop, at)
+    features, fastest = _features(loop, at, zeros=zeros)
     size = np.abs(features)
     moving = size[size > AT_REST * fastest]
     low, high = (0.01 * moving.min(), 3.0 * moving.max()) if len(moving) else (0.01, 100.0)
@@ -66,15 +69,15 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
     return omega[(omega >= low) & (omega <= top) & ~_on_pole(features, omega)]
 
 
-def _features(loop: FeedbackLoop, at: At) -> tuple[np.ndarray, float]:
-    """Poles and finite zeros, and the size of the fastest pole."""
+def _features(loop: FeedbackLoop, at: At, *, zeros: bool) -> tuple[np.ndarray, float]:
+    """Poles, finite zeros where asked for, and the size of the fastest pole."""
     halves = approximate_halves(loop)
     channels = [open_channel(halves, i) for i in channels_at(loop, at)]
     poles = np.concatenate([_rates(one) for one in (halves, close_channels(halves), *channels)])
-    zeros = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels)])
-    zeros = zeros if loop.period_s is None else _mapped(loop, zeros)
     fastest = float(np.abs(poles).max(initial=0.0))
-    return np.append(poles, zeros[np.abs(zeros) <= fastest / AT_REST] if fastest > 0.0 else zeros), fastest
+    found = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels if zeros)])
+    found = found if loop.period_s is None else _mapped(loop, found)
+    return np.append(poles, found[np.abs(found) <= fastest / AT_REST] if fastest > 0.0 else found), fastest
 
 
 def _rates(system: LinearSystem) -> np.ndarray:
