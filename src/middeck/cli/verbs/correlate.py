@@ -43,10 +43,8 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 
 
 @click.command("correlate", cls=options.Verb, epilog=EPILOG)
-@options.article
+@options.case
 @click.argument("test", metavar="MODES")
-@options.environment
-@options.load_case
 @click.option(
     "--profile",
     type=click.Choice(PROFILES),
@@ -88,10 +86,8 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 @figures.figure
 @options.common
 def verb(
-    article: str,
+    case: options.Case,
     test: str,
-    environment: str,
-    load_case: str | None,
     profile: str,
     limits: tuple[tuple[str, float], ...],
     reduction: str,
@@ -100,7 +96,6 @@ def verb(
     seed: int,
     require: bool,
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Judge the modes of ARTICLE by measured ones.
@@ -124,7 +119,7 @@ def verb(
     given = None if noise is None else MeasurementNoise(*noise)
     criteria = _criteria(profile, limits)
     top = NEAR * float(measured.frequency_hz.max())
-    modes = solve_case(article, environment, overrides, case=load_case, top_hz=top)
+    modes = solve_case(case, top_hz=top)
     with reading(test):
         if not measured.node:
             found = compare_frequencies(modes, measured, criteria)

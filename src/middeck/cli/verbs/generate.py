@@ -23,7 +23,6 @@ Examples:
 """
 LIMITS = ("input_range", "limit", "slew_rate")
 PACKAGES = (".mdk", ".json", ".c", ".h")
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 def _writable(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
@@ -47,7 +46,7 @@ def _each(flag: str, name: str, help: str) -> Any:
     metavar="FILE.mdk|json|c|h",
     help="Write the package, its JSON twin, its C source with the header, or the header; may be repeated.",
 )
-@click.option("--rate", type=POSITIVE, metavar="HZ", help="Sampling rate of a continuous law.")
+@click.option("--rate", type=options.POSITIVE, metavar="HZ", help="Sampling rate of a continuous law.")
 @click.option(
     "--rule",
     type=click.Choice(["tustin", "hold", "matched"]),

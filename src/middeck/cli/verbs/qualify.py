@@ -22,20 +22,14 @@ Examples:
   middeck qualify law.json model.json --shift 300:1000 0.5 \\
     --angle-noise 1e-7 --disturbance 0.1 --require stable --require gain_db=6
 """
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
+POSITIVE = options.POSITIVE
 AT_LEAST = ("gain_db", "phase_deg", "delay_ms", "disk", "damping")
 AT_MOST = ("db", "control_rms")
 
 
 @click.command("qualify", cls=options.Verb, epilog=EPILOG)
 @click.argument("law_file", metavar="LAW.json|mat")
-@click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
-@options.environments
-@options.load_case
-@options.count
-@options.shifts
-@options.sweep
-@options.first_bending
+@options.tried
 @click.option(
     "--rate",
     "rates_hz",
@@ -45,7 +39,6 @@ AT_MOST = ("db", "control_rms")
     help="Also at these sampling rates.",
 )
 @click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
-@options.delay_ms
 @click.option("--angle-noise", type=POSITIVE, default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", type=POSITIVE, default=1e-2, show_default=True, help=options.INPUT_NOISE)
 @click.option(
@@ -60,13 +53,9 @@ AT_MOST = ("db", "control_rms")
 @options.common
 def verb(
     law_file: str,
-    plants: tuple[str, ...],
-    environments: tuple[str, ...],
-    load_case: str | None,
-    count: int,
+    tried: options.Tried,
     required: tuple[str, ...],
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
 ) -> None:
@@ -79,9 +68,7 @@ def verb(
     its data had one. --set takes the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
-    law, found, allowed, said = _qualify(
-        law_file, plants, environments or ("lab",), load_case, count, overrides, given
-    )
+    law, found, allowed, said = _qualify(law_file, tried, given)
     rows = [_row(q) for q in found]
     document = describe(law_file, law, rows, requirements, said) | {"allowed_shift": allowed}
     if figure_file is not None:
@@ -102,13 +89,7 @@ def verb(
 
 
 def _qualify(
-    law_file: str,
-    sources: tuple[str, ...],
-    environments: tuple[str, ...],
-    load_case: str | None,
-    count: int,
-    overrides: tuple[str, ...],
-    given: dict[str, Any],
+    law_file: str, tried: options.Tried, given: dict[str, Any]
 ) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None, list[str]]:
     import numpy as np
 
@@ -119,12 +100,9 @@ def _qualify(
     from middeck.control.qualification import qualify_compensator
 
     law = load_law(law_file)
-    delay_s = 1e-3 * given["delay_ms"]
-    gathered = gather_plants(
-        sources, environments, law, case=load_case, count=count, overrides=overrides, delay_s=delay_s
-    )
+    gathered = gather_plants(tried, law)
     allowed = allowed_shifts(gathered.plants, law) if given["limits"] else None
-    plants = all_plants(gathered, law, given)
+    plants = all_plants(gathered, law, tried)
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     intensity = given["disturbance"] ** 2 * np.eye(len(u))
     noise = np.full(len(y), given["angle_noise"] ** 2)
@@ -133,7 +111,7 @@ def _qualify(
     )
     rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
     found = qualify_compensator(law, plants, weights, rates_hz=rates)
-    return law, found, allowed, say_hold(gathered, law, weights, rates, delay_s)
+    return law, found, allowed, say_hold(gathered, law, weights, rates, tried.delay_s)
 
 
 def _row(found: Qualified) -> dict[str, Any]:
