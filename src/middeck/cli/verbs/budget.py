@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.budget import GravityBudget
@@ -113,8 +113,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
     headers = ["", "0-g Hz", "1-g Hz", "shift", "susp.", "stiff.", "deform.", "order"]
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         Table("shares of the shift, Hz", headers, rows),
         "\nsusp.: devices; stiff.: inner forces and weight; deform.: the static shape. Means over six orders;"
         "\norder: the widest range of a share over them. The sum of the shares is the shift.",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
@@ -256,8 +256,7 @@ def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
     missed = any(not c["met"] for c in document["criteria"])
     verdict = "does not pass" if missed else "passes" if document["passed"] else "open: see the warnings"
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         f"profile      {document['profile']}",
         f"verdict      {verdict}",
         Table("pairs by frequency alone", ["", "test Hz", "model Hz", "error %", "only one", "name"], rows),
@@ -296,8 +295,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     marks = sorted({f"[R] = {c['status']}" for c in criteria if c["recalled"]})
     lowest = sorted(document["comac"].items(), key=lambda item: item[1])[:SHOWN]
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         f"profile      {document['profile']}: {document['profile_title']}",
         f"sensors      {_condition(document['sensor_condition'])}; mass by {document['reduction'].value}",
         f"verdict      {'passes' if document['passed'] else 'does not pass'}",

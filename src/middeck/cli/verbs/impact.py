@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, deviation_words, show
+from middeck.cli.shown.screen import Table, cells, deviation_words, show
 
 if TYPE_CHECKING:
     from middeck.identification.fit.fit_response import FitResult
@@ -138,16 +138,8 @@ def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
 
 
 def _blocks(document: dict[str, Any]) -> list[str | Table]:
-    blows = [
-        [
-            str(b["experiment"]),
-            f"{b['struck_s']:.4g}",
-            f"{b['block_s']:.3g}",
-            f"{b['peak']:.4g}",
-            b["rejected"],
-        ]
-        for b in document["blows"]
-    ]
+    keys = ("experiment", "struck_s:.4g", "block_s:.3g", "peak:.4g", "rejected")
+    blows = [cells(blow, *keys) for blow in document["blows"]]
     keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
     modes = [
         [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing]

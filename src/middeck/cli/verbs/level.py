@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.model.article import Structure
@@ -136,8 +136,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     rows = [[name, f"{1e3 * by:+z.3f}"] for name, by in document["change_m"].items()]
     keys = [f"{key}={_toml(offset)}" for key, offset in document["offsets"].items()]
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         *attitude_lines(document["before"], "before"),
         *attitude_lines(document["after"], "after"),
         Table("moved", ["attach point", "mm"], rows),

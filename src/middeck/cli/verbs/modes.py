@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -191,8 +191,7 @@ def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, .
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     still = document.get("standstill", document)
     blocks: list[str | Table] = [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         f"residual     {_imbalance(document)}",
         *_whirl_blocks(document),
         _modes_table(still),

@@ -8,7 +8,7 @@ import click
 
 from middeck.cli import figures, options
 from middeck.cli.given.requirements import Requirement, meets, read_requirements
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
     from middeck.cli.given.plants_to_try import Law
@@ -207,20 +207,16 @@ def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     law, rows = document["law"], document["rows"]
-    form = {"gain_db": ".2f", "phase_deg": ".1f", "delay_ms": ".3g", "disk": ".3f", "db": ".2f"}
+    margins = ("gain_db:.2f", "phase_deg:.1f", "delay_ms:.3g")
     headers = ["plant", "setting", "stable", "pole Hz", "damping", "gain dB", "phase deg", "delay ms", "disk"]
-    cells = [
+    lines = [
         [
             row["plant"],
             row["setting"],
             "yes" if row["stable"] else "NO",
-            _number(row["pole_hz"], ".4g"),
-            _number(row["damping"], ".4f"),
-            *(_number(row[key], form[key], row["stable"]) for key in ("gain_db", "phase_deg", "delay_ms")),
-            _number(row["disk"], form["disk"]),
-            _number(row["db"], form["db"]),
-            _number(row["rms"], ".3g"),
-            _number(row["control_rms"], ".3g"),
+            *cells(row, "pole_hz:.4g", "damping:.4f"),
+            *("none" if cell == "-" and row["stable"] else cell for cell in cells(row, *margins)),
+            *cells(row, "disk:.3f", "db:.2f", "rms:.3g", "control_rms:.3g"),
         ]
         for row in rows
     ]
@@ -236,7 +232,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"compensator  {law['order']} states, {kind}{made}",
         f"from         {', '.join(law['reads'])} to {', '.join(law['drives'])}",
         f"stable       {document['stable']} of {len(rows)}",
-        Table("least margins of the loops, and rms", [*headers, "rms dB", "rms", "control rms"], cells),
+        Table("least margins of the loops, and rms", [*headers, "rms dB", "rms", "control rms"], lines),
         *_limits(document["allowed_shift"]),
         *(["", *met, *failed] if document["requirements"] else []),
     ]
@@ -245,9 +241,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
 def _limits(allowed: list[dict[str, Any]] | None) -> list[str | Table]:
     if allowed is None:
         return []
-    ends = ("down_percent", "down_hz", "up_percent", "up_hz")
+    keys = ("plant", "mode", "down_percent:.4g", "down_hz:.4g", "up_percent:.4g", "up_hz:.4g")
     limited = [
-        [shift["plant"], shift["mode"], *(_number(shift[end], ".4g") for end in ends)]
+        cells(shift, *keys)
         for shift in allowed
         if shift["down_percent"] is not None or shift["up_percent"] is not None
     ]
@@ -258,9 +254,3 @@ def _limits(allowed: list[dict[str, Any]] | None) -> list[str | Table]:
         limited,
     )
     return [table, rest] if limited else [rest]
-
-
-def _number(value: float | None, form: str, unlimited: bool = False) -> str:
-    if value is None:
-        return "none" if unlimited else "-"
-    return format(value, form)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, cells, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -167,10 +167,7 @@ def _share(missing: float) -> str:
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     import numpy as np
 
-    blocks: list[str | Table] = [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
-    ]
+    blocks: list[str | Table] = [*case_lines(document)]
     for pair in document["responses"]:
         H = pair["re"] + 1j * pair["im"]
         rows = [
@@ -181,16 +178,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         blocks.append(Table(title, ["Hz", "real", "imaginary", "magnitude", "phase deg"], rows))
     if "static_gain" in document:
         gain = document["static_gain"]
-        rows = [
-            [
-                p["input"],
-                p["output"],
-                f"{p['full']:.6e}",
-                f"{p['kept']:.6e}",
-                _share(p["missing"]),
-            ]
-            for p in gain["pairs"]
-        ]
+        keys = ("input", "output", "full:.6e", "kept:.6e")
+        rows = [[*cells(p, *keys), _share(p["missing"])] for p in gain["pairs"]]
         title = f"undamped gain at {gain['frequency_hz']:.3g} Hz, without and with the modes left out"
         blocks.append(Table(title, ["from", "to", "all modes", "kept modes", "missing"], rows))
     return blocks

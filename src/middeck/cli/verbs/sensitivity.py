@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -152,10 +152,7 @@ def _tables(document: dict[str, Any], chosen: list[int], top: int | None) -> lis
     """All in one table; or one for each mode, its largest first, and the rest state by what is left."""
     every = range(len(document["parameters"]))
     modes = range(len(document["frequency_hz"]))
-    blocks: list[str | Table] = [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
-    ]
+    blocks: list[str | Table] = [*case_lines(document)]
     if not any(f > 0.0 for f in document["frequency_hz"]):
         blocks.append("\nall modes shown are rigid: omega = 0 has no derivative; a larger --count shows more")
     if not chosen and top is None:
