@@ -111,18 +111,15 @@ def _places(
     return tuple(find_place(name, environment.gravity) for name in through)
 
 
-def _is_released(e: Environment) -> bool:
-    """Whether the environment holds an article by more than clamps, which hold in orbit too."""
-    return bool(e.suspension or e.devices or e.springs or e.bushings)
-
-
 def describe(found: GravityPath) -> dict[str, Any]:
     """The JSON document; of ``frequency_hz`` a mode that grows has minus its rate over 2 pi."""
+    e = found.environment
+    released = e.suspension or e.devices or e.springs or e.bushings  # clamps hold in orbit too
     return {
         "schema": "middeck.path/1",
         "article": found.structure.title,
         "environment": found.environment.title,
-        "devices": found.rule.value if _is_released(found.environment) else "none",
+        "devices": found.rule.value if released else "none",
         "complete": found.complete,
         "places": [{"name": p.name, "gravity_m_s2": p.gravity} for p in found.places],
         "reached": found.reached,
