@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import middeck as md
+from middeck.files.disk.atomic import write_text
 from middeck.plot.amplitude import draw_amplitude
 from middeck.plot.budget import budget_figure
 from middeck.plot.curves import draw_magnitude
@@ -28,7 +29,6 @@ from middeck.plot.shapes import Shown, shapes_figure
 from middeck.plot.stabilisation import stabilisation
 from middeck.plot.style import COLOUR, DASHES, LABEL, frequency_axis, new_figure, styled
 from middeck.plot.svg import svg_text
-from middeck.report.build import write_text
 from middeck.structure.gravity.comparison import ModeComparison
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
 from middeck.study.chapters.gravity_modes.figures_4_5 import figure_4

@@ -14,6 +14,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+from middeck.files.documents import load_environment, load_structure  # noqa: E402
 from middeck.files.studies.documents import load_study  # noqa: E402
 from repeats import LONG  # noqa: E402
 
@@ -21,6 +22,7 @@ from repeats import LONG  # noqa: E402
 gc.freeze()
 gc.set_threshold(50_000, 20, 20)
 
+ROOT = Path(__file__).parents[1]
 SEED = 1993
 SHARE = 20  # `make test` runs a twentieth of each campaign
 
@@ -82,9 +84,21 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture(scope="session")
+def dm():
+    """The development model."""
+    return load_structure(ROOT / "articles/mace-dm.toml")
+
+
+@pytest.fixture(scope="session")
+def lab():
+    """The laboratory it hangs in."""
+    return load_environment(ROOT / "environments/lab.toml")
+
+
+@pytest.fixture(scope="session")
 def paper_study():
     """The study of the paper as it is shipped."""
-    return load_study(Path(__file__).parents[1] / "studies/mace-1993.toml")
+    return load_study(ROOT / "studies/mace-1993.toml")
 
 
 @pytest.fixture(scope="session")
@@ -96,7 +110,7 @@ def paper_outcomes(paper_study):
     from middeck.study.mission import run_chapters  # with matplotlib, which few tests need
 
     fewer = () if LONG else ("promise.draws=6", "promise.log10_authority=[0, 3]")
-    quick = load_study(Path(__file__).parents[1] / "studies/mace-1993.toml", fewer)
+    quick = load_study(ROOT / "studies/mace-1993.toml", fewer)
     chapters = {**dict(run_chapters(paper_study)), "promise": dict(run_chapters(quick))["promise"]}
     return {name: run() for name, run in chapters.items() if name != "mirror"}
 

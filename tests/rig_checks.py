@@ -1,14 +1,24 @@
-"""What several tests of the rig do: hand it bare laws, step it, and join what its blocks hold."""
+"""What tests of the rig share: bare laws to hand it, runs of it, what its blocks hold, errors alone."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
+from middeck.laboratory.hidden_errors import HiddenErrors
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.ticks.simulation import cut_blocks, simulate_rig
 from middeck.laboratory.rig.ticks.state import RigState
 from middeck.systems.state_space.statespace import SampledStateSpace
+
+
+def hidden(**changes) -> HiddenErrors:
+    """No errors but these."""
+    none = {
+        "modulus": 1.0, "strut": (), "mass": (), "inertia": (), "payload_inertia": (), "payload_cg": (),
+        "bounce": 1.0, "cable_length": 1.0, "damping": np.zeros(400), "delay_s": 0.0, "gain": (),
+    }  # fmt: skip
+    return HiddenErrors(**none | changes)
 
 
 def on_rig(rig: Rig, law: SampledStateSpace | None) -> Compensator | None:

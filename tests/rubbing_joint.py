@@ -15,7 +15,7 @@ from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from plant_builders import sum_of_modes
 
 RATE, DELAY, BAND = 200.0, 0.0131, (0.2, 10.0)
 BEARING = Friction(slip_torque=0.02, stiffness=4.0)
@@ -27,14 +27,7 @@ def plant() -> Plant:
     """Three modes of a bus and a joint: torques on both, angles of both."""
     psi = np.array([[0.6, 1.1], [0.3, -0.9], [-0.8, 0.5]])
     return Plant(
-        dynamics=ModalSystem(
-            omega=2.0 * np.pi * HZ,
-            zeta=np.array([0.03, 0.02, 0.01]),
-            psi=psi,
-            phi=psi.T,
-            phi_rate=0.0 * psi.T,
-            names=("a", "b", "c"),
-        ),
+        dynamics=sum_of_modes(2.0 * np.pi * HZ, np.array([0.03, 0.02, 0.01]), psi, psi.T),
         inputs=(Port("bus", "N m"), Port("joint", "N m")),
         outputs=(Port("bus", "rad"), Port("joint", "rad")),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +19,7 @@ from middeck.structure.model.article import (
     Body,
     Damping,
     Joint,
+    JointState,
     Member,
     Node,
     Section,
@@ -24,13 +27,14 @@ from middeck.structure.model.article import (
     Spring,
     Structure,
 )
-from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
 
 GRAVITY = np.array([0.0, -9.80665, 0.0])
 NONE = Body(0.0, np.zeros(3), np.zeros((3, 3)))
 # EI 100, GJ 80, EA 1e6, 0.5 kg/m: the tube of the suspended bus; no rotary inertia, so that Euler-Bernoulli
 # closed forms hold exactly; the polar inertia is split over both.
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=0.0, rho_I_z=0.0)
+TURNING_TUBE = dataclasses.replace(TUBE, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def body(
@@ -81,6 +85,60 @@ def member(
         elements=elements,
         up=np.array(up, dtype=float),
     )
+
+
+def joint(
+    name: str,
+    parent: str,
+    axis: Sequence[float],
+    body: Body = NONE,
+    *,
+    offset: Sequence[float] = (0.0, 0.0, 0.0),
+    angle: float = 0.0,
+    **more,
+) -> Joint:
+    """A free axis; sprung where a stiffness is given."""
+    at, about = np.array(offset, dtype=float), np.array(axis, dtype=float)
+    if "stiffness" in more:
+        more = {"state": JointState.SPRUNG} | more
+    return Joint(name=name, parent=parent, offset=at, axis=about, angle=angle, body=body, **more)
+
+
+def tube_bus(
+    masses: Sequence[float],
+    cg: Sequence[float],
+    inertia: Sequence[float],
+    payload: Body,
+    *,
+    above: Sequence[float] = (0.0, 0.02, 0.0),
+    elements: int = 3,
+    springs: Sequence[Spring] = (),
+    actuators: Sequence[Actuator] = (),
+    sensors: Sequence[Sensor] = (),
+    **more,
+) -> Structure:
+    """Bodies a metre apart on a tube along x, attach points ``above`` them, a payload on an axis along x."""
+    names = "abc"[: len(masses)]
+    nodes = [node(n, (i, 0, 0), body(masses[i], cg, inertia), 0.05) for i, n in enumerate(names)]
+    below = {"name": "p", "parent": "a", "axis": (1, 0, 0), "offset": (0, -0.05, 0)}
+    members = [member(*ends, TURNING_TUBE, elements) for ends in itertools.pairwise(names)]
+    attach = [AttachPoint(n, n, np.array(above)) for n in names]
+    joints = [joint(**below | more, body=payload)]
+    return structure(nodes, members, joints, springs, attach, actuators, sensors)
+
+
+def on_cables(
+    cable_length: float,
+    bounce_hz: float,
+    held: Sequence[str] = ("yz", "xyz", "yz"),
+    *,
+    attach: Sequence[str] = "abc",
+    gravity: np.ndarray = GRAVITY,
+) -> Environment:
+    """A laboratory that hangs the points of a bus, as many as ``held`` has."""
+    points = tuple(attach[: len(held)])
+    hung = Suspension(attach=points, held=tuple(held), cable_length=cable_length, bounce_hz=bounce_hz)
+    return Environment(title="lab", gravity=gravity, suspension=hung)
 
 
 def straight_beam(section: Section, length: float, elements: int, offset: float = 0.0) -> Structure:

@@ -9,8 +9,8 @@ import pytest
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.signals.ports import Port
-from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.plants.plant import delay_plant
+from plant_builders import grouped_plant, sum_of_modes
 
 NUMBERS = json.loads((Path(__file__).parent / "sampled_lqg" / "numbers.json").read_text())
 UNIT = 2.0 * np.pi * 3.0
@@ -19,25 +19,10 @@ UNIT = 2.0 * np.pi * 3.0
 def late_gimbal():
     omega = 2.0 * np.pi * np.array([1.1, 1.7, 7.0, 8.8, 9.4])
     phi = UNIT**2 * np.array([[1.0, 0.6, 0.6, 0.8, 0.7]])
-    modal = ModalSystem(
-        omega=omega,
-        zeta=np.full(5, 0.01),
-        psi=np.ones((5, 1)),
-        phi=phi,
-        phi_rate=np.zeros((1, 5)),
-        names=tuple("abcde"),
-    )
+    modal = sum_of_modes(omega, 0.01, np.ones((5, 1)), phi)
     ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
     return delay_plant(
-        Plant(
-            dynamics=modal,
-            inputs=ports[0],
-            outputs=ports[1],
-            w=("torque",),
-            u=("torque",),
-            z=("angle",),
-            y=("angle",),
-        ),
+        grouped_plant(modal, ports[0], ports[1]),
         0.010,
     )
 

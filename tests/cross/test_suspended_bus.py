@@ -77,15 +77,7 @@ def gimbal(variant: dict[str, Any]) -> tuple[Joint, ...]:
     )
 
     def joint(name: str, parent: str, axis: int, body: Body) -> Joint:
-        return Joint(
-            name=name,
-            parent=parent,
-            offset=np.zeros(3),
-            axis=np.eye(3)[axis],
-            angle=variant["angle"],
-            body=body,
-            **motor,
-        )
+        return build.joint(name, parent, np.eye(3)[axis], body, angle=variant["angle"], **motor)
 
     return joint("stage", carrier, 0, build.NONE), joint("payload", "stage", 2, payload)
 

@@ -7,8 +7,7 @@ import middeck as md
 from middeck.joints.deadband import Deadband
 from middeck.plot.amplitude import draw_amplitude
 from middeck.structure.gimbals.amplitude import sweep_amplitude
-from middeck.structure.model.article import Joint
-from structure_builders import body, node, structure
+from structure_builders import body, joint, node, structure
 
 
 @pytest.fixture(scope="module")
@@ -37,15 +36,7 @@ def test_it_shows_the_modes_that_move_and_where_harmonic_balance_is_a_sketch(cur
 
 def test_a_slide_is_drawn_in_its_own_units():
     """Millimetres and N/m; a joint that turns has degrees and N m/rad."""
-    rail = Joint(
-        name="rail",
-        parent="base",
-        offset=np.zeros(3),
-        axis=np.array([1.0, 0.0, 0.0]),
-        angle=0.0,
-        body=body(2.0),
-        slides=True,
-    )
+    rail = joint("rail", "base", (1.0, 0.0, 0.0), body(2.0), slides=True)
     parts = structure([node("base", (0, 0, 0), body(5.0, inertia=(0.1,) * 3))], joints=[rail])
     modes = md.solve_modes(md.solve_equilibrium(parts, md.Environment.orbit()))
     A = np.geomspace(1e-4, 1e-2, 9)

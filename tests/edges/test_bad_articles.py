@@ -13,42 +13,24 @@ from cli_runner import ROOT, middeck
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.documents import load_structure
 from middeck.structure.assembly.mesh import mesh_structure
-from middeck.structure.model.article import AttachPoint, Joint, Section, Structure
-from middeck.structure.model.environment import Device, Environment, Suspension
+from middeck.structure.model.article import Structure
+from middeck.structure.model.environment import Device, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest import descent, statics, unfolding
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from structure_builders import GRAVITY, body, member, node, structure
+from structure_builders import GRAVITY, TURNING_TUBE, body, member, node, on_cables, structure, tube_bus
 
 SIMPLE = ROOT / "articles/mace-simple.toml"
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
-X = np.eye(3)[0]
 Capture = pytest.CaptureFixture[str]
 
 
 def bus(payload_y: float = -0.2, **joint) -> Structure:
-    nodes = [
-        node(n, (x, 0, 0), body(5.0, (0, -0.05, 0), (0.1, 0.1, 0.1)), 0.05)
-        for n, x in (("a", 0.0), ("b", 1.0))
-    ]
-    payload = Joint(
-        name="pay",
-        parent="a",
-        offset=np.array([0, -0.05, 0]),
-        axis=X,
-        angle=0.0,
-        body=body(3.0, (0, payload_y, 0), (0.02,) * 3),
-        **joint,
-    )
-    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
-    return structure(nodes, [member("a", "b", TUBE, 3)], [payload], attach=attach)
+    payload = body(3.0, (0, payload_y, 0), (0.02,) * 3)
+    more = {"name": "pay", "angle": 0.0, **joint}
+    return tube_bus((5.0, 5.0), (0, -0.05, 0), (0.1, 0.1, 0.1), payload, **more)
 
 
-LAB = Environment(
-    title="lab",
-    gravity=GRAVITY,
-    suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25),
-)
+LAB = on_cables(4.0, 0.25, ("xyz", "yz"))
 
 
 def test_a_pivot_through_the_centre_of_mass_is_named_as_neutral():
@@ -114,7 +96,7 @@ def test_a_travel_that_the_angle_violates(changes, message: str):
 
 def test_the_one_name_in_ten_thousand_that_is_there_twice():
     nodes = [node(f"n{i}", (i, 0, 0), body(1.0, inertia=(0.1,) * 3)) for i in range(10_000)]
-    members = [member(f"n{i}", f"n{i + 1}", TUBE, 1) for i in range(9_999)]
+    members = [member(f"n{i}", f"n{i + 1}", TURNING_TUBE, 1) for i in range(9_999)]
     parts = structure(nodes, members)
     mesh_structure(parts)
     with pytest.raises(ConfigError, match="frame 'n7' is there twice"):

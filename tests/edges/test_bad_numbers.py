@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.structure.model.article import AttachPoint, Joint, JointState, Spring
+from middeck.structure.model.article import AttachPoint, Spring
 from middeck.structure.model.environment import AnchoredSpring, Device, Environment
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from structure_builders import GRAVITY, TUBE, body, member, node, structure
+from structure_builders import GRAVITY, TUBE, body, joint, member, node, structure
 
 Z = np.array([0.0, 0.0, 1.0])
 NAN = float("nan")
@@ -42,16 +42,7 @@ def test_sections(field: str, value: float):
 
 @pytest.mark.parametrize("stiffness", [NAN, -50.0, np.inf])
 def test_springs_and_joints(stiffness: float):
-    hinge = Joint(
-        name="h",
-        parent="b",
-        offset=np.zeros(3),
-        axis=Z,
-        angle=0.0,
-        body=body(1.0, inertia=(0.1,) * 3),
-        state=JointState.SPRUNG,
-        stiffness=stiffness,
-    )
+    hinge = joint("h", "b", Z, body(1.0, inertia=(0.1,) * 3), stiffness=stiffness)
     for parts, name in (
         (
             bus(springs=[Spring(name="tie", start="a", end="b", stiffness=stiffness, free_length=0.2)]),

@@ -32,8 +32,8 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.signals.ports import Channel, Port
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
+from plant_builders import sum_of_modes
 from repeats import repeats
 
 Capture = pytest.CaptureFixture[str]
@@ -195,13 +195,8 @@ def test_a_delay_beyond_the_margin_is_unstable_and_one_within_is_not() -> None:
 def free(seen: float) -> Plant:
     """A rigid mode that nothing drives, seen or not, beside two that bend."""
     omega = 2.0 * np.pi * np.array([0.0, 2.0, 5.0])
-    modal = ModalSystem(
-        omega=omega,
-        zeta=[0.0, 0.01, 0.01],
-        psi=[[0.0], [1.0], [0.7]],
-        phi=[[seen, 1.0, -0.6]],
-        phi_rate=np.zeros((1, 3)),
-        names=("rotation z", "a", "b"),
+    modal = sum_of_modes(
+        omega, [0.0, 0.01, 0.01], [[0.0], [1.0], [0.7]], [[seen, 1.0, -0.6]], names=("rotation z", "a", "b")
     )
     return Plant(dynamics=modal, inputs=(TORQUE,), outputs=(ANGLE,), **GROUPS)
 

@@ -37,6 +37,7 @@ from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
+from plant_builders import grouped_plant, sum_of_modes
 
 TORQUE, ANGLE = Port("torque", "N m"), Port("angle", "rad")
 GOOD: dict[str, Any] = {
@@ -65,23 +66,13 @@ def plant(
     zeta: tuple[float, ...] = (0.01, 0.01, 0.01),
 ) -> Plant:
     """Three modes, "a", "b" and "c", from a torque to an angle."""
-    modal = ModalSystem(
-        omega=2.0 * np.pi * np.array(hz),
-        zeta=np.where(np.array(hz) > 0.0, zeta, 0.0),
-        psi=np.array(psi)[:, None],
-        phi=np.array([phi]),
-        phi_rate=np.zeros((1, 3)),
-        names=("a", "b", "c"),
+    modal = sum_of_modes(
+        2.0 * np.pi * np.array(hz),
+        np.where(np.array(hz) > 0.0, zeta, 0.0),
+        np.array(psi)[:, None],
+        np.array([phi]),
     )
-    return Plant(
-        dynamics=modal,
-        inputs=(TORQUE,),
-        outputs=(ANGLE,),
-        w=("torque",),
-        u=("torque",),
-        z=("angle",),
-        y=("angle",),
-    )
+    return grouped_plant(modal, (TORQUE,), (ANGLE,))
 
 
 def refused(run: Callable[[], Any], kind: type[MiddeckError], says: str) -> MiddeckError:

@@ -42,6 +42,7 @@ from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import tustin
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
+from plant_builders import grouped_plant
 
 TORQUE, FORCE = Port("motor.z", "N m"), Port("shaker", "N", Channel(node="7", direction="+z", gain=2.0))
 ANGLE, RATE = Port("payload angle", "rad"), Port("payload_rate", "rad/s")
@@ -57,14 +58,8 @@ def plant() -> Plant:
         phi_rate=[[0.0, 0.0], [1.0, 0.4]],
         names=("bending 1", "bending 2"),
     )
-    return Plant(
-        dynamics=modal,
-        inputs=(TORQUE, FORCE),
-        outputs=(ANGLE, RATE),
-        w=("shaker",),
-        u=("motor.z",),
-        z=("payload angle",),
-        y=("payload angle", "payload_rate"),
+    return grouped_plant(
+        modal, (TORQUE, FORCE), (ANGLE, RATE), w=("shaker",), u=("motor.z",), z=("payload angle",)
     )
 
 

@@ -16,16 +16,9 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from plant_builders import sum_of_modes
 
-MODES = ModalSystem(
-    omega=[3.0, 9.0],
-    zeta=[0.01, 0.01],
-    psi=[[1.0], [0.5]],
-    phi=[[1.0, 0.5]],
-    phi_rate=[[0.0, 0.0]],
-    names=("a", "b"),
-)
+MODES = sum_of_modes([3.0, 9.0], 0.01, [[1.0], [0.5]], [[1.0, 0.5]])
 GROUPS = {"w": ("u",), "u": ("u",), "z": ("y",), "y": ("y",)}
 PLANT = Plant(dynamics=MODES, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), **GROUPS)
 LATE = md.delay_plant(PLANT, 0.02)

@@ -13,45 +13,38 @@ from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import (
     Actuator,
     AttachPoint,
-    Body,
-    Joint,
-    Section,
     Sensor,
     Spring,
     Structure,
 )
-from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
-from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, springs_above, structure
+from structure_builders import (
+    GRAVITY,
+    TURNING_TUBE,
+    body,
+    joint,
+    lab,
+    member,
+    node,
+    on_cables,
+    rigid_bar,
+    springs_above,
+    structure,
+    tube_bus,
+)
 
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 X, Z = np.eye(3)[0], np.eye(3)[2]
 
 
 def bus(cg_y: float = -0.05, payload_y: float = -0.2) -> Structure:
-    nodes = [
-        node(n, (x, 0, 0), body(5.0, (0, cg_y, 0), (0.1, 0.1, 0.1)), 0.05)
-        for n, x in (("a", 0.0), ("b", 1.0))
-    ]
-    payload = Joint(
-        name="p",
-        parent="a",
-        offset=np.array([0, -0.05, 0]),
-        axis=X,
-        angle=0.0,
-        body=body(3.0, (0, payload_y, 0), (0.02,) * 3),
-    )
-    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
-    return structure(nodes, [member("a", "b", TUBE, 3)], [payload], attach=attach)
+    payload = body(3.0, (0, payload_y, 0), (0.02,) * 3)
+    return tube_bus((5.0, 5.0), (0, cg_y, 0), (0.1, 0.1, 0.1), payload, angle=0.0)
 
 
-def cables(held=("xyz", "yz"), attach=("a", "b"), gravity=GRAVITY) -> Environment:
-    return Environment(
-        title="lab",
-        gravity=gravity,
-        suspension=Suspension(attach=attach, held=held, cable_length=4.0, bounce_hz=0.25),
-    )
+def cables(held=("xyz", "yz"), **more) -> Environment:
+    return on_cables(4.0, 0.25, held, **more)
 
 
 def test_gravity_and_nothing_to_hang_from():
@@ -128,7 +121,7 @@ def test_unknown_attach_point_is_a_fault_of_the_environment():
 def test_disconnected_part_is_named_whatever_the_environment():
     nodes = [node(n, (i, 0, 0), body(1, inertia=(0.1,) * 3)) for i, n in enumerate("abcde")]
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "abcde"]
-    parts = structure(nodes, [member(*ends, TUBE, 2) for ends in ("ab", "bc", "de")], attach=attach)
+    parts = structure(nodes, [member(*ends, TURNING_TUBE, 2) for ends in ("ab", "bc", "de")], attach=attach)
     for environment in (Environment.orbit(), cables()):
         with pytest.raises(ConfigError, match="no member or spring joins node 'd', 'e' to the rest"):
             solve_equilibrium(parts, environment)
@@ -168,14 +161,7 @@ def test_spring_whose_ends_coincide():
 
 def test_motion_without_mass_or_stiffness_is_named():
     """A free axis that carries nothing."""
-    empty = Joint(
-        name="idle",
-        parent="bar",
-        offset=np.zeros(3),
-        axis=X,
-        angle=0.0,
-        body=Body(0.0, np.zeros(3), np.zeros((3, 3))),
-    )
+    empty = joint("idle", "bar", X)
     parts = dataclasses.replace(rigid_bar(2.0, 1.0, (0.1, 0.2, 0.3)), joints=(empty,))
     with pytest.raises(NumericalError, match="neither mass nor stiffness") as error:
         solve_modes(solve_equilibrium(parts, Environment.orbit()))

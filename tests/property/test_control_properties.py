@@ -5,42 +5,20 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_plants import random_plant
 
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
 from middeck.control.lqg.weights import LQGWeights
-from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms
-from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 
 BAND = (0.05, 20.0)
 WEIGHTS = LQGWeights(
     output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-4)
 )
-
-
-def random_plant(seed, modes=5, rigid=1):
-    rng = np.random.default_rng(seed)
-    omega = np.concatenate([np.zeros(rigid), 2.0 * np.pi * np.sort(rng.uniform(0.2, 10.0, modes - rigid))])
-    psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
-    names = tuple(f"mode {i}" for i in range(modes))
-    modal = ModalSystem(
-        omega=omega, zeta=np.where(omega > 0.0, 0.01, 0.0), psi=psi, phi=phi, phi_rate=0.0 * phi, names=names
-    )
-    ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
-    return Plant(
-        dynamics=modal,
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("a", "b"),
-        u=("a", "b"),
-        z=("x", "y"),
-        y=("x", "y"),
-    )
 
 
 @settings(max_examples=15, deadline=None)

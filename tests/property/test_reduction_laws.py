@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg as sla
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from random_plants import random_plant
 
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
@@ -15,10 +16,7 @@ from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.modal import reduce_modes
 from middeck.control.reduction.plants import reduce_plant
 from middeck.control.reduction.weighted import reduce_weighted
-from middeck.signals.ports import Port
-from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_rates
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, poles
 
 SEEDS = st.integers(0, 10_000)
@@ -37,26 +35,6 @@ def random_system(seed, modes=5):
     n = len(A)
     B, C = rng.standard_normal((n, 2)), rng.standard_normal((3, n))
     return StateSpace(T @ A @ T.T, T @ B, C @ T.T, rng.standard_normal((3, 2)))
-
-
-def random_plant(seed, modes=5):
-    rng = np.random.default_rng(seed)
-    omega = np.concatenate([[0.0], 2.0 * np.pi * np.sort(rng.uniform(0.2, 10.0, modes - 1))])
-    psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
-    names = tuple(f"mode {i}" for i in range(modes))
-    modal = ModalSystem(
-        omega=omega, zeta=np.where(omega > 0.0, 0.01, 0.0), psi=psi, phi=phi, phi_rate=0.0 * phi, names=names
-    )
-    ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
-    return Plant(
-        dynamics=modal,
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("a", "b"),
-        u=("a", "b"),
-        z=("x", "y"),
-        y=("x", "y"),
-    )
 
 
 @settings(deadline=None)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_plants import modal_plant
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost, solve_gramian
 from middeck.control.h2.generalized_plant import generalize
@@ -14,10 +15,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.search.blend import blend
 from middeck.control.robust.verification.monte_carlo import outcomes_on
-from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes
-from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 
 WEIGHTS = LQGWeights(
@@ -27,22 +25,7 @@ WEIGHTS = LQGWeights(
 
 def random_plant(seed, modes=3):
     rng = np.random.default_rng(seed)
-    omega = np.sort(rng.uniform(1.0, 10.0, modes))
-    psi, phi = rng.standard_normal((modes, 2)), rng.standard_normal((2, modes))
-    names = tuple(f"mode {i}" for i in range(modes))
-    modal = ModalSystem(
-        omega=omega, zeta=np.full(modes, 0.02), psi=psi, phi=phi, phi_rate=0.0 * phi, names=names
-    )
-    ports = (Port("a", "N"), Port("b", "N")), (Port("x", "m"), Port("y", "m"))
-    return Plant(
-        dynamics=modal,
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("a", "b"),
-        u=("a", "b"),
-        z=("x", "y"),
-        y=("x", "y"),
-    )
+    return modal_plant(rng, np.sort(rng.uniform(1.0, 10.0, modes)), 0.02)
 
 
 @settings(max_examples=20, deadline=None)

@@ -15,11 +15,11 @@ from middeck.structure.elements.frames import move
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.comparison import compare_modes
 from middeck.structure.model.article import AttachPoint, Body, Joint, JointState, Section, Spring, Structure
-from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from repeats import repeats
-from structure_builders import GRAVITY, body, member, node, structure
+from structure_builders import GRAVITY, body, joint, member, node, on_cables, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=90.0, EI_z=110.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=2e-4)
 X, Y, Z = np.eye(3)
@@ -167,27 +167,14 @@ def hung_bus() -> Structure:
         node(n, (x, 0, 0), body(m, (0.01, -0.05, 0.02), (0.1, 0.2, 0.3)), 0.05)
         for n, x, m in (("a", 0.0, 5.0), ("b", 1.0, 8.0), ("c", 2.0, 6.0))
     ]
-    payload = Joint(
-        name="p",
-        parent="a",
-        offset=np.array([0, -0.05, 0]),
-        axis=X,
-        angle=0.4,
-        body=body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02)),
-    )
+    payload = joint("p", "a", X, body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02)), offset=(0, -0.05, 0), angle=0.4)
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0.01 * i])) for i, n in enumerate("abc")]
     members = [member("a", "b", TUBE, 3), member("b", "c", TUBE, 3)]
     return structure(nodes, members, [payload], attach=attach)
 
 
 def hung_lab(factor: float = 1.0) -> Environment:
-    return Environment(
-        title="lab",
-        gravity=factor * GRAVITY,
-        suspension=Suspension(
-            attach=("a", "b", "c"), held=("yz", "xyz", "yz"), cable_length=4.0, bounce_hz=0.25
-        ),
-    )
+    return on_cables(4.0, 0.25, gravity=factor * GRAVITY)
 
 
 def test_rotating_article_gravity_and_suspension_together_changes_nothing():

@@ -6,8 +6,8 @@ import scipy.linalg as sla
 from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import grouped_plant, sum_of_modes
 
 UNIT = 2.0 * np.pi * 3.0  # the multi-model case counts time in units of 1/(2 pi 3 Hz)
 FREQUENCY_HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])
@@ -19,18 +19,9 @@ def gimbal(more_hz=(), more_shape=()):
     omega = 2.0 * np.pi * np.concatenate([FREQUENCY_HZ, more_hz])
     phi = UNIT**2 * np.concatenate([SHAPE, more_shape])[None]
     names = tuple(f"{f:g} Hz" for f in omega / (2.0 * np.pi))
-    modal = ModalSystem(
-        omega=omega,
-        zeta=np.full(len(omega), 0.01),
-        psi=np.ones((len(omega), 1)),
-        phi=phi,
-        phi_rate=np.zeros_like(phi),
-        names=names,
-    )
+    modal = sum_of_modes(omega, 0.01, np.ones((len(omega), 1)), phi, names=names)
     force, angle = (Port("torque", "N m"),), (Port("angle", "rad"),)
-    return Plant(
-        dynamics=modal, inputs=force, outputs=angle, w=("torque",), u=("torque",), z=("angle",), y=("angle",)
-    )
+    return grouped_plant(modal, force, angle)
 
 
 def late_gimbal():

@@ -15,22 +15,19 @@ from middeck.structure.model.article import (
     ActuatorKind,
     AttachPoint,
     Damping,
-    Joint,
-    Section,
     Sensor,
     SensorKind,
     Structure,
 )
-from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import accelerometer_offset
 from middeck.structure.plants.port_rows import output_rows as coordinate_rows
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.state_space.modal import modal_response, output_rows
-from structure_builders import GRAVITY, body, lab, member, node, structure
+from structure_builders import GRAVITY, body, lab, node, on_cables, structure, tube_bus
 
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 X, Y, Z = np.eye(3)
 G = 9.80665
 UNDAMPED = Damping()
@@ -140,18 +137,6 @@ def test_nothing_is_felt_at_the_centre_of_oscillation():
 
 
 def bus(gravity=GRAVITY) -> tuple[Structure, Environment]:
-    nodes = [
-        node(n, (x, 0, 0), body(4.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3)), 0.05)
-        for n, x in (("a", 0.0), ("b", 1.0))
-    ]
-    payload = Joint(
-        name="p",
-        parent="b",
-        offset=np.array([0, -0.05, 0]),
-        axis=X,
-        angle=0.7,
-        body=body(2.0, (0, -0.2, 0), (0.1,) * 3),
-    )
     slanted, place = np.array([0.48, 0.6, 0.64]), np.array([0.1, -0.05, 0.2])
     sensors = [
         accelerometer("bus", "a", slanted, place),
@@ -167,13 +152,10 @@ def bus(gravity=GRAVITY) -> tuple[Structure, Environment]:
     ]
     actuators = [Actuator(name="wheel", frame="a", axis=Z), Actuator(name="motor", frame="p", axis=None)]
     actuators.append(Actuator(name="shake", frame="a", axis=slanted, kind=ActuatorKind.FORCE, offset=place))
-    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
-    parts = structure(nodes, [member("a", "b", TUBE, 3)], [payload], (), attach, actuators, sensors)
-    return parts, Environment(
-        title="lab",
-        gravity=gravity,
-        suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25),
-    )
+    payload = body(2.0, (0, -0.2, 0), (0.1,) * 3)
+    more = {"parent": "b", "angle": 0.7, "actuators": actuators, "sensors": sensors}
+    parts = tube_bus((4.0, 4.0), (0, -0.05, 0.01), (0.1, 0.2, 0.3), payload, **more)
+    return parts, on_cables(4.0, 0.25, ("xyz", "yz"), gravity=gravity)
 
 
 ACTUATORS = ["wheel", "motor", "shake"]

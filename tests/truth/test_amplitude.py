@@ -16,12 +16,12 @@ from middeck.signals.ports import Port
 from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.structure.gimbals.branches import JointSystem, solve_undamped
 from middeck.structure.gimbals.damped import follow_damped, pair_undamped
-from middeck.structure.model.article import Joint, JointState
+from middeck.structure.model.article import JointState
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem
 from repeats import repeats
 from rig_checks import run_through
-from structure_builders import body, node, structure
+from structure_builders import body, joint, node, structure
 
 J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis
 UNDAMPED = md.Damping(flexible=0.0, suspension=0.0)
@@ -31,8 +31,7 @@ BEARING = Friction(slip_torque=0.002, stiffness=2.0)
 @pytest.fixture(scope="module")
 def pendulum():
     """A payload on a spring as its weight would be, on a base that hardly moves."""
-    hinge = Joint(name="hinge", parent="base", offset=np.zeros(3), axis=np.array([0.0, 0.0, 1.0]), angle=0.0,
-                  body=body(1.0, inertia=(J, J, J)), state=JointState.SPRUNG, stiffness=KP)  # fmt: skip
+    hinge = joint("hinge", "base", (0.0, 0.0, 1.0), body(1.0, inertia=(J, J, J)), stiffness=KP)  # fmt: skip
     base = node("base", (0.0, 0.0, 0.0), body(1e9, inertia=(1e9, 1e9, 1e9)))
     return md.solve_modes(md.solve_equilibrium(structure([base], joints=[hinge]), md.Environment.orbit()))
 

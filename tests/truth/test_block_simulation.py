@@ -13,6 +13,7 @@ from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import find_periodic_state, simulate, stream
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace
+from plant_builders import sum_of_modes
 
 SAMPLES = 20_000
 
@@ -88,14 +89,7 @@ def test_a_block_is_as_good_as_stepping_over_a_long_run():
 
 def test_rigid_modes_grow_as_they_should():
     """A unit torque held on a free inertia: angle (kT)^2/2, rate kT, to rounding of the sum."""
-    modal = ModalSystem(
-        omega=np.zeros(1),
-        zeta=np.zeros(1),
-        psi=[[1.0]],
-        phi=[[1.0], [0.0]],
-        phi_rate=[[0.0], [1.0]],
-        names=("spin",),
-    )
+    modal = sum_of_modes(np.zeros(1), 0.0, [[1.0]], [[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("spin",))
     y, _ = simulate(sample_dynamics(modal, 0.01), np.ones((5000, 1)))
     t = 0.01 * np.arange(5000)
     np.testing.assert_allclose(y, np.stack([0.5 * t**2, t], axis=1), rtol=0.0, atol=1e-12 * t[-1] ** 2)

@@ -23,16 +23,28 @@ from middeck.structure.gravity.budget import (
     corner_matrices,
 )
 from middeck.structure.gravity.tracking import solve_spectrum
-from middeck.structure.model.article import AttachPoint, Joint, Section, Spring
+from middeck.structure.model.article import AttachPoint, Section, Spring
 from middeck.structure.model.clamps import Clamp
-from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from repeats import repeats
-from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, spin, structure
+from structure_builders import (
+    GRAVITY,
+    TURNING_TUBE,
+    body,
+    joint,
+    lab,
+    member,
+    node,
+    on_cables,
+    rigid_bar,
+    spin,
+    structure,
+    tube_bus,
+)
 
 G = 9.80665
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 SUSPENSION, STIFFNESS, DEFORMATION = range(3)
 
 
@@ -43,42 +55,15 @@ def both(parts, environment) -> tuple[Modes, Modes]:
 
 def hung_bus():
     """Bodies off their nodes on a tube, a turned payload, and a bow and string of its own."""
-    nodes = [
-        node(n, (x, 0, 0), body(m, (0.01, -0.05, 0.02), (0.1, 0.2, 0.15)), 0.05)
-        for n, x, m in (("a", 0.0, 4.0), ("b", 1.0, 6.0), ("c", 2.0, 3.0))
-    ]
-    payload = Joint(
-        name="p",
-        parent="a",
-        offset=np.array([0, -0.05, 0]),
-        axis=np.eye(3)[0],
-        angle=0.4,
-        body=body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02)),
-    )
-    attach = [AttachPoint(n, n, np.array([0.0, 0.05, 0.0])) for n in "abc"]
-    members = [member("a", "b", TUBE, 3), member("b", "c", TUBE, 3)]
-    return structure(
-        nodes,
-        members,
-        [payload],
-        [Spring(name="string", start="a", end="b", stiffness=300.0, free_length=0.8)],
-        attach,
-    )
-
-
-def cables(bounce_hz: float = 0.3) -> Environment:
-    return Environment(
-        title="lab",
-        gravity=GRAVITY,
-        suspension=Suspension(
-            attach=("a", "b", "c"), held=("yz", "xyz", "yz"), cable_length=3.0, bounce_hz=bounce_hz
-        ),
-    )
+    payload = body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02))
+    masses, cg, inertia = (4.0, 6.0, 3.0), (0.01, -0.05, 0.02), (0.1, 0.2, 0.15)
+    string = Spring(name="string", start="a", end="b", stiffness=300.0, free_length=0.8)
+    return tube_bus(masses, cg, inertia, payload, angle=0.4, above=(0.0, 0.05, 0.0), springs=[string])
 
 
 @pytest.fixture(scope="module")
 def bus() -> tuple[Modes, Modes]:
-    return both(hung_bus(), cables())
+    return both(hung_bus(), on_cables(3.0, 0.3))
 
 
 @pytest.fixture(scope="module")
@@ -153,13 +138,7 @@ def test_bar_on_two_cables(h: float):
     """Springs, T/l and m g h in every corner; what hangs where it was drawn is not deformed."""
     m, a, length, bounce, Ix, Iy, Iz = 6.0, 1.0, 3.0, 0.3, 0.3, 2.1, 2.0
     bar = rigid_bar(m, 2 * a, (Ix, Iy, Iz), attach_y=h)
-    env = Environment(
-        title="lab",
-        gravity=GRAVITY,
-        suspension=Suspension(
-            attach=("left", "right"), held=("xyz", "yz"), cable_length=length, bounce_hz=bounce
-        ),
-    )
+    env = on_cables(length, bounce, ("xyz", "yz"), attach=("left", "right"))
     found = build_budget(*both(bar, env))
     k, t = m * (2 * np.pi * bounce) ** 2, m * G / length
     for S, g, D in itertools.product((0, 1), repeat=3):
@@ -197,14 +176,7 @@ def ground(*more, nodes=(), members=(), joints=(), springs=()):
 def test_payload_pendulum_is_all_stiffness():
     """m g d / (I + m d^2) comes of the weight alone: no device touches it, and the base does not tilt."""
     m, d, inertia = 5.0, 0.08, 0.03
-    payload = Joint(
-        name="p",
-        parent="base",
-        offset=np.zeros(3),
-        axis=np.eye(3)[2],
-        angle=0.0,
-        body=body(m, (0, -d, 0), (1, 1, inertia)),
-    )
+    payload = joint("p", "base", np.eye(3)[2], body(m, (0, -d, 0), (1, 1, inertia)))
     found = build_budget(*both(*ground(joints=[payload])))
     names = [found.lab.name[j] for j in found.pairs[:, 1]]
     row = names.index("payload pendulum p")
@@ -256,7 +228,7 @@ def with_devices(environment: Environment, kind: DeviceKind) -> Environment:
 @pytest.mark.parametrize("article", repeats(["bus", "mace-simple"]))
 def test_springs_and_constant_forces_of_the_same_frequencies_have_one_budget(article: str):
     """At rest both hang in the same shape, on cables of one length; the springs let it sink by 3 to 4 m."""
-    parts, environment = hung_bus(), cables()
+    parts, environment = hung_bus(), on_cables(3.0, 0.3)
     if article == "mace-simple":
         parts, environment = load_setup("articles/mace-simple.toml", "environments/lab.toml")
     found = [build_budget(*both(parts, with_devices(environment, kind))) for kind in DeviceKind]
@@ -272,16 +244,7 @@ def test_springs_and_constant_forces_of_the_same_frequencies_have_one_budget(art
 def test_heading_is_no_deformation(turn: float):
     """Anchors turned about the vertical turn a rigid bar with them; it hangs as it was drawn, elsewhere."""
     bar = rigid_bar(6.0, 2.0, (0.3, 2.1, 2.0), attach_y=0.3)
-    down = solve_equilibrium(
-        bar,
-        Environment(
-            title="lab",
-            gravity=GRAVITY,
-            suspension=Suspension(
-                attach=("left", "right"), held=("xyz", "yz"), cable_length=3, bounce_hz=0.3
-            ),
-        ),
-    )
+    down = solve_equilibrium(bar, on_cables(3, 0.3, ("xyz", "yz"), attach=("left", "right")))
     about = rotation_exp(np.array([0.0, turn, 0.0]))
     lines = zip(("left", "right"), down.loads.anchor, down.suspension.stiffness, strict=True)
     devices = tuple(
@@ -296,16 +259,7 @@ def test_heading_is_no_deformation(turn: float):
 def test_a_tilt_is_a_deformation():
     """Gravity sees it: an article that hangs askew stands otherwise under its weight than it was drawn."""
     bar = rigid_bar(6.0, 2.0, (0.3, 2.1, 2.0), attach_y=0.3)
-    drawn = solve_equilibrium(
-        bar,
-        Environment(
-            title="lab",
-            gravity=GRAVITY,
-            suspension=Suspension(
-                attach=("left", "right"), held=("xyz", "yz"), cable_length=3, bounce_hz=0.3
-            ),
-        ),
-    )
+    drawn = solve_equilibrium(bar, on_cables(3, 0.3, ("xyz", "yz"), attach=("left", "right")))
     lines = zip(("left", "right"), drawn.loads.anchor, (32.0, 28.0), strict=True)
     devices = tuple(Device(name=n, attach=n, force=f, stiffness=10.0, anchor=a) for n, a, f in lines)
     found = build_budget(*both(bar, Environment(title="lab", gravity=GRAVITY, devices=devices)))
@@ -316,7 +270,9 @@ def test_axes_of_a_clamp_change_no_budget():
     """A hinge about z holds the same turns in axes turned about z."""
     nodes = [node("root", (0, 0, 0)), node("tip", (1, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1)))]
     beam = structure(
-        nodes, [member("root", "tip", TUBE, 2)], attach=[AttachPoint("tip", "tip", np.array([0, 0.1, 0]))]
+        nodes,
+        [member("root", "tip", TURNING_TUBE, 2)],
+        attach=[AttachPoint("tip", "tip", np.array([0, 0.1, 0]))],
     )
     budgets = []
     for turn in (0.0, 0.7):

@@ -10,7 +10,7 @@ import pytest
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.comparison import compare_modes
-from middeck.structure.model.article import Actuator, ActuatorKind, Body, Joint, JointState, Sensor
+from middeck.structure.model.article import Actuator, ActuatorKind, Body, JointState, Sensor
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
@@ -19,7 +19,7 @@ from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
-from structure_builders import GRAVITY, TUBE, body, member, node, spin, straight_beam, structure
+from structure_builders import GRAVITY, TUBE, body, joint, member, node, spin, straight_beam, structure
 
 L, EI, EA, RHO = 2.0, 100.0, 1e6, 0.5
 SLIGHT = 1e-6 * GRAVITY
@@ -261,14 +261,8 @@ def test_derivatives_of_a_clamped_frame_are_those_of_differences(name: str) -> N
 def hinged(arm: tuple[float, float, float], axis: tuple[float, float, float] = (0, 0, 1)) -> Equilibrium:
     """A body on a hinge without stiffness at a clamped node, its centre of mass at ``arm``."""
     bob = dataclasses.replace(body(2.0, inertia=(0.05, 0.05, 0.05)), cg=np.array(arm))
-    hinge = Joint(
-        name="hinge",
-        parent="a",
-        offset=np.array([0.1, 0.0, 0.0]),
-        axis=np.array(axis, dtype=float),
-        angle=0.0,
-        body=bob,
-        state=JointState.SPRUNG,
+    hinge = joint(
+        "hinge", "a", np.array(axis, dtype=float), bob, offset=(0.1, 0.0, 0.0), state=JointState.SPRUNG
     )
     parts = structure([node("a", (0, 0, 0))], joints=[hinge])
     return solve_equilibrium(parts, held(Clamp(node="a"), gravity=GRAVITY))

@@ -17,8 +17,8 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
 from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms_by_quadrature
-from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace, gain_system
+from plant_builders import grouped_plant
 
 LEVELS = np.logspace(-1.5, 4.5, 25)
 
@@ -28,16 +28,7 @@ def third_order():
     A = -np.eye(3) + np.diag(np.ones(2), 1)
     ports = (Port("f", "N"),), (Port("x", "m"),)
     system = StateSpace(A, np.eye(3)[:, 2:], np.eye(3)[:1], [[0.0]])
-    return Plant(
-        dynamics=system,
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("f",),
-        u=("f",),
-        z=("x",),
-        y=("x",),
-        state_names=("first", "second", "third"),
-    )
+    return grouped_plant(system, ports[0], ports[1], state_names=("first", "second", "third"))
 
 
 def gain_law(authority):
@@ -102,20 +93,7 @@ def test_participation_of_uncoupled_modes_is_all_one_mode():
     ports = (Port("f", "N"),), (Port("x", "m"),)
     system = StateSpace(A, np.ones((4, 1)), np.ones((1, 4)), [[0.0]])
     names = ("slow", "slow", "fast", "fast")
-    part = find_participation(
-        leave_open(
-            Plant(
-                dynamics=system,
-                inputs=ports[0],
-                outputs=ports[1],
-                w=("f",),
-                u=("f",),
-                z=("x",),
-                y=("x",),
-                state_names=names,
-            )
-        )
-    )
+    part = find_participation(leave_open(grouped_plant(system, ports[0], ports[1], state_names=names)))
     assert part.names == ("slow", "fast")
     np.testing.assert_allclose(part.shares, [1.0, 0.0], atol=1e-14)
 

@@ -26,20 +26,15 @@ from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, gain_system
+from plant_builders import grouped_plant, sum_of_modes
 
 INTENSITY = 2e-6
 
 
 def scalar_plant(a):
     ports = (Port("w", "N"), Port("u", "N")), (Port("x", "m"),)
-    return Plant(
-        dynamics=StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]),
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("w",),
-        u=("u",),
-        z=("x",),
-        y=("x",),
+    return grouped_plant(
+        StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]), ports[0], ports[1], w=("w",), u=("u",)
     )
 
 
@@ -145,14 +140,8 @@ def test_direct_terms_are_part_of_the_design():
 
 def test_noise_straight_into_z_is_refused():
     ports = (Port("w", "N"), Port("u", "N")), (Port("x", "m"),)
-    plant = Plant(
-        dynamics=StateSpace([[0.4]], [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]]),
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("w",),
-        u=("u",),
-        z=("x",),
-        y=("x",),
+    plant = grouped_plant(
+        StateSpace([[0.4]], [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]]), ports[0], ports[1], w=("w",), u=("u",)
     )
     with pytest.raises(ConfigError, match="infinite"):
         design_lqg(plant, scalar_weights(1.0, 1.0), 1.0)
@@ -277,18 +266,9 @@ def test_an_unreachable_but_observed_free_mode_is_named():
 
 
 def test_a_reachable_but_unmeasured_free_mode_is_named():
-    modal = ModalSystem(
-        omega=np.zeros(2),
-        zeta=np.zeros(2),
-        psi=np.eye(2),
-        phi=np.eye(2),
-        phi_rate=np.zeros((2, 2)),
-        names=("surge", "yaw"),
-    )
+    modal = sum_of_modes(np.zeros(2), 0.0, np.eye(2), np.eye(2), names=("surge", "yaw"))
     ports = (Port("a", "N"), Port("b", "N")), (Port("a", "m"), Port("b", "m"))
-    plant = Plant(
-        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("a",), u=("a", "b"), z=("a", "b"), y=("a",)
-    )
+    plant = grouped_plant(modal, ports[0], ports[1], w=("a",), y=("a",))
     weights = LQGWeights(
         output=np.ones(2), input=np.ones(2), disturbed=("a",), process=np.eye(1), sensor=np.ones(1)
     )
@@ -372,9 +352,7 @@ def test_prediction_line_by_line_equals_the_closed_loop(orbit):
 
 def test_a_loop_without_solution_is_refused():
     port = (Port("f", "N"),), (Port("x", "m"),)
-    plant = Plant(
-        dynamics=gain_system([[2.0]]), inputs=port[0], outputs=port[1], w=("f",), u=("f",), z=("x",), y=("x",)
-    )
+    plant = grouped_plant(gain_system([[2.0]]), port[0], port[1])
     with pytest.raises(ConfigError, match="no solution"):
         close_loop(plant, Compensator(gain_system([[0.5]]), (Port("x", "m"),), (Port("f", "N"),)))
 

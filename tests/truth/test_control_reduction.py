@@ -19,12 +19,13 @@ from middeck.control.reduction.weighted import reduce_weighted
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.norms.peak_gain import peak_gain
-from middeck.systems.plants.plant import Plant, subsystem
+from middeck.systems.plants.plant import subsystem
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, add, gain_system, poles, series
+from plant_builders import grouped_plant
 
 
 def gain_at(system, omega):
@@ -263,9 +264,7 @@ def modal_plant():
         phi_acceleration=phi[::-1],
     )
     ports = (Port("u", "N"),), (Port("x", "m"), Port("a", "m/s^2"))
-    return Plant(
-        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("u",), u=("u",), z=("x",), y=("x", "a")
-    )
+    return grouped_plant(modal, ports[0], ports[1], z=("x",))
 
 
 def test_modes_of_a_modal_plant_stay_modal_and_leave_their_limits():

@@ -22,12 +22,12 @@ from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.correlation.measured_modes import every_channel, sensor_rows
 from middeck.structure.correlation.reduction import Reduction, reduce_mass
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.model.article import AttachPoint, Joint, Section
+from middeck.structure.model.article import AttachPoint, Section
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from repeats import repeats
-from structure_builders import TUBE, body, member, node, straight_beam, structure
+from structure_builders import TUBE, body, joint, member, node, straight_beam, structure
 
 ROUNDING = 1e-12
 
@@ -112,23 +112,8 @@ def test_a_travelling_shape_has_no_collinear_phases():
 
 def test_channels_read_translations_rotations_angles_and_travels():
     """A unit of each coordinate of a body with a hinged arm and a slide on it, as the channels see it."""
-    hinge = Joint(
-        name="h",
-        parent="a",
-        offset=np.array([0.5, 0, 0]),
-        axis=np.eye(3)[2],
-        angle=0.0,
-        body=body(1.0, inertia=(0.1,) * 3),
-    )
-    slide = Joint(
-        name="s",
-        parent="a",
-        offset=np.zeros(3),
-        axis=np.eye(3)[1],
-        angle=0.0,
-        body=body(1.0, inertia=(0.1,) * 3),
-        slides=True,
-    )
+    hinge = joint("h", "a", np.eye(3)[2], body(1.0, inertia=(0.1,) * 3), offset=(0.5, 0, 0))
+    slide = joint("s", "a", np.eye(3)[1], body(1.0, inertia=(0.1,) * 3), slides=True)
     parts = structure([node("a", (1, 2, 3), body(2.0, inertia=(0.1,) * 3))], joints=[hinge, slide])
     modes = solve_modes(solve_equilibrium(parts, Environment.orbit()))
     model = modes.equilibrium.model

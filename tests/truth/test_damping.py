@@ -17,18 +17,17 @@ from middeck.structure.model.article import (
     DamperPlace,
     Damping,
     DampingTable,
-    Joint,
     JointState,
     Section,
     Spring,
     Structure,
 )
-from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import COUPLING_LIMIT, estimate_damping
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from structure_builders import GRAVITY, body, member, node, structure
+from structure_builders import body, joint, member, node, on_cables, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 SOFT = Section(EA=3e5, GJ=20.0, EI_y=30.0, EI_z=40.0, rho_A=0.3, rho_I_y=1e-4, rho_I_z=1e-4)
@@ -103,17 +102,7 @@ def test_damper_beside_a_spring_between_two_bodies():
 
 
 def test_damper_at_a_sprung_joint():
-    payload = Joint(
-        name="p",
-        parent="a",
-        offset=np.zeros(3),
-        axis=X,
-        angle=0.3,
-        body=body(2.0, inertia=(0.3, 0.2, 0.2)),
-        state=JointState.SPRUNG,
-        stiffness=7.0,
-        target=0.3,
-    )
+    payload = joint("p", "a", X, body(2.0, inertia=(0.3, 0.2, 0.2)), angle=0.3, stiffness=7.0, target=0.3)
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     found = estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))
     omega = np.sqrt(7.0 * (1 / 0.2 + 1 / 0.3))
@@ -176,11 +165,7 @@ def test_energy_held_by_gravity_is_not_lost():
     ]
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     parts = structure(nodes, [member("a", "b", SOFT, 3)], (), (), attach)
-    lab = Environment(
-        title="lab",
-        gravity=GRAVITY,
-        suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25),
-    )
+    lab = on_cables(4.0, 0.25, ("xyz", "yz"))
     modes = solve_modes(solve_equilibrium(parts, lab))
     eta = 0.01
     found = estimate_damping(modes, Damping(loss_factor=(("a-b", eta),)))
@@ -255,9 +240,7 @@ def test_equal_frequencies_are_coupled_without_limit():
 
 
 def test_a_damper_on_a_rigid_mode_is_warned_about():
-    payload = Joint(
-        name="p", parent="a", offset=np.zeros(3), axis=X, angle=0.3, body=body(2.0, inertia=(0.3, 0.2, 0.2))
-    )
+    payload = joint("p", "a", X, body(2.0, inertia=(0.3, 0.2, 0.2)), angle=0.3)
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     found = estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))
     assert not found.zeta.any()
@@ -331,15 +314,7 @@ def test_what_cannot_be_is_refused(damping: Damping, message: str):
 
 
 def test_a_damper_at_a_fixed_axis_is_refused():
-    payload = Joint(
-        name="p",
-        parent="a",
-        offset=np.zeros(3),
-        axis=X,
-        angle=0.3,
-        body=body(2.0, inertia=(0.3, 0.2, 0.2)),
-        state=JointState.LOCKED,
-    )
+    payload = joint("p", "a", X, body(2.0, inertia=(0.3, 0.2, 0.2)), angle=0.3, state=JointState.LOCKED)
     modes = orbit_modes(structure([node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))], (), [payload]))
     with pytest.raises(ConfigError, match="'p', which is locked"):
         estimate_damping(modes, Damping(dampers=(Damper(DamperPlace.JOINT, "p", 0.05),)))

@@ -29,10 +29,10 @@ from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
+from plant_builders import BODY, FORCE, RATE, WAY, gain, sum_of_modes
 from repeats import repeats
 
 ROOT = Path(__file__).parents[2]
-FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
 INTEGRATOR = Plant(
     dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]),
     inputs=(FORCE,),
@@ -40,17 +40,6 @@ INTEGRATOR = Plant(
     u=("force",),
     y=("way",),
 )
-BODY = Plant(
-    dynamics=ModalSystem(
-        omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",)
-    ),
-    inputs=(FORCE,),
-    outputs=(WAY, RATE),
-)
-
-
-def gain(*k: float) -> Compensator:
-    return Compensator(gain_system(-np.array([k])), (WAY, RATE)[: len(k)], (FORCE,))
 
 
 @pytest.mark.parametrize("turns", [0.1, 1.0, 1.57, 1.58, 4.0, 7.8, 7.9, 20.0, 60.0])
@@ -87,14 +76,7 @@ def test_rigid_body_up_to_its_delay_margin(factor: float) -> None:
 def test_modes_that_the_loop_does_not_move_count() -> None:
     """One that the measurement does not see and that grows makes the whole unstable."""
     for zeta, stable in ((0.01, True), (-0.01, False)):
-        modes = ModalSystem(
-            omega=[1.0, 3.0],
-            zeta=[0.02, zeta],
-            psi=[[1.0], [1.0]],
-            phi=[[0.1, 0.0], [0.0, 1.0]],
-            phi_rate=np.zeros((2, 2)),
-            names=("a", "b"),
-        )
+        modes = sum_of_modes([1.0, 3.0], [0.02, zeta], [[1.0], [1.0]], [[0.1, 0.0], [0.0, 1.0]])
         plant = Plant(
             dynamics=modes, inputs=(FORCE,), outputs=(WAY, Port("other", "m")), w=("force",), z=("other",)
         )
@@ -185,14 +167,7 @@ def test_many_modes_agree_with_a_fine_approximation() -> None:
     for _ in range(12):
         n = 6
         omega = 2.0 * np.pi * rng.uniform(0.3, 20.0, n)
-        modes = ModalSystem(
-            omega=omega,
-            zeta=np.full(n, 0.01),
-            psi=rng.standard_normal((n, 2)),
-            phi=rng.standard_normal((2, n)),
-            phi_rate=np.zeros((2, n)),
-            names=tuple("abcdef"),
-        )
+        modes = sum_of_modes(omega, 0.01, rng.standard_normal((n, 2)), rng.standard_normal((2, n)))
         ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
         late = delay_plant(
             Plant(dynamics=modes, inputs=ports[0], outputs=ports[1]), rng.uniform(0.0, 0.02, (2, 2))

@@ -22,6 +22,7 @@ from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import gain_system
+from plant_builders import grouped_plant, sum_of_modes
 
 pytestmark = pytest.mark.kernels
 
@@ -75,14 +76,7 @@ def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
     """Two forces, position and rate: 1 + g h / s^2 + g^2 det k (e^-s(t11 + t22) - e^-s(t12 + t21)) / s^3."""
     tau, k = np.array([[0.05, 0.3], [0.4, 0.1]]), np.array([[1.0, 0.9], [0.5, 0.6]])
     forces = (Port("a", "N"), Port("b", "N"))
-    body = ModalSystem(
-        omega=[0.0],
-        zeta=[0.0],
-        psi=[[1.0, 1.0]],
-        phi=[[1.0], [0.0]],
-        phi_rate=[[0.0], [1.0]],
-        names=("body",),
-    )
+    body = sum_of_modes([0.0], 0.0, [[1.0, 1.0]], [[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",))
     late = delay_plant(Plant(dynamics=body, inputs=forces, outputs=(WAY, RATE)), tau)
 
     def terms(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -111,23 +105,8 @@ def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
 def test_designs_hold_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
     """The cost that a design promises is what its loop costs with exact delays."""
     forces = (Port("a", "N"), Port("b", "N"))
-    body = ModalSystem(
-        omega=[0.0],
-        zeta=[0.0],
-        psi=[[1.0, 1.0]],
-        phi=[[1.0], [0.0]],
-        phi_rate=[[0.0], [1.0]],
-        names=("body",),
-    )
-    plant = Plant(
-        dynamics=body,
-        inputs=forces,
-        outputs=(WAY, RATE),
-        w=("a", "b"),
-        u=("a", "b"),
-        z=("way",),
-        y=("way", "rate"),
-    )
+    body = sum_of_modes([0.0], 0.0, [[1.0, 1.0]], [[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",))
+    plant = grouped_plant(body, forces, (WAY, RATE), z=("way",))
     late = delay_plant(plant, np.array([[0.05, 0.3], [0.4, 0.1]]))
     weights = LQGWeights(
         output=[1.0], input=[1.0, 1.0], disturbed=("a", "b"), process=np.eye(2), sensor=[1e-2, 1e-2]

@@ -16,8 +16,8 @@ from middeck.control.loop.performance import Performance, loop_rms
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, gain_system
+from plant_builders import sum_of_modes
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 GROUPS = {"w": ("force",), "u": ("force",), "z": ("way",), "y": ("seen",)}
@@ -27,14 +27,7 @@ INTEGRATOR = Plant(
     outputs=(WAY, SEEN),
     **GROUPS,
 )
-MODES = ModalSystem(
-    omega=[6.0, 25.0],
-    zeta=[0.01, 0.02],
-    psi=[[1.0], [1.0]],
-    phi=[[1.0, 0.6]] * 2,
-    phi_rate=np.zeros((2, 2)),
-    names=("a", "b"),
-)
+MODES = sum_of_modes([6.0, 25.0], [0.01, 0.02], [[1.0], [1.0]], [[1.0, 0.6]] * 2)
 STRUCTURE = Plant(dynamics=MODES, inputs=(FORCE,), outputs=(WAY, SEEN), **GROUPS)
 LAG = Compensator(StateSpace([[-8.0]], [[1.0]], [[30.0]], [[0.0]]), (SEEN,), (FORCE,))
 WHITE = np.array([[0.5]])

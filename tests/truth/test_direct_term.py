@@ -28,6 +28,7 @@ from middeck.systems.state_space.modal import (
     output_rows,
     select_modes,
 )
+from plant_builders import sum_of_modes
 from rig_checks import run_through
 
 OMEGA = 2.0 * np.pi * np.array([0.3, 2.0, 11.0, 40.0, 90.0])
@@ -61,15 +62,8 @@ def plant(modal):
 
 def test_one_mode_in_closed_form():
     # q'' + 2 zeta w0 q' + w0^2 q = psi u and y = a q'' + d u: at resonance q'' = j psi u / (2 zeta).
-    modal = ModalSystem(
-        omega=[3.0],
-        zeta=[0.05],
-        psi=[[2.0]],
-        phi=[[0.0]],
-        phi_rate=[[0.0]],
-        names=("m",),
-        phi_acceleration=[[1.5]],
-        direct=[[0.25]],
+    modal = sum_of_modes(
+        [3.0], 0.05, [[2.0]], [[0.0]], names=("m",), phi_acceleration=[[1.5]], direct=[[0.25]]
     )
     H = modal_response(modal, np.array([3.0, 3e8]))[:, 0, 0]
     # One division; far above, q'' is the force itself to (w0/w)^2 = 1e-16 and damping 1e-9.
@@ -213,10 +207,9 @@ def test_residual_flexibility_is_a_mode_without_end(sensor, steps):
 
     exact = taken(dataclasses.replace(soft, direct=direct))
     for w in (2e5, 2e6):
-        fast = ModalSystem(
-            omega=[9.0, w], zeta=[0.02, 1.0], psi=[[1.0], [w]],
-            phi=np.hstack([soft.phi, direct * w]), phi_rate=np.zeros((2, 2)), names=("m", "fast"),
-        )  # fmt: skip
+        fast = sum_of_modes(
+            [9.0, w], [0.02, 1.0], [[1.0], [w]], np.hstack([soft.phi, direct * w]), names=("m", "fast")
+        )
         error.append(np.abs(taken(fast) - exact).max(axis=0) / np.abs(exact).max(axis=0))
     # Filters of 200 Hz are 1256 / w; the encoder counts in 1e-12 rad.
     assert np.all(error[0] < 4.0 * 1256.0 / 2e5)

@@ -16,10 +16,10 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms
-from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.poles.transmission_zeros import transmission_zeros
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import grouped_plant
 
 
 def density(system, f):
@@ -94,15 +94,7 @@ def one_mode():
     system = StateSpace(
         [[0.0, omega], [-omega, -0.04 * omega]], [[0.0, 0.0], [0.3, 1.0]], [[1.0, 0.0]], [[0.0, 0.0]]
     )
-    return Plant(
-        dynamics=system,
-        inputs=(Port("w", "N"), Port("u", "N")),
-        outputs=(Port("x", "m"),),
-        w=("w", "u"),
-        u=("u",),
-        z=("x",),
-        y=("x",),
-    )
+    return grouped_plant(system, (Port("w", "N"), Port("u", "N")), (Port("x", "m"),), u=("u",))
 
 
 def test_a_coloured_plant_is_disturbed_by_the_spectrum():

@@ -27,6 +27,7 @@ from middeck.systems.poles.stability import is_stable
 from middeck.systems.sampling.sampling import tustin
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import sum_of_modes
 from rig_checks import on_rig
 
 RATE, DELAY = 500.0, 0.0103
@@ -101,10 +102,7 @@ def test_an_undamped_mode_that_drifts_is_a_bessel_function():
 def test_an_acceleration_is_read_from_the_plant_as_it_is_now():
     """Of a free undamped mode it is -w^2 times the angle, w drifting; knots are 600 ticks apart."""
     w0, percent, seconds = 2.0 * np.pi * 3.0, 12.0, 4.0
-    modal = ModalSystem(
-        omega=[w0], zeta=[0.0], psi=[[0.0]], phi=[[1.0], [0.0]], phi_rate=np.zeros((2, 1)), names=("a",),
-        phi_acceleration=[[0.0], [1.0]],
-    )  # fmt: skip
+    modal = sum_of_modes([w0], 0.0, [[0.0]], [[1.0], [0.0]], phi_acceleration=[[0.0], [1.0]])
     plant = Plant(
         dynamics=modal, inputs=PORTS[0], outputs=(Port("angle", "rad"), Port("acceleration", "rad/s^2"))
     )

@@ -21,6 +21,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.systems.state_space.modal import ModalSystem
+from plant_builders import sum_of_modes
 
 NEAR = (1e-5, 1e-4, 1e-2, 0.5)
 
@@ -35,14 +36,7 @@ def plant_of(rng: np.random.Generator) -> Plant:
     omega, zeta = np.sort(rng.uniform(0.5, 6.0, modes)), 10.0 ** rng.uniform(-3.0, -1.0, modes)
     psi, phi = rng.standard_normal((modes, nu + 1)), rng.standard_normal((ny + 1, modes))
     rate = rng.standard_normal((ny + 1, modes)) if rng.random() < 0.4 else np.zeros((ny + 1, modes))
-    modal = ModalSystem(
-        omega=omega,
-        zeta=zeta,
-        psi=psi,
-        phi=phi,
-        phi_rate=rate,
-        names=tuple(f"mode {k}" for k in range(modes)),
-    )
+    modal = sum_of_modes(omega, zeta, psi, phi, phi_rate=rate, names=tuple(f"mode {k}" for k in range(modes)))
     into, out = ports("i", nu + 1, "N"), ports("o", ny + 1, "m")
     names_u, names_y = (tuple(p.name for p in side[1:]) for side in (into, out))
     plant = Plant(dynamics=modal, inputs=into, outputs=out, w=("i0",), u=names_u, z=("o0",), y=names_y)

@@ -38,7 +38,7 @@ from middeck.structure.rest.settled import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.systems.plants.plant import Plant
 from repeats import repeats
-from structure_builders import GRAVITY, TUBE, body, member, node, structure
+from structure_builders import GRAVITY, TUBE, body, joint, member, node, structure
 
 G = 9.80665
 ZERO = np.zeros(3)
@@ -58,7 +58,7 @@ def tangled(rng: np.random.Generator) -> Structure:
         node(name, rng.uniform(-0.5, 0.5, 3), body(1.0, rng.uniform(-0.2, 0.2, 3), (0.3, 0.4, 0.5)))
         for name in "abcdef"
     ]
-    joint = Joint(
+    arm = Joint(
         name="j",
         parent="c",
         offset=rng.uniform(-0.3, 0.3, 3),
@@ -68,7 +68,7 @@ def tangled(rng: np.random.Generator) -> Structure:
         state=JointState.SPRUNG,
         stiffness=3.0,
     )
-    parts = structure(nodes, [member("a", "b", TUBE, 2, up=(0.3, 0.5, 0.7))], [joint])
+    parts = structure(nodes, [member("a", "b", TUBE, 2, up=(0.3, 0.5, 0.7))], [arm])
     axes = rotation_exp(rng.standard_normal(3))
     shares = tuple(
         Share(frame=f, weight=w, about="y", axes=axes) for f, w in (("a", 1.0), ("b", 2.0), ("j", 0.7))
@@ -311,15 +311,8 @@ def test_a_rigid_link_of_any_length_is_an_offset_of_its_mass(length: float) -> N
 def test_gears_add_their_inertias_and_springs_by_the_ratio() -> None:
     k, inertia, ratio = (2.0, 5.0), (0.1, 0.03), 3.5
     joints = [
-        Joint(
-            name=f"j{i}",
-            parent="a",
-            offset=ZERO,
-            axis=np.array([0.0, 0.0, 1.0]),
-            angle=0.0,
-            body=body(1.0, inertia=(inertia[i],) * 3),
-            state=JointState.SPRUNG,
-            stiffness=k[i],
+        joint(
+            f"j{i}", "a", (0.0, 0.0, 1.0), body(1.0, inertia=(inertia[i],) * 3), offset=ZERO, stiffness=k[i]
         )
         for i in range(2)
     ]

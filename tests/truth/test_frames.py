@@ -15,12 +15,13 @@ from middeck.structure.assembly.mesh import Model, lay_out, mesh_structure
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import frame_poses, move, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
-from middeck.structure.model.article import AttachPoint, Body, Joint, JointState, Section, Spring
+from middeck.structure.model.article import AttachPoint, Section, Spring
 from repeats import repeats
 from structure_builders import (
     GRAVITY,
     body,
     clamped_matrices,
+    joint,
     member,
     node,
     random_configuration,
@@ -42,33 +43,9 @@ def gimballed_model() -> Model:
         node("b", (1, 0.2, 0), body(1.0, (0.0, -0.05, 0.02), UNEQUAL), size=0.06),
     ]
     joints = [
-        Joint(
-            name="g1",
-            parent="a",
-            offset=np.array([0.0, -0.1, 0.05]),
-            axis=X,
-            angle=0.5,
-            body=body(0.5, (0, 0.01, 0)),
-        ),
-        Joint(
-            name="g2",
-            parent="g1",
-            offset=np.array([0.03, 0.0, 0.02]),
-            axis=axis,
-            angle=-0.3,
-            body=body(1.5, (0.05, -0.2, 0.1), UNEQUAL),
-        ),
-        Joint(
-            name="g3",
-            parent="b",
-            offset=np.array([0, 0.1, 0]),
-            axis=np.array([0, 0, 1.0]),
-            angle=0.2,
-            body=body(1.0),
-            state=JointState.SPRUNG,
-            stiffness=3.0,
-            target=0.1,
-        ),
+        joint("g1", "a", X, body(0.5, (0, 0.01, 0)), offset=(0.0, -0.1, 0.05), angle=0.5),
+        joint("g2", "g1", axis, body(1.5, (0.05, -0.2, 0.1), UNEQUAL), offset=(0.03, 0.0, 0.02), angle=-0.3),
+        joint("g3", "b", (0, 0, 1.0), body(1.0), offset=(0, 0.1, 0), angle=0.2, stiffness=3.0, target=0.1),
     ]
     attach = [
         AttachPoint("top", "a", np.array([0, 0.05, 0.02])),
@@ -187,15 +164,10 @@ def test_mass_matrix_is_the_kinetic_energy_of_moving_points():
 def test_compound_pendulum_with_offset_mass(angle: float):
     """Held at ``angle`` by a constant torque m g d sin(angle): omega^2 = m g d cos(angle) / (I + m d^2)."""
     m, d, inertia = 5.0, 0.08, 0.03
-    joint = Joint(
-        name="p",
-        parent="n",
-        offset=np.array([0.1, -0.05, 0.2]),
-        axis=np.array([0, 0, 1.0]),
-        angle=angle,
-        body=body(m, (0, -d, 0), (1, 1, inertia)),
+    arm = joint(
+        "p", "n", (0, 0, 1.0), body(m, (0, -d, 0), (1, 1, inertia)), offset=(0.1, -0.05, 0.2), angle=angle
     )
-    model = mesh_structure(structure([node("n", (1, 2, 3), body(1.0))], joints=[joint]))
+    model = mesh_structure(structure([node("n", (1, 2, 3), body(1.0))], joints=[arm]))
     none = no_loads()
     loads = dataclasses.replace(none, gravity=GRAVITY)
     K, M, _ = clamped_matrices(model, loads=loads)
@@ -209,22 +181,8 @@ def test_double_compound_pendulum():
     m, d, inertia, arm = np.array([2.0, 3.0]), np.array([0.3, 0.2]), np.array([0.05, 0.04]), 0.5
     g = 9.80665
     joints = [
-        Joint(
-            name="p1",
-            parent="n",
-            offset=np.zeros(3),
-            axis=Z,
-            angle=0.0,
-            body=body(m[0], (0, -d[0], 0), (0.1, 0.1, inertia[0])),
-        ),
-        Joint(
-            name="p2",
-            parent="p1",
-            offset=np.array([0, -arm, 0]),
-            axis=Z,
-            angle=0.0,
-            body=body(m[1], (0, -d[1], 0), (0.1, 0.1, inertia[1])),
-        ),
+        joint("p1", "n", Z, body(m[0], (0, -d[0], 0), (0.1, 0.1, inertia[0]))),
+        joint("p2", "p1", Z, body(m[1], (0, -d[1], 0), (0.1, 0.1, inertia[1])), offset=(0, -arm, 0)),
     ]
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=joints))
     none = no_loads()
@@ -243,15 +201,8 @@ def test_spherical_pendulum_with_gimbal_under_load():
     """Two crossed axes at 45 degrees: a moment through the inner axis stiffens the outer one as it must."""
     m, d, g = 5.0, 0.08, 9.80665
     joints = [
-        Joint(
-            name="x",
-            parent="n",
-            offset=np.zeros(3),
-            axis=X,
-            angle=np.pi / 4,
-            body=Body(0.0, np.zeros(3), np.zeros((3, 3))),
-        ),
-        Joint(name="z", parent="x", offset=np.zeros(3), axis=Z, angle=0.0, body=body(m, (0, -d, 0), UNEQUAL)),
+        joint("x", "n", X, angle=np.pi / 4),
+        joint("z", "x", Z, body(m, (0, -d, 0), UNEQUAL)),
     ]
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=joints))
     none = no_loads()

@@ -14,8 +14,6 @@ from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
 from middeck.structure.model.article import (
     Actuator,
     AttachPoint,
-    Body,
-    Joint,
     JointState,
     Sensor,
     Structure,
@@ -25,7 +23,7 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.state_space.modal import modal_response
-from structure_builders import GRAVITY, body, node, structure
+from structure_builders import GRAVITY, body, joint, node, structure
 
 G = 9.80665
 M, D, INERTIA = 5.0, 0.08, np.array([0.03, 0.01, 0.02])
@@ -37,16 +35,7 @@ CARRIER, STIFF, ARM = 1.0, 1e8, 1.0
 
 def payload(state: JointState = JointState.FREE, **more) -> Structure:
     """One axis along x in a carrier that is as good as fixed, its payload hanging a distance D below."""
-    joint = Joint(
-        name="p",
-        parent="base",
-        offset=np.zeros(3),
-        axis=X,
-        angle=0.0,
-        body=body(M, (0, -D, 0), INERTIA),
-        state=state,
-        **more,
-    )
+    arm = joint("p", "base", X, body(M, (0, -D, 0), INERTIA), state=state, **more)
     points = {
         f"{sign}{axis}": ARM * s * np.eye(3)[i]
         for i, axis in enumerate("xyz")
@@ -54,7 +43,7 @@ def payload(state: JointState = JointState.FREE, **more) -> Structure:
     }
     return structure(
         [node("base", (0, 0, 0), body(CARRIER, inertia=(CARRIER,) * 3))],
-        joints=[joint],
+        joints=[arm],
         attach=[AttachPoint(name, "base", at) for name, at in points.items()],
         actuators=[Actuator(name="motor", frame="p", axis=None)],
         sensors=[Sensor(name="angle", frame="p", axis=None)],
@@ -197,17 +186,8 @@ def test_neighbours_that_were_reached_by_different_ways_are_one_family():
 
 def two_axes() -> Structure:
     parts = payload()
-    stage = Joint(
-        name="x",
-        parent="base",
-        offset=np.zeros(3),
-        axis=X,
-        angle=0.0,
-        body=Body(0.0, np.zeros(3), np.zeros((3, 3))),
-    )
-    inner = Joint(
-        name="z", parent="x", offset=np.zeros(3), axis=Z, angle=0.0, body=body(M, (0, -D, 0), INERTIA)
-    )
+    stage = joint("x", "base", X)
+    inner = joint("z", "x", Z, body(M, (0, -D, 0), INERTIA))
     return dataclasses.replace(parts, joints=(stage, inner), actuators=(), sensors=())
 
 
@@ -253,14 +233,7 @@ def test_in_orbit_nothing_is_held_and_all_stays_free():
 
 def test_a_point_without_a_rest_state_does_not_lose_the_others():
     """A light carrier on one cable, its second unloaded as the payload swings over to the other side."""
-    arm = Joint(
-        name="arm",
-        parent="base",
-        offset=np.zeros(3),
-        axis=Z,
-        angle=0.0,
-        body=body(6.0, (0, -1.0, 0), (0.3, 0.3, 0.3)),
-    )
+    arm = joint("arm", "base", Z, body(6.0, (0, -1.0, 0), (0.3, 0.3, 0.3)))
     parts = structure(
         [node("base", (0, 0, 0), body(2.0, inertia=(0.2,) * 3))],
         joints=[arm],

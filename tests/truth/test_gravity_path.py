@@ -23,13 +23,24 @@ from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKi
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from repeats import repeats
-from structure_builders import GRAVITY, body, lab, member, node, rigid_bar, structure
+from structure_builders import (
+    GRAVITY,
+    TURNING_TUBE,
+    body,
+    joint,
+    lab,
+    member,
+    node,
+    on_cables,
+    rigid_bar,
+    structure,
+    tube_bus,
+)
 
 G = 9.80665
 X, Y, Z = np.eye(3)
 # Of the springs that tie a base to the ground [N/m]: it gives way by 1e-8 of what it carries.
 STIFF = 1e8
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def at(size: float) -> Place:
@@ -61,7 +72,7 @@ def test_a_clamped_tower_takes_hold_where_rounding_of_its_stiff_members_leaves_m
     None
 ):
     """From orbit to the ground and back on the same frequencies."""
-    stiff = dataclasses.replace(TUBE, EA=1e8)
+    stiff = dataclasses.replace(TURNING_TUBE, EA=1e8)
     corners = [(0.3 * x, 0.5 * k, 0.3 * z) for k in range(3) for x, z in ((0, 0), (1, 0), (1, 1), (0, 1))]
     nodes = [node(f"n{i}", at, body(0.1, inertia=(1e-4,) * 3)) for i, at in enumerate(corners)]
     pairs = [
@@ -82,16 +93,7 @@ def test_a_clamped_tower_takes_hold_where_rounding_of_its_stiff_members_leaves_m
 
 def hinge(name: str, axis: np.ndarray, cg, inertia, spring: float = 0.0, parent: str = "base") -> Joint:
     state = JointState.SPRUNG if spring else JointState.FREE
-    return Joint(
-        name=name,
-        parent=parent,
-        offset=np.zeros(3),
-        axis=axis,
-        angle=0.0,
-        body=body(2.0, cg, inertia),
-        state=state,
-        stiffness=spring,
-    )
+    return joint(name, parent, axis, body(2.0, cg, inertia), state=state, stiffness=spring)
 
 
 def branch(path: GravityPath, name: str) -> np.ndarray:
@@ -113,11 +115,7 @@ def hung_body() -> Structure:
 
 
 def one_cable(gravity=GRAVITY, bounce_hz=0.25) -> Environment:
-    return Environment(
-        title="lab",
-        gravity=gravity,
-        suspension=Suspension(attach=("hook",), held=("xyz",), cable_length=1.5, bounce_hz=bounce_hz),
-    )
+    return on_cables(1.5, bounce_hz, ("xyz",), attach=("hook",), gravity=gravity)
 
 
 def double_pendulum(gravity: float, inertia: float, length: float = 1.5) -> np.ndarray:
@@ -183,47 +181,25 @@ def test_a_spring_kept_is_shorter_in_less_gravity_and_one_retuned_is_not(rule: D
 
 
 def flexible_bus() -> Structure:
-    nodes = [
-        node(n, (x, 0, 0), body(m, (0.01, -0.05, 0.02), (0.1, 0.2, 0.15)), 0.05)
-        for n, x, m in (("a", 0.0, 4.0), ("b", 1.0, 6.0), ("c", 2.0, 3.0))
-    ]
-    payload = Joint(
-        name="p",
-        parent="a",
-        offset=np.array([0, -0.05, 0]),
-        axis=X,
-        angle=0.4,
-        body=body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02)),
-    )
-    attach = [AttachPoint(n, n, np.array([0.0, 0.05, 0.0])) for n in "abc"]
-    members = [member("a", "b", TUBE, 2), member("b", "c", TUBE, 2)]
-    return structure(nodes, members, [payload], attach=attach)
-
-
-def three_cables(gravity=GRAVITY, bounce_hz: float = 0.2) -> Environment:
-    return Environment(
-        title="lab",
-        gravity=gravity,
-        suspension=Suspension(
-            attach=("a", "b", "c"), held=("yz", "xyz", "yz"), cable_length=3.0, bounce_hz=bounce_hz
-        ),
-    )
+    payload = body(2.0, (0, -0.1, 0), (0.02, 0.01, 0.02))
+    masses, cg, inertia = (4.0, 6.0, 3.0), (0.01, -0.05, 0.02), (0.1, 0.2, 0.15)
+    return tube_bus(masses, cg, inertia, payload, angle=0.4, above=(0.0, 0.05, 0.0), elements=2)
 
 
 def test_retuned_at_each_gravity_is_an_environment_of_its_own():
     """The continued branch on Mars and the Moon against a fresh descent in a laboratory there."""
     places = [find_place(n, GRAVITY) for n in ("mars", "moon")]
-    path = follow_gravity(flexible_bus(), three_cables(), places, devices=DeviceRule.RETUNED, count=14)
+    path = follow_gravity(flexible_bus(), on_cables(3.0, 0.2), places, devices=DeviceRule.RETUNED, count=14)
     assert [path.size[i] for i in path.reached] == pytest.approx([3.71, 1.62], rel=1e-12)
     for place, station in zip(places, path.reached, strict=True):
-        fresh = solve_modes(solve_equilibrium(flexible_bus(), three_cables(place.gravity)))
+        fresh = solve_modes(solve_equilibrium(flexible_bus(), on_cables(3.0, 0.2, gravity=place.gravity)))
         # Both rest states are found to 1e-9 of the weight.
         assert np.sort(path.omega2[station]) == pytest.approx(fresh.omega[:14] ** 2, rel=1e-6)
 
 
 def test_flexible_modes_tend_to_those_in_orbit():
     """On devices so soft that they hold nothing, what is left of the shift is linear in what is left of g."""
-    env = three_cables(bounce_hz=1e-3)
+    env = on_cables(3.0, 1e-3)
     path = follow_gravity(flexible_bus(), env, [EARTH, at(0.1), at(0.01), ORBIT], count=14)
     flexible = [b for b, kind in enumerate(path.kind) if kind == "flexible"]
     assert len(flexible) == 14 - 7

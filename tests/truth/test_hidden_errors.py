@@ -8,34 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.files.documents import load_environment, load_structure
+from middeck.files.documents import load_structure
 from middeck.files.studies.documents import load_study
 from middeck.laboratory.article import RigArticle, holding_torque, solve_rig_article
 from middeck.laboratory.article_rig import build_article_rig, rig_delay
-from middeck.laboratory.hidden_errors import HiddenErrors, hide_in_structure
+from middeck.laboratory.hidden_errors import hide_in_structure
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.systems.plants.response import statespace_response
+from rig_checks import hidden
 
 ROOT = Path(__file__).resolve().parents[2]
 PORTS = {"inputs": ("pri_rel_z",), "outputs": ("pri_in_z", "pri_rel_z")}
-
-
-def hidden(**changes):
-    none = {
-        "modulus": 1.0, "strut": (), "mass": (), "inertia": (), "payload_inertia": (), "payload_cg": (),
-        "bounce": 1.0, "cable_length": 1.0, "damping": np.zeros(400), "delay_s": 0.0, "gain": (),
-    }  # fmt: skip
-    return HiddenErrors(**none | changes)
-
-
-@pytest.fixture(scope="module")
-def dm():
-    return load_structure(ROOT / "articles" / "mace-dm.toml")
-
-
-@pytest.fixture(scope="module")
-def lab():
-    return load_environment(ROOT / "environments" / "lab.toml")
 
 
 def on_rig(structure, environment, **changes):

@@ -20,6 +20,7 @@ from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import sum_of_modes
 from rig_checks import run_through
 
 J, KP = 0.062, 3.9  # a payload of 5 kg hanging 8 cm below its axis
@@ -31,14 +32,7 @@ TORQUE, ANGLE = Port("gimbal", "N m"), Port("gimbal", "rad")
 def pendulum(zeta=0.0):
     """One joint: inertia J and pendulum stiffness KP."""
     one = np.array([[1.0 / np.sqrt(J)]])
-    modal = ModalSystem(
-        omega=np.array([np.sqrt(KP / J)]),
-        zeta=np.array([zeta]),
-        psi=one,
-        phi=one,
-        phi_rate=0.0 * one,
-        names=("pendulum",),
-    )
+    modal = sum_of_modes(np.array([np.sqrt(KP / J)]), np.array([zeta]), one, one, names=("pendulum",))
     return Plant(dynamics=modal, inputs=(TORQUE,), outputs=(ANGLE,))
 
 
@@ -243,14 +237,8 @@ def test_an_accelerometer_that_waits_converges_with_the_internal_step(element):
     one = np.full((1, 1), 1.0 / np.sqrt(J))
     phi, accelerations = np.vstack([one, one, 0.0 * one]), np.vstack([0.0 * one, 0.0 * one, one])
     names = ("gimbal", "inertial", "acceleration")
-    modal = ModalSystem(
-        omega=[np.sqrt(KP / J)],
-        zeta=[0.05],
-        psi=one,
-        phi=phi,
-        phi_rate=0.0 * phi,
-        names=("pendulum",),
-        phi_acceleration=accelerations,
+    modal = sum_of_modes(
+        [np.sqrt(KP / J)], 0.05, one, phi, names=("pendulum",), phi_acceleration=accelerations
     )
     plant = Plant(dynamics=modal, inputs=(TORQUE,), outputs=tuple(Port(n, "rad") for n in names))
     u = 0.2 * np.sin(0.05 * np.arange(300))[:, None]

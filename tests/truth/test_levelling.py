@@ -14,13 +14,13 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.clamps import Clamp
-from middeck.structure.model.environment import Device, Environment, GroundBushing, Suspension
+from middeck.structure.model.environment import Device, Environment, GroundBushing
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.suspension.attitude import estimate_attitude, fit_rotation, split_rotation
 from middeck.structure.suspension.hanging import doubt_attitude, sag
 from middeck.structure.suspension.levelling import LEVEL, level
 from repeats import repeats
-from structure_builders import GRAVITY, TUBE, body, member, node, structure
+from structure_builders import GRAVITY, TUBE, body, member, node, on_cables, structure
 
 ROOT = Path(__file__).parents[2]
 UP = np.array([0.0, 1.0, 0.0])
@@ -37,11 +37,7 @@ def lopsided():
 
 
 def cables(attach=("left", "right"), held=("xyz", "yz")) -> Environment:
-    return Environment(
-        title="lab",
-        gravity=GRAVITY,
-        suspension=Suspension(attach=attach, held=held, cable_length=4.0, bounce_hz=0.25),
-    )
+    return on_cables(4.0, 0.25, held, attach=attach)
 
 
 def pendant():

@@ -23,6 +23,7 @@ from middeck.systems.poles.stability import growth_rates, is_stable
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
+from plant_builders import grouped_plant, sum_of_modes
 from repeats import LONG, repeats
 
 pytestmark = pytest.mark.kernels
@@ -104,15 +105,7 @@ def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> No
     A, B = np.diag(np.ones(chain - 1), 1), np.eye(chain)[:, [-1]]
     C = np.eye(1, chain)
     system = StateSpace(A, B, np.vstack([C, C]), np.zeros((2, 1)))
-    plant = Plant(
-        dynamics=system,
-        inputs=(FORCE,),
-        outputs=(WAY, SEEN),
-        w=("force",),
-        u=("force",),
-        z=("way",),
-        y=("seen",),
-    )
+    plant = grouped_plant(system, (FORCE,), (WAY, SEEN), z=("way",), y=("seen",))
     law = design_lqg(
         plant,
         LQGWeights(output=[1.0], input=[1.0], disturbed=("force",), process=np.eye(1), sensor=[1e-2]),
@@ -154,23 +147,8 @@ def test_an_integrator_pair_that_no_sensor_sees_drifts_and_no_more() -> None:
     """Mixed with others, its part in the measurement is rounding: of either sign, and no spring."""
     for seed in range(12):
         rng = np.random.default_rng([9, seed])
-        modes = ModalSystem(
-            omega=[0.0, 3.0],
-            zeta=[0.0, 0.02],
-            psi=[[1.0], [1.0]],
-            phi=[[0.0, 1.0]],
-            phi_rate=[[0.0, 0.0]],
-            names=("x", "b"),
-        )
-        plant = Plant(
-            dynamics=modes,
-            inputs=(FORCE,),
-            outputs=(SEEN,),
-            w=("force",),
-            u=("force",),
-            z=("seen",),
-            y=("seen",),
-        )
+        modes = sum_of_modes([0.0, 3.0], [0.0, 0.02], [[1.0], [1.0]], [[0.0, 1.0]], names=("x", "b"))
+        plant = grouped_plant(modes, (FORCE,), (SEEN,))
         law = Compensator(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]]), (SEEN,), (FORCE,))
         for tau in (0.0, 0.05):
             found = decide_stability(mixed(delay_plant(plant, tau), rng), law)
@@ -188,15 +166,7 @@ def test_allowed_shifts_of_a_plant_whose_states_have_no_names() -> None:
         names=("body", "first", "second"),
     )
     plant = delay_plant(
-        Plant(
-            dynamics=modes,
-            inputs=(FORCE,),
-            outputs=(SEEN,),
-            w=("force",),
-            u=("force",),
-            z=("seen",),
-            y=("seen",),
-        ),
+        grouped_plant(modes, (FORCE,), (SEEN,)),
         0.01,
     )
     law = design_lqg(approximate_delays(plant, 3), weigh(plant), 30.0)
@@ -247,10 +217,7 @@ def test_a_body_held_by_its_rate_drifts_and_its_rate_does_not(turns: float, swin
         phi_rate=np.array([[0.0, 0.0], [1.0, 0.0]])[:, few],
         names=("body", "mode")[few],
     )
-    plant = Plant(
-        dynamics=modes, inputs=(FORCE,), outputs=(WAY, SEEN), w=("force",), u=("force",), z=("way", "seen"),
-        y=("seen",),
-    )  # fmt: skip
+    plant = grouped_plant(modes, (FORCE,), (WAY, SEEN), y=("seen",))
     law = Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
     late = delay_plant(plant, turns / k)
     place, rate = measure_rms(late, law, Performance(np.ones(2), np.eye(1), (0.0, top)))

@@ -18,8 +18,8 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, gain_system
+from plant_builders import grouped_plant, sum_of_modes
 
 PORTS = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
 
@@ -74,14 +74,12 @@ def covariance_cost(A, B, C, D, law, W, V, N, Q, R):
 def test_correlated_noise_of_a_scalar(cross):
     # 2 a s + W - (s + N)^2 / V = 0: with h = s + N, h^2/V - 2 a h + 2 a N - W = 0.
     a, W, V = 0.7, 3.0, 0.1
-    plant = Plant(
-        dynamics=StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]),
-        inputs=PORTS[0],
-        outputs=(Port("x", "m"),),
+    plant = grouped_plant(
+        StateSpace([[a]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]),
+        PORTS[0],
+        (Port("x", "m"),),
         w=("w",),
         u=("u",),
-        z=("x",),
-        y=("x",),
     )
     shaping = Shaping(cross=np.array([[cross]]))
     law = design_lqg(
@@ -315,13 +313,8 @@ def test_what_makes_no_sense_is_refused():
 
 def test_an_integral_that_no_input_moves_is_named():
     # A rate has no response at rest: its integral cannot be held.
-    modal = ModalSystem(
-        omega=[2.0],
-        zeta=[0.01],
-        psi=[[1.0, 1.0]],
-        phi=[[1.0], [0.0]],
-        phi_rate=[[0.0], [1.0]],
-        names=("bending",),
+    modal = sum_of_modes(
+        [2.0], 0.01, [[1.0, 1.0]], [[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("bending",)
     )
     plant = Plant(dynamics=modal, inputs=PORTS[0], outputs=PORTS[1], w=("w",), u=("u",), z=("z",), y=("y",))
     with pytest.raises(NotStabilisableError, match="integral of y"):

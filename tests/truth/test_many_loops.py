@@ -19,8 +19,8 @@ from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports
 from middeck.systems.poles.stability import is_stable
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import sum_of_modes
 from repeats import repeats
 
 
@@ -116,14 +116,7 @@ def test_loops_with_delays_are_not_decided_alone():
     )
     models = []
     for factor in 1.0 + 0.01 * np.random.default_rng(5).uniform(-1.0, 1.0, (6, 5)):
-        modal = ModalSystem(
-            omega=omega * factor,
-            zeta=np.full(5, 0.01),
-            psi=shape.T,
-            phi=shape,
-            phi_rate=0.0 * shape,
-            names=tuple("abcde"),
-        )
+        modal = sum_of_modes(omega * factor, 0.01, shape.T, shape)
         plant = Plant(dynamics=modal, inputs=(force,), outputs=(place,))
         plant = group_ports(plant, w=("force",), u=("force",), z=("place",), y=("place",))
         models.append(approximate_delays(delay_plant(plant, 0.01), 20))

@@ -18,22 +18,10 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
+from plant_builders import BODY, FORCE, RATE, WAY, gain, sum_of_modes
 
-FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")
 INTEGRATOR = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(FORCE,), outputs=(WAY,))
-BODY = Plant(
-    dynamics=ModalSystem(
-        omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",)
-    ),
-    inputs=(FORCE,),
-    outputs=(WAY, RATE),
-)
-
-
-def gain(*k: float) -> Compensator:
-    return Compensator(gain_system(-np.array([k])), (WAY, RATE)[: len(k)], (FORCE,))
 
 
 @pytest.mark.parametrize("k", [1e-3, 1.0, 7.0])
@@ -92,14 +80,7 @@ def test_no_light_mode_is_missed(zeta: float) -> None:
     omega = 2.0 * np.pi * np.geomspace(0.3, 60.0, 12)
     # A gain of 3 at each peak: modes far apart do not add to that.
     psi = (6.0 * zeta * omega**2)[:, None]
-    modes = ModalSystem(
-        omega=omega,
-        zeta=np.full(12, zeta),
-        psi=psi,
-        phi=np.ones((1, 12)),
-        phi_rate=np.zeros((1, 12)),
-        names=("m",) * 12,
-    )
+    modes = sum_of_modes(omega, zeta, psi, np.ones((1, 12)), names=("m",) * 12)
     one = measure_margins(Plant(dynamics=modes, inputs=(FORCE,), outputs=(WAY,)), gain(1.0)).loops[0]
     near = np.abs(one.phase_hz[:, None] * 2.0 * np.pi / omega - 1.0) < 6.0 * zeta
     assert np.array_equal(near.sum(axis=0), np.full(12, 2))
@@ -107,14 +88,7 @@ def test_no_light_mode_is_missed(zeta: float) -> None:
 
 
 def test_delayed_modes_agree_with_a_brute_force_grid() -> None:
-    modes = ModalSystem(
-        omega=[6.0, 40.0],
-        zeta=[0.02, 0.01],
-        psi=[[1.0], [0.7]],
-        phi=[[30.0, 50.0]],
-        phi_rate=[[0.0, 0.0]],
-        names=("a", "b"),
-    )
+    modes = sum_of_modes([6.0, 40.0], [0.02, 0.01], [[1.0], [0.7]], [[30.0, 50.0]])
     late = delay_plant(Plant(dynamics=modes, inputs=(FORCE,), outputs=(WAY,)), 0.02)
     one = measure_margins(late, gain(1.0)).loops[0]
     w = np.linspace(0.01, 400.0, 2_000_001)
@@ -163,13 +137,8 @@ def test_a_rigid_body_held_by_one_sensor_and_pushed_by_another() -> None:
     """PD from the way, 0.4 of the way fed back the wrong way round: k - 0.4 must stay positive."""
     away = Port("encoder", "m")
     twice = Plant(
-        dynamics=ModalSystem(
-            omega=[0.0],
-            zeta=[0.0],
-            psi=[[1.0]],
-            phi=[[1.0], [0.0], [1.0]],
-            phi_rate=[[0.0], [1.0], [0.0]],
-            names=("body",),
+        dynamics=sum_of_modes(
+            [0.0], 0.0, [[1.0]], [[1.0], [0.0], [1.0]], phi_rate=[[0.0], [1.0], [0.0]], names=("body",)
         ),
         inputs=(FORCE,),
         outputs=(WAY, RATE, away),

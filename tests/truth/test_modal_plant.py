@@ -12,15 +12,14 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.elements.frames import frame_poses, move
 from middeck.structure.elements.rotations import rotation_log
-from middeck.structure.model.article import Actuator, AttachPoint, Damping, Joint, JointState, Section, Sensor
-from middeck.structure.model.environment import Environment, Suspension
+from middeck.structure.model.article import Actuator, Damping, JointState, Sensor
+from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.systems.state_space.modal import modal_response
-from structure_builders import GRAVITY, body, member, node, structure
+from structure_builders import body, joint, node, on_cables, structure, tube_bus
 
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 X, Y, Z = np.eye(3)
 PORTS = ("wheel", "tilted", "motor")
 ALL = 1000
@@ -28,21 +27,7 @@ ALL = 1000
 
 def article(state: JointState = JointState.FREE, angle: float = 0.7):
     """A bus with a payload on an axis, torques on a node about two of its axes and at the joint."""
-    nodes = [
-        node(n, (x, 0, 0), body(4.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3)), 0.05)
-        for n, x in (("a", 0.0), ("b", 1.0))
-    ]
-    payload = Joint(
-        name="p",
-        parent="b",
-        offset=np.array([0, -0.05, 0]),
-        axis=X,
-        angle=angle,
-        body=body(2.0, (0, -0.2, 0), (0.1,) * 3),
-        state=state,
-    )
     slanted = np.array([0.6, 0.0, 0.8])
-    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     actuators = [
         Actuator(name="wheel", frame="a", axis=Z),
         Actuator(name="tilted", frame="a", axis=slanted),
@@ -55,14 +40,14 @@ def article(state: JointState = JointState.FREE, angle: float = 0.7):
         Sensor(name="payload", frame="p", axis=Z, axis_frame="p"),
         Sensor(name="across", frame="p", axis=Z, axis_frame="b"),
     ]
-    return structure(nodes, [member("a", "b", TUBE, 3)], [payload], (), attach, actuators, sensors)
+    payload = body(2.0, (0, -0.2, 0), (0.1,) * 3)
+    joint = {"parent": "b", "angle": angle, "state": state}
+    ports = {"actuators": actuators, "sensors": sensors}
+    return tube_bus((4.0, 4.0), (0, -0.05, 0.01), (0.1, 0.2, 0.3), payload, **joint, **ports)
 
 
 def lab_modes(**kw) -> Modes:
-    suspension = Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25)
-    return solve_modes(
-        solve_equilibrium(article(**kw), Environment(title="lab", gravity=GRAVITY, suspension=suspension))
-    )
+    return solve_modes(solve_equilibrium(article(**kw), on_cables(4.0, 0.25, ("xyz", "yz"))))
 
 
 def orbit_modes(**kw) -> Modes:
@@ -139,9 +124,7 @@ def test_rigid_gain_is_the_inverse_inertia():
 
 def test_rigid_gain_of_a_motor_between_free_bodies():
     """Two free bodies on a common principal axis: 1/I1 + 1/I2 at the joint angle."""
-    payload = Joint(
-        name="p", parent="a", offset=np.zeros(3), axis=X, angle=0.3, body=body(2.0, inertia=(0.3, 0.2, 0.2))
-    )
+    payload = joint("p", "a", X, body(2.0, inertia=(0.3, 0.2, 0.2)), angle=0.3)
     base = node("a", (0, 0, 0), body(1.0, inertia=(0.2, 0.1, 0.1)))
     ports = (
         [Actuator(name="motor", frame="p", axis=None)],

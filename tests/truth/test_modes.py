@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.structure.model.article import AttachPoint, Joint, JointState, Section, Spring
+from middeck.structure.model.article import AttachPoint, JointState, Section, Spring
 from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import (
     GRAVITY,
+    TURNING_TUBE,
     body,
+    joint,
     lab,
     member,
     node,
+    on_cables,
     rigid_bar,
     springs_above,
     straight_beam,
@@ -26,7 +29,6 @@ from structure_builders import (
 
 G = 9.80665
 Z = np.array([0.0, 0.0, 1.0])
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def modes_of(parts, environment=None) -> Modes:
@@ -103,14 +105,7 @@ def test_stiff_article_keeps_its_soft_suspension():
     nodes = [node(n, (x, 0, 0), body(1, (0, -0.1, 0), (1e-2,) * 3)) for n, x in (("a", 0.0), ("b", 0.5))]
     attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     parts = structure(nodes, [member("a", "b", stiff, 2)], attach=attach)
-    modes = modes_of(
-        parts,
-        Environment(
-            title="lab",
-            gravity=GRAVITY,
-            suspension=Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=100.0, bounce_hz=0.25),
-        ),
-    )
+    modes = modes_of(parts, on_cables(100.0, 0.25, ("xyz", "yz")))
     assert modes.kind[:6] == ("suspension",) * 6
     assert modes.kind[6] == "flexible"
     assert modes.omega[0] == pytest.approx(np.sqrt(G / 100.1), rel=5e-3)  # cg 0.12 m below a 100 m cable
@@ -122,16 +117,7 @@ def test_stiff_article_keeps_its_soft_suspension():
 
 def two_discs(state: JointState, stiffness: float = 0.0, gap: float = 0.0):
     """Two coaxial discs, inertias 0.2 and 0.3 kg m^2 about z, hinged on their common axis."""
-    hinge = Joint(
-        name="h",
-        parent="a",
-        offset=np.zeros(3),
-        axis=Z,
-        angle=0.0,
-        body=body(2.0, (0, gap, 0), (0.2, 0.2, 0.3)),
-        state=state,
-        stiffness=stiffness,
-    )
+    hinge = joint("h", "a", Z, body(2.0, (0, gap, 0), (0.2, 0.2, 0.3)), state=state, stiffness=stiffness)
     return structure([node("a", (0.3, 0.2, 0.1), body(1.0, inertia=(0.1, 0.1, 0.2)))], joints=[hinge])
 
 
@@ -147,16 +133,8 @@ def test_sprung_hinge_between_free_discs():
 def test_locked_or_driven_hinge_is_a_weld(state: JointState):
     nodes = [node("a", (0, 0, 0), body(1.0, (0, 0.1, 0), (0.1, 0.2, 0.3)))]
     end = node("b", (1, 0, 0), body(0.5, inertia=(0.01, 0.01, 0.01)))
-    beam = member("a", "b", TUBE, 4)
-    arm = Joint(
-        name="h",
-        parent="b",
-        offset=np.array([0.2, 0, 0]),
-        axis=Z,
-        angle=0.0,
-        body=body(2.0, (0, -0.3, 0), (0.1,) * 3),
-        state=state,
-    )
+    beam = member("a", "b", TURNING_TUBE, 4)
+    arm = joint("h", "b", Z, body(2.0, (0, -0.3, 0), (0.1,) * 3), offset=(0.2, 0, 0), state=state)
     hinged = modes_of(structure([*nodes, end], [beam], [arm]))
     m, r = 2.5, np.array([0.2, -0.3, 0.0]) * 2.0 / 2.5
     inertia = 0.11 * np.eye(3)
@@ -173,14 +151,7 @@ def test_locked_or_driven_hinge_is_a_weld(state: JointState):
 def test_free_gimbal_swings_under_its_constant_holding_torque():
     """On a heavy, stiffly held carrier: omega^2 = m g d cos(angle) / (I + m d^2)."""
     m, d, inertia, angle = 5.0, 0.08, 0.03, np.pi / 4
-    payload = Joint(
-        name="p",
-        parent="bar",
-        offset=np.zeros(3),
-        axis=Z,
-        angle=angle,
-        body=body(m, (0, -d, 0), (1, 1, inertia)),
-    )
+    payload = joint("p", "bar", Z, body(m, (0, -d, 0), (1, 1, inertia)), angle=angle)
     heavy = rigid_bar(1e7, 2.0, (1e7, 1e7, 1e7), attach_y=0.5)
     corners = [AttachPoint(f"c{i}", "bar", np.array([x, 0.5, z])) for i, (x, z) in enumerate(CORNERS)]
     parts = dataclasses.replace(heavy, joints=(payload,), attach_points=tuple(corners))
@@ -215,22 +186,14 @@ def test_single_free_body_has_six_rigid_modes():
 
 
 def test_free_flywheel_of_no_mass_keeps_its_inertia():
-    wheel = Joint(
-        name="w",
-        parent="a",
-        offset=np.zeros(3),
-        axis=np.eye(3)[0],
-        angle=0.0,
-        body=body(0.0, inertia=(0.1, 0.05, 0.05)),
-        state=JointState.FREE,
-    )
+    wheel = joint("w", "a", np.eye(3)[0], body(0.0, inertia=(0.1, 0.05, 0.05)), state=JointState.FREE)
     parts = structure([node("a", (0, 0, 0), body(2.0, inertia=(0.1, 0.2, 0.3)))], joints=[wheel])
     assert modes_of(parts).kind == ("rigid",) * 7
 
 
 def test_massless_torsion_is_left_out_not_called_unstable():
     """Without polar inertia the inner mesh nodes of a tube have torsions of infinite frequency."""
-    bare = dataclasses.replace(TUBE, rho_I_y=0.0, rho_I_z=0.0)
+    bare = dataclasses.replace(TURNING_TUBE, rho_I_y=0.0, rho_I_z=0.0)
     nodes = [node(n, (x, 0, 0), body(1, inertia=(0.1,) * 3)) for n, x in (("a", 0.0), ("b", 1.0))]
     modes = modes_of(structure(nodes, [member("a", "b", bare, 4)]))
     assert len(modes.omega) == 30 - 3
@@ -248,7 +211,9 @@ def test_pretensioned_free_body_keeps_six_rigid_modes(share: float):
     attach = [AttachPoint(n, n, np.array([0.0, 0.1, 0.05])) for n in "ac"]
     apart = float(np.linalg.norm(np.array([2.0, 0.0, 0.2])))
     string = Spring(name="s", start="a", end="c", stiffness=200.0, free_length=share * apart)
-    parts = structure(nodes, [member("a", "b", TUBE, 3), member("b", "c", TUBE, 3)], [], [string], attach)
+    parts = structure(
+        nodes, [member("a", "b", TURNING_TUBE, 3), member("b", "c", TURNING_TUBE, 3)], [], [string], attach
+    )
     unstrung = dataclasses.replace(parts, springs=(dataclasses.replace(string, free_length=apart),))
     modes, slack = modes_of(parts), modes_of(unstrung)
     assert modes.kind[:7] == ("rigid",) * 6 + ("flexible",)
@@ -274,7 +239,7 @@ def test_strain_of_springs_counts():
 
 
 def hung_beam() -> Modes:
-    parts = straight_beam(TUBE, 2.0, 4)
+    parts = straight_beam(TURNING_TUBE, 2.0, 4)
     nodes = tuple(
         dataclasses.replace(n, body=body(2.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3))) for n in parts.nodes
     )
@@ -315,28 +280,14 @@ def test_named_rigid_basis_splits_translations_from_the_rest():
 def test_the_one_rigid_mode_of_a_body_on_one_cable_is_its_yaw(state: JointState):
     """Skewed joints make rotation x partly rigid too; the name is that of the motion that is rigid whole."""
     axes = ((0.3, 0.0, 0.1), np.eye(3)[0]), ((-0.2, 0.0, 0.1), Z), ((0.0, 0.0, -0.3), np.eye(3)[0])
+    inertia = (0.02, 0.03, 0.04)
     joints = [
-        Joint(
-            name=f"p{i}",
-            parent="a",
-            offset=np.array(at),
-            axis=axis,
-            angle=0.0,
-            body=body(1.0 + i, (0.01, -0.2, 0.02), (0.02, 0.03, 0.04)),
-            state=state,
-        )
+        joint(f"p{i}", "a", axis, body(1.0 + i, (0.01, -0.2, 0.02), inertia), offset=at, state=state)
         for i, (at, axis) in enumerate(axes)
     ]
     carrier = node("a", (0.3, 0.2, 0.1), body(4.0, (0.02, -0.05, 0.03), (0.2, 0.3, 0.25)))
     parts = structure([carrier], joints=joints, attach=[AttachPoint("a", "a", np.array([0.05, 0.3, 0.02]))])
-    modes = modes_of(
-        parts,
-        Environment(
-            title="lab",
-            gravity=GRAVITY,
-            suspension=Suspension(attach=("a",), held=("xyz",), cable_length=3.0, bounce_hz=0.3),
-        ),
-    )
+    modes = modes_of(parts, on_cables(3.0, 0.3, ("xyz",)))
     assert modes.kind.count("rigid") == 1
     assert modes.name[0] == "rotation y"
     turn = modes.shapes[3:6, 0] / np.abs(modes.shapes[3:6, 0]).max()
@@ -348,7 +299,7 @@ def test_the_one_rigid_mode_of_a_body_on_one_cable_is_its_yaw(state: JointState)
 
 def test_rigid_modes_have_no_strain_to_share():
     """Their potential energy is rounding, of strain and of the whole alike."""
-    modes = modes_of(straight_beam(dataclasses.replace(TUBE, rho_I_y=1e-4), 2.0, 6))
+    modes = modes_of(straight_beam(dataclasses.replace(TURNING_TUBE, rho_I_y=1e-4), 2.0, 6))
     assert modes.kind[:6] == ("rigid",) * 6
     assert np.all(modes.strain_share[:6] == 0.0)
     assert modes.strain_share[6:9] == pytest.approx(1.0)

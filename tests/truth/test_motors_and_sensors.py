@@ -25,6 +25,7 @@ from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from plant_builders import sum_of_modes
 
 RATE, DELAY = 500.0, 0.010
 T = 1.0 / RATE
@@ -35,14 +36,7 @@ SHEET = Gyro(bandwidth_hz=100.0, noise=NOISE, bias=1e-3, bias_walk=1e-5, anti_al
 
 def free_body(viscous=0.0):
     """A free inertia with one torque and one angle."""
-    modal = ModalSystem(
-        omega=np.zeros(1),
-        zeta=np.zeros(1),
-        psi=[[INERTIA**-0.5]],
-        phi=[[INERTIA**-0.5]],
-        phi_rate=[[0.0]],
-        names=("spin",),
-    )
+    modal = sum_of_modes(np.zeros(1), 0.0, [[INERTIA**-0.5]], [[INERTIA**-0.5]], names=("spin",))
     return Plant(dynamics=modal, inputs=(Port("bus_z", "N m"),), outputs=(Port("bus_z", "rad"),))
 
 
@@ -386,9 +380,13 @@ def test_a_closed_loop_through_everything_runs_and_is_the_same_twice():
 
 def test_named_modes_drift_with_age_and_only_they():
     modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([1.0, 8.8, 9.3]), zeta=np.full(3, 0.01), psi=np.ones((3, 1)),
-        phi=np.ones((1, 3)), phi_rate=np.zeros((1, 3)), names=("first", "second", "third"),
-    )  # fmt: skip
+        omega=2.0 * np.pi * np.array([1.0, 8.8, 9.3]),
+        zeta=np.full(3, 0.01),
+        psi=np.ones((3, 1)),
+        phi=np.ones((1, 3)),
+        phi_rate=np.zeros((1, 3)),
+        names=("first", "second", "third"),
+    )
     plant = Plant(dynamics=modal, inputs=(Port("u", "N m"),), outputs=(Port("y", "rad"),))
     pair = nearest_modes(plant, 9.0)
     assert pair == ("second", "third")

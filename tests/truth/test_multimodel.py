@@ -33,8 +33,8 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import sum_of_modes
 from repeats import repeats
 
 
@@ -184,14 +184,7 @@ def test_more_states_than_the_plant_do_not_hurt(three_models):
 def one_mode(omega=2.0, zeta=0.01, names=("mode",)):
     n = len(names)
     omega = np.broadcast_to(omega, n)
-    modal = ModalSystem(
-        omega=omega,
-        zeta=np.full(n, zeta),
-        psi=np.ones((n, 2)),
-        phi=np.ones((2, n)),
-        phi_rate=np.zeros((2, n)),
-        names=names,
-    )
+    modal = sum_of_modes(omega, zeta, np.ones((n, 2)), np.ones((2, n)), names=names)
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     return Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
 

@@ -12,8 +12,8 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import find_periodic_state, simulate
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from plant_builders import sum_of_modes
 
 
 def steady_outputs(modal, T, delay_s, u):
@@ -35,11 +35,12 @@ def test_it_is_the_closed_form_in_any_units(campaign):
         rng = np.random.default_rng(seed)
         T, n, m = 10.0 ** rng.uniform(-6, 2), int(rng.integers(1, 5)), int(rng.integers(1, 3))
         phi = rng.standard_normal((2, n))
-        modal = ModalSystem(
-            omega=10.0 ** rng.uniform(-2, 0.3, n) / T, zeta=rng.uniform(0.002, 0.3, n),
-            psi=rng.standard_normal((n, m)) * 10.0 ** rng.uniform(-10, 10),
-            phi=phi, phi_rate=0.0 * phi, names=tuple("abcd"[:n]),
-        )  # fmt: skip
+        modal = sum_of_modes(
+            10.0 ** rng.uniform(-2, 0.3, n) / T,
+            rng.uniform(0.002, 0.3, n),
+            rng.standard_normal((n, m)) * 10.0 ** rng.uniform(-10, 10),
+            phi,
+        )
         delay_s, u = (
             T * rng.choice([0.0, 0.3, 1.0, 3.6]),
             rng.standard_normal((int(10 ** rng.uniform(0, 2.6)), m)),

@@ -26,8 +26,9 @@ from middeck.control.robust.problem.directions import shift_directions
 from middeck.control.robust.verification.monte_carlo import verify_robustness
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
-from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.plants.plant import name_states
 from middeck.systems.state_space.modal import ModalSystem
+from plant_builders import grouped_plant
 from repeats import repeats
 
 
@@ -153,15 +154,7 @@ def two_modes(**outputs):
     zero = np.zeros((2, 2))
     rows = {"phi": zero, "phi_rate": zero} | {name: np.array(row) for name, row in outputs.items()}
     modal = ModalSystem(omega=[2.3, 9.0], zeta=[0.02, 0.02], psi=[[0.8], [0.3]], names=("b", "c"), **rows)
-    return Plant(
-        dynamics=modal,
-        inputs=(Port("u", "N"),),
-        outputs=(Port("z", ""), Port("y", "")),
-        w=("u",),
-        u=("u",),
-        z=("z",),
-        y=("y",),
-    )
+    return grouped_plant(modal, (Port("u", "N"),), (Port("z", ""), Port("y", "")), z=("z",), y=("y",))
 
 
 def as_states(plant):

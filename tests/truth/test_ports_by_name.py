@@ -21,8 +21,8 @@ from middeck.laboratory.rig.parts.law import place_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import evaluate_plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, select_paths
+from plant_builders import sum_of_modes
 
 INPUTS = Port("u0", "N m"), Port("u1", "N m")
 OUTPUTS = Port("y0", "rad"), Port("y1", "rad")
@@ -37,10 +37,7 @@ HZ = np.array([0.5, 1.0, 4.0])
 def plant():
     rng = np.random.default_rng(0)
     phi, names = rng.standard_normal((2, 2)), ("u0", "u1", "y0", "y1")
-    modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([1.0, 3.0]), zeta=np.full(2, 0.05), psi=rng.standard_normal((2, 2)),
-        phi=phi, phi_rate=0.0 * phi, names=("a", "b"),
-    )  # fmt: skip
+    modal = sum_of_modes(2.0 * np.pi * np.array([1.0, 3.0]), 0.05, rng.standard_normal((2, 2)), phi)
     return Plant(
         dynamics=modal, inputs=INPUTS, outputs=OUTPUTS, w=names[:2], u=names[:2], z=names[2:], y=names[2:]
     )

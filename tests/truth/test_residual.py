@@ -11,21 +11,19 @@ from middeck.structure.model.article import (
     ActuatorKind,
     AttachPoint,
     Damping,
-    Joint,
     Section,
     Sensor,
     SensorKind,
 )
-from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.state_space.modal import modal_response, output_rows
-from structure_builders import GRAVITY, body, member, node, spin, structure
+from structure_builders import TURNING_TUBE, body, member, node, on_cables, spin, structure, tube_bus
 
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 BARE = Section(
     EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=0.0, rho_I_z=0.0
 )  # no rotary inertia: Bernoulli's closed forms
@@ -37,20 +35,7 @@ UNDAMPED = Damping()
 
 def article():
     """A bus with a payload on a free axis; torques and angles in pairs, a force and accelerometers."""
-    nodes = [
-        node(n, (x, 0, 0), body(4.0, (0, -0.05, 0.01), (0.1, 0.2, 0.3)), 0.05)
-        for n, x in (("a", 0.0), ("b", 1.0))
-    ]
-    payload = Joint(
-        name="p",
-        parent="b",
-        offset=np.array([0, -0.05, 0]),
-        axis=X,
-        angle=0.7,
-        body=body(2.0, (0, -0.2, 0), (0.1,) * 3),
-    )
     slanted, tip = np.array([0.6, 0.0, 0.8]), np.array([0.02, -0.1, 0.03])
-    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "ab"]
     actuators = [
         Actuator(name="wheel", frame="a", axis=Z),
         Actuator(name="tilted", frame="b", axis=slanted),
@@ -65,14 +50,13 @@ def article():
             name="feel", frame="b", axis=slanted, axis_frame="", kind=SensorKind.ACCELEROMETER, offset=tip
         ),
     ]
-    return structure(nodes, [member("a", "b", TUBE, 4)], [payload], (), attach, actuators, sensors)
+    payload = body(2.0, (0, -0.2, 0), (0.1,) * 3)
+    more = {"parent": "b", "angle": 0.7, "elements": 4, "actuators": actuators, "sensors": sensors}
+    return tube_bus((4.0, 4.0), (0, -0.05, 0.01), (0.1, 0.2, 0.3), payload, **more)
 
 
 def lab_modes() -> Modes:
-    suspension = Suspension(attach=("a", "b"), held=("xyz", "yz"), cable_length=4.0, bounce_hz=0.25)
-    return solve_modes(
-        solve_equilibrium(article(), Environment(title="lab", gravity=GRAVITY, suspension=suspension))
-    )
+    return solve_modes(solve_equilibrium(article(), on_cables(4.0, 0.25, ("xyz", "yz"))))
 
 
 def orbit_modes() -> Modes:
@@ -247,7 +231,7 @@ def test_an_uncoupled_pair_has_no_relative_error():
             Sensor(name="x", frame="b", axis=X, axis_frame="b"),
         ],
     )
-    beam = structure(nodes, [member("a", "b", TUBE, 2)], (), (), (), *ports)
+    beam = structure(nodes, [member("a", "b", TURNING_TUBE, 2)], (), (), (), *ports)
     modes = solve_modes(solve_equilibrium(beam, Environment.orbit()))
     found = compare_static_gain(modes, inputs=["t"], outputs=["z", "x"], count=8)
     assert np.isfinite(found.truncated_error[0, 0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_environment, load_structure
+from middeck.files.documents import load_structure
 from middeck.files.studies.documents import load_study
 from middeck.laboratory.article import (
     holding_torque,
@@ -17,7 +17,7 @@ from middeck.laboratory.article import (
     solve_rig_article,
 )
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
-from middeck.laboratory.hidden_errors import HiddenErrors, draw_hidden_errors
+from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
 from middeck.laboratory.rig.plant.drift import Drift, nearest_modes
@@ -27,32 +27,15 @@ from middeck.structure.model.finer import TUBE_SHEAR
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.poles.stability import growth_rates
+from rig_checks import hidden
 
 ROOT = Path(__file__).resolve().parents[2]
 PORTS = {"inputs": ("pri_rel_z", "bus_z"), "outputs": ("pri_in_z", "pri_rel_z")}
 
 
 @pytest.fixture(scope="module")
-def dm():
-    return load_structure(ROOT / "articles" / "mace-dm.toml")
-
-
-@pytest.fixture(scope="module")
-def lab():
-    return load_environment(ROOT / "environments" / "lab.toml")
-
-
-@pytest.fixture(scope="module")
 def settings():
     return load_study(ROOT / "studies" / "mace-1993.toml").rig
-
-
-def nothing_hidden(**changes):
-    none = {
-        "modulus": 1.0, "strut": (), "mass": (), "inertia": (), "payload_inertia": (), "payload_cg": (),
-        "bounce": 1.0, "cable_length": 1.0, "damping": np.zeros(200), "delay_s": 0.0, "gain": (),
-    }  # fmt: skip
-    return HiddenErrors(**none | changes)
 
 
 def flexible(modes):
@@ -63,8 +46,8 @@ def test_as_coarse_and_without_shear_it_is_the_article(dm, lab):
     article = solve_modes(solve_equilibrium(dm, lab))
     same = solve_rig_article(dm, lab, mesh_factor=1, shear=None)
     assert np.array_equal(same.modes.omega, article.omega)
-    hidden = solve_rig_article(dm, lab, nothing_hidden(), mesh_factor=1, shear=None)
-    np.testing.assert_allclose(hidden.modes.frequency_hz, article.frequency_hz, rtol=1e-9)
+    erring = solve_rig_article(dm, lab, hidden(), mesh_factor=1, shear=None)
+    np.testing.assert_allclose(erring.modes.frequency_hz, article.frequency_hz, rtol=1e-9)
 
 
 def test_finer_and_in_shear_it_is_softer_and_has_its_modes_to_200_hz(dm):
@@ -95,7 +78,7 @@ def test_cowpers_coefficient():
 
 def test_hidden_modulus_is_a_factor_of_all_free_frequencies(dm):
     orbit = Environment.orbit()
-    stiff = solve_rig_article(dm, orbit, nothing_hidden(modulus=1.21), mesh_factor=1)
+    stiff = solve_rig_article(dm, orbit, hidden(modulus=1.21), mesh_factor=1)
     plain = solve_rig_article(dm, orbit, mesh_factor=1)
     np.testing.assert_allclose(flexible(stiff.modes)[:20], 1.1 * flexible(plain.modes)[:20], rtol=1e-9)
 
@@ -129,7 +112,7 @@ def test_hidden_errors_are_drawn_within_their_ranges(dm):
 
 def test_each_mode_has_its_own_hidden_damping(dm, lab):
     drawn = np.linspace(-2.0, 2.0, 200)
-    article = solve_rig_article(dm, lab, nothing_hidden(damping=drawn), mesh_factor=1)
+    article = solve_rig_article(dm, lab, hidden(damping=drawn), mesh_factor=1)
     plant = rig_article_plant(article, **PORTS)
     sheet = np.where(np.array(article.modes.kind) == "suspension", 0.03, 0.01)[: len(plant.dynamics.zeta)]
     expected = sheet * np.exp(0.3 * drawn[: len(sheet)])

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.files.documents import load_environment, load_structure
 from middeck.files.studies.documents import load_study
 from middeck.files.studies.form import RigForm
 from middeck.files.studies.rig import build_rig_settings
@@ -25,16 +24,6 @@ from middeck.systems.plants.response import statespace_response
 
 ROOT = Path(__file__).resolve().parents[2]
 PORTS = {"inputs": ("pri_rel_z", "bus_z"), "outputs": ("pri_in_z", "pri_rel_z")}
-
-
-@pytest.fixture(scope="module")
-def dm():
-    return load_structure(ROOT / "articles" / "mace-dm.toml")
-
-
-@pytest.fixture(scope="module")
-def lab():
-    return load_environment(ROOT / "environments" / "lab.toml")
 
 
 @pytest.fixture(scope="module")

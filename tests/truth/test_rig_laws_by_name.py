@@ -17,8 +17,8 @@ from middeck.laboratory.rig.runs import run_closed_loop
 from middeck.laboratory.rig.ticks.simulation import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from plant_builders import sum_of_modes
 
 RATE_HZ = 200.0
 INPUTS = (Port("wheel", "N m"), Port("gimbal", "N m"))
@@ -29,14 +29,7 @@ U = np.random.default_rng(5).standard_normal((400, 2))
 def _plant() -> Plant:
     shape = np.array([[1.0, 0.3], [-0.6, 0.9]])
     rows = np.array([[1.0, 0.3], [-0.6, 0.9], [-1.6, 0.6]])
-    modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([1.0, 4.0]),
-        zeta=np.full(2, 0.02),
-        psi=shape,
-        phi=rows,
-        phi_rate=0.0 * rows,
-        names=("a", "b"),
-    )
+    modal = sum_of_modes(2.0 * np.pi * np.array([1.0, 4.0]), 0.02, shape, rows)
     return Plant(dynamics=modal, inputs=INPUTS, outputs=OUTPUTS)
 
 

@@ -18,6 +18,7 @@ from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import grouped_plant
 
 SAMPLE_HZ = 4000.0  # so fast that hold and Tustin's rule turn the phase at 9 Hz by half a degree only
 ZETA = 0.003
@@ -35,15 +36,7 @@ def plant_of(frequency_hz: tuple[float, ...], sign: tuple[float, ...]) -> Plant:
         phi_rate=np.zeros((1, count)),
         names=tuple(f"mode {k}" for k in range(count)),
     )
-    return Plant(
-        dynamics=modal,
-        inputs=(Port("u", "N m"),),
-        outputs=(Port("y", "rad"),),
-        w=("u",),
-        u=("u",),
-        z=("y",),
-        y=("y",),
-    )
+    return grouped_plant(modal, (Port("u", "N m"),), (Port("y", "rad"),))
 
 
 @pytest.mark.parametrize(("near", "moved"), [(9.0, {1, 2}), (1.0, {0, 1}), (30.0, {2, 3})])

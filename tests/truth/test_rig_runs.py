@@ -20,8 +20,8 @@ from middeck.laboratory.rig.runs import StopRule, find_steady_start, run_closed_
 from middeck.laboratory.rig.ticks.simulation import DivergedError, simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace
+from plant_builders import sum_of_modes
 from rig_checks import on_rig
 
 RATE = 200.0
@@ -30,14 +30,7 @@ T = 1.0 / RATE
 
 def two_bodies():
     """Two springs with a body of one unit each, and nothing between them."""
-    modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([2.0, 3.0]),
-        zeta=np.full(2, 0.01),
-        psi=np.eye(2),
-        phi=np.eye(2),
-        phi_rate=np.zeros((2, 2)),
-        names=("a", "b"),
-    )
+    modal = sum_of_modes(2.0 * np.pi * np.array([2.0, 3.0]), 0.01, np.eye(2), np.eye(2))
     inputs, outputs = (tuple(Port(f"{k}{i}", unit) for i in "ab") for k, unit in (("u", "N m"), ("y", "rad")))
     return Plant(dynamics=modal, inputs=inputs, outputs=outputs)
 
@@ -147,10 +140,7 @@ def test_stability_does_not_depend_on_the_unit_of_time(scale):
     omega = 2.0 * np.pi * scale * np.random.default_rng(2).uniform(0.2, 80.0, 20)
     shape = np.random.default_rng(3).standard_normal((1, 20))
     for zeta, stable in ((0.0, True), (-1e-4, False)):
-        modal = ModalSystem(
-            omega=omega, zeta=np.full(20, zeta), psi=shape.T, phi=shape, phi_rate=0.0 * shape,
-            names=tuple(map(str, range(20))),
-        )  # fmt: skip
+        modal = sum_of_modes(omega, zeta, shape.T, shape, names=tuple(map(str, range(20))))
         plant = Plant(dynamics=modal, inputs=(Port("u", "N m"),), outputs=(Port("y", "rad"),))
         rig = build_rig(plant, sample_hz=RATE * scale, delay_s=2.0 * T / scale)
         run = run_closed_loop(rig, None, U[:, :1], periods=1, rng=rng(), rest_s=0.0)

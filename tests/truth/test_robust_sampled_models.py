@@ -19,8 +19,8 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import sum_of_modes
 
 WEIGHTS = LQGWeights(
     output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-3])
@@ -31,14 +31,7 @@ PERIOD = 0.1  # twenty samples in a period of the faster mode
 
 def oscillator(late=0.0):
     phi = np.array([[1.0, 0.6], [1.0, 0.8]])
-    modal = ModalSystem(
-        omega=np.array([1.0, 3.0]),
-        zeta=np.full(2, 0.01),
-        psi=phi.T,
-        phi=phi,
-        phi_rate=np.zeros((2, 2)),
-        names=NAMES,
-    )
+    modal = sum_of_modes(np.array([1.0, 3.0]), 0.01, phi.T, phi, names=NAMES)
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
     return delay_plant(plant, np.array([[0.0, 0.0], [late, late]])) if late else plant
@@ -131,14 +124,7 @@ def test_what_makes_no_sense_is_refused():
             ),
             0.1,
         )
-    half = ModalSystem(
-        omega=[np.pi],
-        zeta=[0.0],
-        psi=[[1.0, 1.0]],
-        phi=[[1.0], [1.0]],
-        phi_rate=[[0.0], [0.0]],
-        names=("half",),
-    )
+    half = sum_of_modes([np.pi], 0.0, [[1.0, 1.0]], [[1.0], [1.0]], names=("half",))
     with pytest.raises(ConfigError, match="half the sample rate of 1 Hz"):
         plant_as_sampled(
             Plant(

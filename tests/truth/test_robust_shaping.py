@@ -29,8 +29,8 @@ from middeck.control.robust.designs.sensitivity_weighted import design_sensitivi
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import sum_of_modes
 
 NAMES = ("low", "high")
 WEIGHTS = LQGWeights(
@@ -63,14 +63,7 @@ ALL = dataclasses.replace(FILTERS, integral=INTEGRAL.integral)
 def oscillator():
     """Two modes between (w, u) and (z, y), not collocated."""
     phi, psi = np.array([[1.0, 0.4], [0.8, -1.0]]), np.array([[1.0, 0.7], [0.5, -1.0]])
-    modal = ModalSystem(
-        omega=np.array([1.0, 3.0]),
-        zeta=np.full(2, 0.01),
-        psi=psi,
-        phi=phi,
-        phi_rate=np.zeros((2, 2)),
-        names=NAMES,
-    )
+    modal = sum_of_modes(np.array([1.0, 3.0]), 0.01, psi, phi, names=NAMES)
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     return Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
 

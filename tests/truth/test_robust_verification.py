@@ -53,19 +53,15 @@ from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.sampling.delayed_sampling import sample_delayed
 from middeck.systems.sampling.sampling import tustin
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal import modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import grouped_plant, sum_of_modes
 from repeats import repeats
 
 
 def two_modes(rates=0.0):
-    modal = ModalSystem(
-        omega=[3.0, 8.0],
-        zeta=[0.02, 0.05],
-        psi=[[1.0, 0.5], [0.3, -1.0]],
-        phi=[[1.0, 0.7]],
-        phi_rate=[[rates, 0.0]],
-        names=("a", "b"),
+    modal = sum_of_modes(
+        [3.0, 8.0], [0.02, 0.05], [[1.0, 0.5], [0.3, -1.0]], [[1.0, 0.7]], phi_rate=[[rates, 0.0]]
     )
     return Plant(dynamics=modal, inputs=(Port("i", "N"), Port("j", "N")), outputs=(Port("o", "m"),))
 
@@ -222,14 +218,7 @@ QUIET = LQGWeights(
 def fast_mode(hz, gain, delay_s=0.010):
     """One mode of 0.3 %, and a first-order law at 400 Hz: omega tau is 2.5 at 40 Hz and 25 at 400 Hz."""
     omega = 2.0 * np.pi * hz
-    modal = ModalSystem(
-        omega=[omega],
-        zeta=[0.003],
-        psi=np.ones((1, 2)),
-        phi=np.full((2, 1), omega**2),
-        phi_rate=np.zeros((2, 1)),
-        names=("a",),
-    )
+    modal = sum_of_modes([omega], 0.003, np.ones((1, 2)), np.full((2, 1), omega**2))
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = delay_plant(
         Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",)),
@@ -405,18 +394,9 @@ def test_unstable_is_an_outcome_and_bad_input_is_not():
 def fast_and_slow():
     """Two modes under two measurements, and a law for them."""
     phi = np.array([[1.0, 0.4], [1.0, -0.6]])
-    modal = ModalSystem(
-        omega=2.0 * np.pi * np.array([1.0, 3.0]),
-        zeta=[0.02, 0.02],
-        psi=[[1.0, 0.5], [0.3, 1.0]],
-        phi=phi,
-        phi_rate=0.0 * phi,
-        names=("a", "b"),
-    )
+    modal = sum_of_modes(2.0 * np.pi * np.array([1.0, 3.0]), 0.02, [[1.0, 0.5], [0.3, 1.0]], phi)
     ports = (Port("w", ""), Port("u", "")), (Port("y", ""), Port("x", ""))
-    plant = Plant(
-        dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("y",), y=("y", "x")
-    )
+    plant = grouped_plant(modal, ports[0], ports[1], w=("w",), u=("u",), z=("y",))
     weights = LQGWeights(
         output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.full(2, 1e-4)
     )

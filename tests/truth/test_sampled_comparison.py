@@ -24,6 +24,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, name_states, remove
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace, poles
+from plant_builders import sum_of_modes
 
 
 @pytest.fixture(scope="module")
@@ -184,14 +185,7 @@ def test_where_aliases_are():
 def pointing_plant(share):
     """A rigid body, to be held at some 4 Hz, and a mode that 100 Hz folds to 3 Hz; 2 ms late."""
     omega = 2.0 * np.pi * np.array([0.0, 97.0])
-    modal = ModalSystem(
-        omega=omega,
-        zeta=[0.0, 0.002],
-        psi=[[1.0], [1.0]],
-        phi=[[1.0, share]],
-        phi_rate=[[0.0, 0.0]],
-        names=("rigid", "panel"),
-    )
+    modal = sum_of_modes(omega, [0.0, 0.002], [[1.0], [1.0]], [[1.0, share]], names=("rigid", "panel"))
     torque, angle = (Port("t", "N m"),), (Port("a", "rad"),)
     return delay_plant(
         Plant(dynamics=modal, inputs=torque, outputs=angle, w=("t",), u=("t",), z=("a",), y=("a",)), 0.002
@@ -258,14 +252,8 @@ def test_performance_is_read_in_front_of_the_filter():
 def test_filtered_noise_may_reach_a_measurement_directly():
     # An accelerometer beside the motor reads the torque's noise: behind a filter it can be sampled.
     ports = (Port("t", "N m"),), (Port("a", "rad"), Port("acc", "rad/s^2"))
-    modal = ModalSystem(
-        omega=[6.0],
-        zeta=[0.01],
-        psi=[[1.0]],
-        phi=[[1.0], [0.0]],
-        phi_rate=[[0.0], [0.0]],
-        names=("mode",),
-        phi_acceleration=[[0.0], [1.0]],
+    modal = sum_of_modes(
+        [6.0], 0.01, [[1.0]], [[1.0], [0.0]], names=("mode",), phi_acceleration=[[0.0], [1.0]]
     )
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("t",), u=("t",), z=("a",), y=("acc",))
     weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1e-2]], sensor=[1e-6])

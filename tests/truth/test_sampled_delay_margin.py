@@ -18,6 +18,7 @@ from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
+from plant_builders import sum_of_modes
 from repeats import repeats
 
 pytestmark = pytest.mark.kernels
@@ -39,14 +40,7 @@ def plant_of(dynamics):
 
 def mode(hz, gain):
     omega = 2.0 * np.pi * hz
-    return ModalSystem(
-        omega=[omega],
-        zeta=[0.01],
-        psi=[[1.0]],
-        phi=[[gain * 0.02 * omega**2]],
-        phi_rate=[[0.0]],
-        names=("panel",),
-    )
+    return sum_of_modes([omega], 0.01, [[1.0]], [[gain * 0.02 * omega**2]], names=("panel",))
 
 
 def limit_of(plant, one, **options):
@@ -154,14 +148,7 @@ def drawn(seed):
     zeta = 10.0 ** rng.uniform(-2.0, -0.3, modes)
     shape = rng.standard_normal((2, n, modes))
     names = tuple(f"mode {k}" for k in range(modes))
-    modal = ModalSystem(
-        omega=omega,
-        zeta=zeta,
-        psi=omega[:, None] * shape[0].T,
-        phi=shape[1],
-        phi_rate=0.0 * shape[1],
-        names=names,
-    )
+    modal = sum_of_modes(omega, zeta, omega[:, None] * shape[0].T, shape[1], names=names)
     u, y = (tuple(Port(f"{side}{i}", "") for i in range(n)) for side in "uy")
     gain = 10.0 ** rng.uniform(-1.0, 0.7) * zeta.mean() * omega.mean() * rng.standard_normal((n, n))
     now = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), gain, period_s=PERIOD)

@@ -28,21 +28,14 @@ from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.delayed_sampling import sample_delayed
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from plant_builders import grouped_plant, sum_of_modes
 
 FORMS = ("predictor", "current")
 
 
 def walk():
     ports = (Port("push", "N"),), (Port("way", "m"),)
-    return Plant(
-        dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]),
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("push",),
-        u=("push",),
-        z=("way",),
-        y=("way",),
-    )
+    return grouped_plant(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), ports[0], ports[1])
 
 
 @pytest.mark.parametrize("T", [1e-4, 0.1, 2.0])
@@ -397,20 +390,15 @@ def test_modes_that_nothing_sees_or_reaches_are_named(torque, angle, message):
     # A rigid turn beside the modes, in a draught.
     modal = cases.gimbal().dynamics
     more = ModalSystem(
-        omega=np.append(modal.omega, 0.0), zeta=np.append(modal.zeta, 0.0),
+        omega=np.append(modal.omega, 0.0),
+        zeta=np.append(modal.zeta, 0.0),
         psi=np.block([[modal.psi, np.zeros((5, 1))], [np.array([[torque, 1.0]])]]),
-        phi=np.hstack([modal.phi, [[angle]]]), phi_rate=np.zeros((1, 6)), names=(*modal.names, "turn"),
-    )  # fmt: skip
-    ports = (Port("torque", "N m"), Port("draught", "N m")), (Port("angle", "rad"),)
-    plant = Plant(
-        dynamics=more,
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("torque",),
-        u=("torque",),
-        z=("angle",),
-        y=("angle",),
+        phi=np.hstack([modal.phi, [[angle]]]),
+        phi_rate=np.zeros((1, 6)),
+        names=(*modal.names, "turn"),
     )
+    ports = (Port("torque", "N m"), Port("draught", "N m")), (Port("angle", "rad"),)
+    plant = grouped_plant(more, ports[0], ports[1], w=("torque",), u=("torque",))
     weights = dataclasses.replace(cases.gimbal_weights(), disturbed=("torque", "draught"), process=np.eye(2))
     with pytest.raises(NotStabilisableError, match=f"{message}.*turn"):
         design_sampled_lqg(plant, weights, 100.0, 0.01)
@@ -470,23 +458,8 @@ def test_a_walk_under_a_gain_is_a_closed_form_at_the_samples_and_between_them():
 def test_single_late_paths_keep_the_phase_of_a_fast_mode():
     # 12.5 radians late on one path alone: order 8 is wrong there by a tenth, order 16 right to 1e-9.
     ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
-    modal = ModalSystem(
-        omega=[250.0],
-        zeta=[0.01],
-        psi=[[1.0, 0.5]],
-        phi=[[1.0], [0.7]],
-        phi_rate=np.zeros((2, 1)),
-        names=("fast",),
-    )
-    plant = Plant(
-        dynamics=modal,
-        inputs=ports[0],
-        outputs=ports[1],
-        w=("u1",),
-        u=("u1", "u2"),
-        z=("y1",),
-        y=("y1", "y2"),
-    )
+    modal = sum_of_modes([250.0], 0.01, [[1.0, 0.5]], [[1.0], [0.7]], names=("fast",))
+    plant = grouped_plant(modal, ports[0], ports[1], w=("u1",), z=("y1",))
     delay_s, T = np.array([[0.0, 0.0], [0.0, 0.05]]), 0.002
     weights = LQGWeights(
         output=[1.0], input=[1.0, 1.0], disturbed=("u1",), process=[[1.0]], sensor=[1.0, 1.0]

@@ -17,11 +17,10 @@ from middeck.structure.model.article import (
     DamperPlace,
     Damping,
     DampingTable,
-    Joint,
     JointState,
     Structure,
 )
-from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
+from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -125,30 +124,9 @@ def all_kinds_of_springs() -> tuple[Structure, Environment]:
     x, y, z = np.eye(3)
     arm = build.body(0.7, (0.02, -0.2, 0.01), (0.01, 0.004, 0.01))
     joints = [
-        Joint(
-            name="swing",
-            parent="a",
-            offset=-0.05 * y,
-            axis=x,
-            angle=0.1,
-            body=arm,
-            state=JointState.SPRUNG,
-            stiffness=3.0,
-            target=0.2,
-        ),
-        Joint(
-            name="crane",
-            parent="b",
-            offset=-0.05 * y,
-            axis=z,
-            angle=0.0,
-            body=arm,
-            state=JointState.DRIVEN,
-            target=0.3,
-        ),
-        Joint(
-            name="bob", parent="crane", offset=-0.1 * y, axis=x, angle=0.0, body=arm, state=JointState.LOCKED
-        ),
+        build.joint("swing", "a", x, arm, offset=-0.05 * y, angle=0.1, stiffness=3.0, target=0.2),
+        build.joint("crane", "b", z, arm, offset=-0.05 * y, state=JointState.DRIVEN, target=0.3),
+        build.joint("bob", "crane", x, arm, offset=-0.1 * y, state=JointState.LOCKED),
     ]
     attach = [
         build.AttachPoint(n, f, np.array(p))
@@ -229,11 +207,7 @@ def test_pendulum():
         [build.node("ball", (0, 0, 0), build.body(2.0, inertia=(0.1, 0.2, 0.3)))],
         attach=[build.AttachPoint("top", "ball", np.zeros(3))],
     )
-    place = Environment(
-        title="lab",
-        gravity=build.GRAVITY,
-        suspension=Suspension(attach=("top",), held=("xyz",), cable_length=4.0, bounce_hz=0.4),
-    )
+    place = build.on_cables(4.0, 0.4, ("xyz",), attach=("top",))
     modes = solve(article, place)
     names = ["environment.cable_length", "environment.gravity.y", "environment.bounce_hz", "node.ball.mass"]
     found = differentiate_frequencies(modes, find_parameters(article, place, names))

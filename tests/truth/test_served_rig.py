@@ -30,8 +30,8 @@ from middeck.realtime.package.build import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace
+from plant_builders import sum_of_modes
 from repeats import repeats
 from served_by_thread import served_by_thread
 
@@ -45,10 +45,9 @@ def gimbal() -> Plant:
     """Two modes between a torque, the angle beside it and another."""
     omega = 2.0 * np.pi * np.array([1.5, 9.0])
     beside, other = np.array([1.0, 0.6]), np.array([0.7, -0.4])
-    modes = ModalSystem(
-        omega=omega, zeta=np.array([0.02, 0.01]), psi=beside[:, None], phi=np.stack([other, beside]),
-        phi_rate=np.zeros((2, 2)), names=("slow", "fast"),
-    )  # fmt: skip
+    modes = sum_of_modes(
+        omega, np.array([0.02, 0.01]), beside[:, None], np.stack([other, beside]), names=("slow", "fast")
+    )
     return Plant(dynamics=modes, inputs=(TORQUE,), outputs=(ANGLE, TURN))
 
 

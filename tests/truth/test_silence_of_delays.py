@@ -29,6 +29,7 @@ from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import sum_of_modes
 
 A = np.zeros((5, 5))
 A[:2, :2], A[2:4, 2:4] = [[0.0, 1.0], [-4.0, -0.2]], [[0.0, 1.0], [-30.0, -0.4]]
@@ -154,14 +155,7 @@ def test_the_rms_refuses_alike_with_delays_and_without() -> None:
 
 
 def test_an_inert_mode_that_grows_is_no_stable_loop() -> None:
-    modal = ModalSystem(
-        omega=[2.0, 5.0],
-        zeta=[0.05, -0.01],
-        psi=[[1.0, 0.3], [0.0, 0.0]],
-        phi=[[1.0, 0.0], [0.4, 0.0]],
-        phi_rate=np.zeros((2, 2)),
-        names=("a", "b"),
-    )
+    modal = sum_of_modes([2.0, 5.0], [0.05, -0.01], [[1.0, 0.3], [0.0, 0.0]], [[1.0, 0.0], [0.4, 0.0]])
     plant = dataclasses.replace(PLANT, dynamics=modal, state_names=())
     dense = dataclasses.replace(plant, dynamics=plant.system, state_names=name_states(plant))
     for each in (plant, dense, delay_plant(plant, 0.02), delay_plant(plant, UNLIKE)):

@@ -38,6 +38,7 @@ from structure_builders import (
     NONE,
     body,
     clamped_matrices,
+    joint,
     lab,
     member,
     newton,
@@ -66,37 +67,13 @@ def sliding_model() -> Model:
 
     def slide(name: str, parent: str, offset, axis, at: float, rest: float) -> Joint:
         mass = body(0.7, (0.01, 0.02, -0.03), UNEQUAL)
-        return Joint(
-            name=name,
-            parent=parent,
-            offset=np.array(offset),
-            axis=axis,
-            angle=at,
-            body=mass,
-            state=JointState.SPRUNG,
-            stiffness=30.0,
-            target=rest,
-            slides=True,
-        )
+        more = {"offset": offset, "angle": at, "stiffness": 30.0, "target": rest, "slides": True}
+        return joint(name, parent, axis, mass, **more)
 
     joints = [
-        Joint(
-            name="t1",
-            parent="a",
-            offset=np.array([0.0, -0.1, 0.05]),
-            axis=X,
-            angle=0.5,
-            body=body(0.5, (0, 0.01, 0)),
-        ),
+        joint("t1", "a", X, body(0.5, (0, 0.01, 0)), offset=(0.0, -0.1, 0.05), angle=0.5),
         slide("s1", "t1", [0.03, 0.0, 0.02], tilted, 0.2, -0.1),
-        Joint(
-            name="t2",
-            parent="s1",
-            offset=np.array([0.0, 0.05, 0.1]),
-            axis=Z,
-            angle=-0.4,
-            body=body(1.5, (0.05, -0.2, 0.1), UNEQUAL),
-        ),
+        joint("t2", "s1", Z, body(1.5, (0.05, -0.2, 0.1), UNEQUAL), offset=(0.0, 0.05, 0.1), angle=-0.4),
         slide("s2", "b", [0.0, 0.1, 0.0], Z, -0.1, 0.0),
         slide("s3", "s2", [0.1, 0.0, 0.0], tilted, 0.3, 0.2),
     ]
@@ -201,18 +178,7 @@ def test_a_mass_on_a_tilted_slide_slides_by_its_weight_over_its_spring(tilt: flo
     """x = rest + m g sin(tilt) / k down the slope."""
     m, k, rest = 0.8, 120.0, 0.01
     axis = np.array([np.cos(tilt), -np.sin(tilt), 0.0])
-    slide = Joint(
-        name="pm",
-        parent="n",
-        offset=np.array([0.1, 0.2, 0.3]),
-        axis=axis,
-        angle=0.0,
-        body=body(m),
-        state=JointState.SPRUNG,
-        stiffness=k,
-        target=rest,
-        slides=True,
-    )
+    slide = joint("pm", "n", axis, body(m), offset=(0.1, 0.2, 0.3), stiffness=k, target=rest, slides=True)
     model = mesh_structure(structure([node("n", (0, 0, 0), body(1.0))], joints=[slide]))
     loads = dataclasses.replace(no_loads(), gravity=GRAVITY)
     config = newton(model, np.zeros((len(model.points.frame), 6)), loads=loads)
@@ -227,19 +193,8 @@ HUNG, DEPTH, INERTIA, MOVING, HEIGHT, SPRING, HOLD = 6.0, 0.3, 0.4, 0.5, 0.45, 8
 def pendulum(
     height: float = HEIGHT, c: float = 0.0, travel=(-np.inf, np.inf), rest: float = 0.0
 ) -> Structure:
-    slide = Joint(
-        name="pm",
-        parent="bus",
-        offset=np.array([0.0, -height, 0.0]),
-        axis=X,
-        angle=0.0,
-        body=body(MOVING),
-        state=JointState.SPRUNG,
-        stiffness=SPRING,
-        target=rest,
-        slides=True,
-        travel=travel,
-    )
+    spring = {"stiffness": SPRING, "target": rest, "slides": True, "travel": travel}
+    slide = joint("pm", "bus", X, body(MOVING), offset=(0.0, -height, 0.0), **spring)
     parts = structure(
         [node("bus", (0, 0, 0), body(HUNG, (0, -DEPTH, 0), (0.5, 0.2, INERTIA)))],
         joints=[slide],
@@ -320,14 +275,7 @@ def test_no_reaction_at_zero_frequency_in_orbit_and_the_weight_of_the_mass_on_th
 def test_held_the_slide_hands_the_weight_component_of_its_mass_to_the_structure():
     """Static: the spring's force k x on the carrier per unit of tilt is the weight m g along the slide."""
     slide = pendulum().joints[0]
-    pivot = Joint(
-        name="pivot",
-        parent="fixed",
-        offset=np.zeros(3),
-        axis=Z,
-        angle=0.0,
-        body=body(HUNG, (0, -DEPTH, 0), (0.5, 0.2, INERTIA)),
-    )
+    pivot = joint("pivot", "fixed", Z, body(HUNG, (0, -DEPTH, 0), (0.5, 0.2, INERTIA)))
     parts = structure(
         [node("fixed", (0, 0, 0), NONE)], joints=[pivot, dataclasses.replace(slide, parent="pivot")]
     )

@@ -12,8 +12,8 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.loads import no_loads
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import frame_poses, points_in_world
-from middeck.structure.model.article import AttachPoint, Joint, JointState, Section
-from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
+from middeck.structure.model.article import AttachPoint, JointState, Section
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.rest import pinned as pinning
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from middeck.structure.rest.pinned import PinnedPoints, support_forces
@@ -22,39 +22,31 @@ from middeck.structure.sensitivity.parameters import scale_parameters
 from repeats import repeats
 from structure_builders import (
     GRAVITY,
+    TURNING_TUBE,
     body,
     lab,
     member,
     node,
+    on_cables,
     rigid_bar,
     springs_above,
     straight_beam,
     structure,
+    tube_bus,
 )
 
 G = 9.80665
-TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
 
 
 def hung_bus(payload_angle: float = 0.3, state: JointState = JointState.FREE, **joint):
     """Three bodies on a tube, a payload on an axis along the bus; attach points above the nodes."""
-    nodes = [node(n, (x, 0, 0), body(m, (0, -0.05, 0), (0.1, 0.1, 0.1)), 0.05) for n, x, m in
-             (("a", 0.0, 5.0), ("b", 1.0, 10.0), ("c", 2.0, 5.0))]  # fmt: skip
-    payload = Joint(
-        name="p", parent="a", offset=np.array([0, -0.05, 0]), axis=np.array([1.0, 0, 0]), angle=payload_angle,
-        body=body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02)), state=state, **joint,
-    )  # fmt: skip
-    attach = [AttachPoint(n, n, np.array([0, 0.02, 0])) for n in "abc"]
-    members = [member("a", "b", TUBE, 4), member("b", "c", TUBE, 4)]
-    return structure(nodes, members, [payload], attach=attach)
+    payload = body(3.0, (0, -0.2, 0), (0.02, 0.01, 0.02))
+    more = {"angle": payload_angle, "state": state, "elements": 4, **joint}
+    return tube_bus((5.0, 10.0, 5.0), (0, -0.05, 0), (0.1, 0.1, 0.1), payload, **more)
 
 
-def cables(bounce_hz: float = 0.25, gravity=GRAVITY, held=("yz", "xyz", "yz")) -> Environment:
-    return Environment(
-        title="lab",
-        gravity=gravity,
-        suspension=Suspension(attach=("a", "b", "c"), held=held, cable_length=4.0, bounce_hz=bounce_hz),
-    )
+def cables(held=("yz", "xyz", "yz")) -> Environment:
+    return on_cables(4.0, 0.25, held)
 
 
 def pinned_forces(model, points: PinnedPoints) -> np.ndarray:
@@ -98,7 +90,7 @@ def test_three_moment_equation_of_the_pinned_bus():
     """A continuous beam on three level supports under its own weight: the middle carries 5/4 w L."""
     nodes = [node(n, (x, 0, 0)) for n, x in (("a", 0.0), ("b", 1.0), ("c", 2.0))]
     attach = [AttachPoint(n, n, np.zeros(3)) for n in "abc"]
-    stiff = dataclasses.replace(TUBE, EI_y=1e4, EI_z=1e4, EA=1e8, GJ=1e4)
+    stiff = dataclasses.replace(TURNING_TUBE, EI_y=1e4, EI_z=1e4, EA=1e8, GJ=1e4)
     parts = structure(nodes, [member("a", "b", stiff, 2), member("b", "c", stiff, 2)], attach=attach)
     model = mesh_structure(parts)
     force = pinned_forces(model, PinnedPoints(model.attach_point, ("yz", "xyz", "yz")))
@@ -191,7 +183,7 @@ def test_spring_of_no_free_length_is_linear_at_zero_length():
 def test_hanging_heavy_beam_stretches_by_half_its_weight():
     """Upright beam on one spring: elongation w L^2 / 2 EA and a tension that is its weight at the top."""
     L = 2.0
-    soft = dataclasses.replace(TUBE, EA=1e4)
+    soft = dataclasses.replace(TURNING_TUBE, EA=1e4)
     nodes = [node("a", (0, 0, 0)), node("b", (0, -L, 0))]
     attach = [AttachPoint("a", "a", np.zeros(3))]
     parts = structure(nodes, [member("a", "b", soft, 8, up=(1, 0, 0))], attach=attach)
@@ -235,6 +227,6 @@ def test_residual_is_the_largest_unbalanced_force_over_the_weight():
 
 
 def test_orbit_is_the_undeformed_structure():
-    rest = solve_equilibrium(straight_beam(TUBE, 2.0, 4), Environment.orbit())
+    rest = solve_equilibrium(straight_beam(TURNING_TUBE, 2.0, 4), Environment.orbit())
     assert rest.config == rest.model.rest
     assert rest.suspension.attach == ()

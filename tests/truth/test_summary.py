@@ -15,13 +15,13 @@ from middeck.structure.assembly.loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import rigid_columns
-from middeck.structure.model.article import Body, Joint, Section, Structure
+from middeck.structure.model.article import Body, Section, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.eigenproblem.eigen import solve_lowest
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.summary.summary import summarise
-from structure_builders import body, member, node, straight_beam, structure
+from structure_builders import body, joint, member, node, straight_beam, structure
 
 TUBE = Section(EA=2e4, GJ=30.0, EI_y=50.0, EI_z=80.0, rho_A=0.5, rho_I_y=2e-4, rho_I_z=3e-4)
 # Aluminium tube, 40 x 2 mm.
@@ -37,25 +37,11 @@ def tilted_article() -> Structure:
         node("b", (1, 0.2, 0.3), body(1.0, (0.0, -0.05, 0.02), (0.03, 0.02, 0.02)), size=0.06),
         node("c", (0.5, 1.0, -0.4)),
     ]
-    turned = Joint(
-        name="g",
-        parent="a",
-        offset=np.array([0, -0.1, 0.05]),
-        axis=np.eye(3)[0],
-        angle=0.5,
-        body=body(0.5, (0, 0.01, 0)),
-    )
+    turned = joint("g", "a", np.eye(3)[0], body(0.5, (0, 0.01, 0)), offset=(0, -0.1, 0.05), angle=0.5)
     full = Body(
         1.5, np.array([0.05, -0.2, 0.1]), np.array([[3.0, 0.4, 0.1], [0.4, 2.0, 0.2], [0.1, 0.2, 2.5]]) / 100
     )
-    inner = Joint(
-        name="h",
-        parent="g",
-        offset=np.array([0.03, 0, 0.02]),
-        axis=np.array([0.6, 0.0, 0.8]),
-        angle=-0.7,
-        body=full,
-    )
+    inner = joint("h", "g", (0.6, 0.0, 0.8), full, offset=(0.03, 0, 0.02), angle=-0.7)
     return structure(nodes, [member("a", "b", TUBE, 2), member("b", "c", TUBE, 3)], [turned, inner])
 
 

@@ -14,8 +14,8 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.topologies import compare_topologies, select_weights
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace, gain_system
+from plant_builders import grouped_plant
 
 INTENSITY = 2e-6
 LEVELS = (1.0, 100.0)
@@ -53,9 +53,7 @@ def test_control_rms_of_a_scalar(disturbed):
     # x' = -x + u + w under u = -k x: u is k times a lag of corner 1 + k; a disturbance at u is not of it.
     ports = (Port("w", "N"), Port("u", "N")), (Port("x", "m"),)
     system = StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
-    plant = Plant(
-        dynamics=system, inputs=ports[0], outputs=ports[1], w=(disturbed,), u=("u",), z=("x",), y=("x",)
-    )
+    plant = grouped_plant(system, ports[0], ports[1], w=(disturbed,), u=("u",))
     law = Compensator(gain_system([[-3.0]]), (Port("x", "m"),), (Port("u", "N"),))
     found = commands_rms(plant, law, Performance(np.ones(1), np.eye(1), (0.0, 1.0)))
     expected = 3.0 * np.sqrt(np.arctan(2.0 * np.pi / 4.0) / 4.0 / np.pi)
@@ -83,16 +81,6 @@ def test_ports_outside_the_groups_are_refused(orbit):
 )
 def test_a_performance_that_does_not_fit_is_refused(weights, intensity, says):
     system = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    loop = leave_open(
-        Plant(
-            dynamics=system,
-            inputs=(Port("w", "N"),),
-            outputs=(Port("x", "m"),),
-            w=("w",),
-            u=(),
-            z=("x",),
-            y=(),
-        )
-    )
+    loop = leave_open(grouped_plant(system, (Port("w", "N"),), (Port("x", "m"),), u=(), y=()))
     with pytest.raises(ConfigError, match=says):
         loop_metric(loop, Performance(weights, intensity, (0.0, 1.0)))

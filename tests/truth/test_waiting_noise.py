@@ -11,7 +11,7 @@ from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.ticks.simulation import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from plant_builders import sum_of_modes
 
 RATE_HZ = 100.0
 NOISE = 1e-3  # rad/s/sqrt(Hz), two-sided
@@ -23,14 +23,7 @@ SLOWER = [39.99, 35.0, 20.0, 8.0, *WHOLE]
 
 
 def _rig(*others: Sensor, alias_hz: float = ALIAS_HZ, steps: int = 1) -> Rig:
-    modal = ModalSystem(
-        omega=[2.0 * np.pi],
-        zeta=[0.05],
-        psi=[[1.0]],
-        phi=np.ones((3, 1)),
-        phi_rate=np.zeros((3, 1)),
-        names=("a",),
-    )
+    modal = sum_of_modes([2.0 * np.pi], 0.05, [[1.0]], np.ones((3, 1)))
     plant = Plant(dynamics=modal, inputs=(Port("t", "N m"),), outputs=tuple(Port(n, "rad") for n in "abc"))
     sensors = dict(zip("abc", (Gyro(noise=NOISE, anti_alias_hz=alias_hz), *others), strict=False))
     return build_rig(plant, sensors=sensors, sample_hz=RATE_HZ, delay_s=0.1, substeps=steps)

@@ -30,18 +30,19 @@ from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
+from plant_builders import grouped_plant, sum_of_modes
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 # The multi-model reference case: five modes, y 10 ms late, in units of 1/(2 pi 3 Hz).
 MODES = ("1.1 Hz", "1.7 Hz", "7 Hz", "8.8 Hz", "9.4 Hz")
 OMEGA = np.array([1.1, 1.7, 7.0, 8.8, 9.4]) / 3.0
-PLANT = Plant(
-    dynamics=ModalSystem(
-        omega=OMEGA, zeta=np.full(5, 0.01), psi=np.array([[1.0, 0.6, 0.6, 0.8, 0.7]]).T,
-        phi=np.ones((2, 5)), phi_rate=np.zeros((2, 5)), names=MODES,
-    ),
-    inputs=(FORCE,), outputs=(WAY, SEEN), w=("force",), u=("force",), z=("way",), y=("seen",),
-)  # fmt: skip
+PLANT = grouped_plant(
+    sum_of_modes(OMEGA, 0.01, np.array([[1.0, 0.6, 0.6, 0.8, 0.7]]).T, np.ones((2, 5)), names=MODES),
+    (FORCE,),
+    (WAY, SEEN),
+    z=("way",),
+    y=("seen",),
+)
 LATE = delay_plant(PLANT, np.array([[0.0], [0.010 * 2.0 * np.pi * 3.0]]))
 WEIGHTS = LQGWeights(
     output=np.ones(1), input=np.ones(1), disturbed=("force",), process=np.eye(1), sensor=np.array([1e-6])
@@ -192,17 +193,8 @@ def test_participation_of_every_pole() -> None:
 def test_two_coupled_modes_share_a_pole_as_their_eigenvectors_say(k: float) -> None:
     """Two modes of w1, w2 joined by a spring: (1 - s, s), tan 2a = 2 k / (w2^2 - w1^2), s = sin^2 a."""
     w = np.array([2.0, 3.0])
-    modal = ModalSystem(
-        omega=w,
-        zeta=np.zeros(2),
-        psi=np.ones((2, 1)),
-        phi=[[1.0, 1.0]],
-        phi_rate=[[0.0, 0.0]],
-        names=("slow", "fast"),
-    )
-    plant = Plant(
-        dynamics=modal, inputs=(FORCE,), outputs=(WAY,), w=("force",), u=("force",), z=("way",), y=("way",)
-    )
+    modal = sum_of_modes(w, 0.0, np.ones((2, 1)), [[1.0, 1.0]], names=("slow", "fast"))
+    plant = grouped_plant(modal, (FORCE,), (WAY,))
     # u = -k (q1 + q2): each mode stiffer by k, and k between them.
     loop = close_loop(plant, Compensator(gain_system(np.array([[-k]])), (WAY,), (FORCE,)))
     a = 0.5 * np.arctan2(2.0 * k, w[1] ** 2 - w[0] ** 2)

@@ -165,8 +165,8 @@ def _pair_rows(comparison: ModeComparison, alone: int) -> tuple[tuple[Shown | No
 
 
 def _write_shapes(page: ShapePage, file: str) -> None:
+    from middeck.files.disk.atomic import write_text
     from middeck.plot.shapes import first_panels, shapes_figure
-    from middeck.report.build import write_text
     from middeck.report.shape_page import describe_rows, render_shapes
 
     if file.lower().endswith(".html"):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
 from middeck.errors import ConfigError
 
-F = TypeVar("F", bound=Callable[..., Any])
+Command = Callable[..., Any]
+F = TypeVar("F", bound=Command)
 
 # What each result can be written as; the writer is chosen by the ending.
 FIGURES = (".svg", ".png", ".pdf")
@@ -24,6 +26,7 @@ SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
 COMPONENTS = (".npz", ".mat")
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
 SURVEYS = (".unv", ".uff", ".json")
 
 
@@ -120,20 +123,51 @@ environment = click.option(
     metavar="NAME|PATH",
     help="orbit, lab, or an environment file.",
 )
-count = click.option(
-    "--count", type=click.IntRange(min=1), default=26, show_default=True, help="How many of the lowest modes."
-)
 load_case = click.option(
     "--load-case", metavar="NAME", help="Apply a load case of the article.  [default: none]"
 )
-environments = click.option(
+
+
+class Case(NamedTuple):
+    """An article in an environment, as typed: names, ``--set``, and a load case."""
+
+    article: str
+    environment: str
+    overrides: tuple[str, ...]
+    load_case: str | None
+
+
+def _as_one(name: str, kind: Any, *asked: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """The options ``asked``, which reach a verb as one value; a field without one takes the verb's own."""
+
+    def decorate(command: Command) -> Command:
+        @functools.wraps(command)
+        def gathered(**given: Any) -> Any:
+            one = kind(*(given.pop(field) for field in kind._fields))
+            return command(**{name: one}, **given)
+
+        made: Command = gathered
+        for option in reversed(asked):
+            made = option(made)
+        return made
+
+    return decorate
+
+
+case = _as_one("case", Case, article, environment, load_case)
+
+
+count = click.option(
+    "--count", type=click.IntRange(min=1), default=26, show_default=True, help="How many of the lowest modes."
+)
+_environments = click.option(
     "--environment",
     "environments",
     multiple=True,
     metavar="NAME|PATH",
     help="Environment of the articles; may be repeated.  [default: lab]",
 )
-shifts = click.option(
+_shifts = click.option(
     "--shift",
     "shifts",
     type=(str, click.FloatRange(0.0, 100.0, min_open=True, max_open=True)),
@@ -141,18 +175,43 @@ shifts = click.option(
     metavar="MODES PERCENT",
     help="Modes by name or LO:HI in Hz, moved together down and up.",
 )
-delay_ms = click.option(
+_delay_ms = click.option(
     "--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant."
 )
-sweep = click.option(
+_sweep = click.option(
     "--sweep",
     is_flag=True,
     help="Also with first bending shifted by 10 % and other flexible modes by 20 %, alone and together.",
 )
-first_bending = click.option(
+_first_bending = click.option(
     "--first-bending",
     metavar="MODES",
     help="Modes that --sweep shifts by 10 %, by name or LO:HI in Hz; needed for a fitted model.",
+)
+
+
+class Tried(NamedTuple):
+    """The plants that a compensator is tried on, as typed."""
+
+    plants: tuple[str, ...]
+    environments: tuple[str, ...]
+    load_case: str | None
+    count: int
+    overrides: tuple[str, ...]
+    shifts: tuple[tuple[str, float], ...]
+    sweep: bool
+    first_bending: str | None
+    delay_ms: float
+
+    @property
+    def delay_s(self) -> float:
+        """Delay added to each plant [s]."""
+        return 1e-3 * self.delay_ms
+
+
+_plants = click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
+tried = _as_one(
+    "tried", Tried, _plants, _environments, load_case, count, _shifts, _sweep, _first_bending, _delay_ms
 )
 band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", help="Band to fit [Hz].")
 periods = click.option(
@@ -230,30 +289,33 @@ if TYPE_CHECKING:
     from middeck.files.records import Columns
 
 
-def columns(command: F) -> F:
-    """``--inputs``, ``--outputs``, ``--sample-hz`` and ``--variable``."""
-    for option in (
-        click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
-        click.option("--sample-hz", type=float, metavar="HZ", help="Sampling rate, if the file has none."),
-        _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
-        _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
-    ):
-        command = option(command)
-    return command
+class ColumnsTyped(NamedTuple):
+    """Which columns of a record file are inputs and outputs, as typed."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    sample_hz: float | None
+    variable: str
+
+    def told(self) -> Columns | None:
+        """Columns by the options; None without any, so that a file of channels beside the record is read."""
+        from middeck.files.records import name_columns
+
+        if self.sample_hz is not None and not self.sample_hz > 0.0:
+            raise ConfigError(f"--sample-hz is {self.sample_hz:g}", hint="a rate > 0 Hz")
+        u, y = ([text for value in side for text in value.split(",")] for side in (self.inputs, self.outputs))
+        return name_columns(u, y, sample_hz=self.sample_hz, variable=self.variable)
 
 
 def _named(option: str, help: str) -> Callable[[F], F]:
     return click.option(option, multiple=True, metavar="COLUMNS", help=help)
 
 
-def told_columns(
-    inputs: tuple[str, ...], outputs: tuple[str, ...], sample_hz: float | None, variable: str
-) -> Columns | None:
-    """Columns by the options; None without any, so that a file of channels beside the record is read."""
-    from middeck.errors import ConfigError
-    from middeck.files.records import name_columns
-
-    if sample_hz is not None and not sample_hz > 0.0:
-        raise ConfigError(f"--sample-hz is {sample_hz:g}", hint="a rate > 0 Hz")
-    u, y = ([text for value in side for text in value.split(",")] for side in (inputs, outputs))
-    return name_columns(u, y, sample_hz=sample_hz, variable=variable)
+columns = _as_one(
+    "columns",
+    ColumnsTyped,
+    _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
+    _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
+    click.option("--sample-hz", type=float, metavar="HZ", help="Sampling rate, if the file has none."),
+    click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
+)

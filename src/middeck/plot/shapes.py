@@ -282,8 +282,7 @@ def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
 
 def round_down(x: float) -> float:
     """The largest of 1, 2, 5, 10, 20 ... that does not exceed ``x``; at least 1."""
-    power = 10.0 ** np.floor(np.log10(max(x, 1.0)))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(x, 1.0)))
+    return _round_bar(max(x, 1.0))
 
 
 def _limits(cells: Sequence[tuple[Drawing, Shown]], view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

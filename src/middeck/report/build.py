@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, cast
 
-from middeck.files.disk.atomic import replacing
+from middeck.files.disk.atomic import write_text
 from middeck.files.json.output import plain, write_json
 from middeck.files.studies.documents import Study
 from middeck.plot.svg import svg_text
@@ -68,9 +68,3 @@ def _remove_earlier(out: Path) -> None:
     keys = [picture.KEY, *(drawing.key for chapter in CHAPTERS for drawing in chapter.drawings)]
     for name in ("report.html", "numbers.json", *(f"figures/{key}.svg" for key in keys)):
         (out / name).unlink(missing_ok=True)
-
-
-def write_text(path: Path, text: str) -> None:
-    """``text`` to ``path``, whole or not at all, with the same bytes on every system."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")

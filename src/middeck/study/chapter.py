@@ -29,13 +29,20 @@ def claims_within(entry: Numbers) -> list[Claim]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Entry(Generic[T]):
-    """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand."""
+    """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand.
+
+    Without ``claims_at`` and ``warnings_at`` that is the drawing of its own name.
+    """
 
     key: str
     numbers: Callable[[T], Numbers]
-    claims_at: str
-    warnings_at: str
+    claims_at: str = ""
+    warnings_at: str = ""
     claims: Callable[[Numbers], list[Claim]] = claims_within
+
+    def __post_init__(self) -> None:
+        for place in ("claims_at", "warnings_at"):
+            object.__setattr__(self, place, getattr(self, place) or self.key.replace("_", "-"))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

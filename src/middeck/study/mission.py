@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-import numpy as np
-import scipy
-
-from middeck import __version__
+from middeck.files.promises.documents import versions
 from middeck.files.studies.documents import Study
 from middeck.study.chapter import Chapter
 from middeck.study.chapters.gravity_modes.chapter import GRAVITY_MODES
@@ -60,12 +56,7 @@ def study_numbers(study: Study, outcomes: Mapping[str, Any]) -> Numbers:
             figures |= chapter.tabulate(outcomes[chapter.name])
     return {
         "schema": "1",
-        "versions": {
-            "middeck": __version__,
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-        },
+        "versions": versions(),
         "inputs": {**dict(study.inputs), "overrides": list(study.overrides), "seed": study.seed},
         "figures": figures,
     }

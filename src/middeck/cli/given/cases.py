@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from middeck.cli.options import Case
 from middeck.cli.shown.blame import reading
 from middeck.errors import MiddeckError
 from middeck.files.disk.looks import ARTICLE
@@ -38,23 +38,21 @@ def find_case(article: str, environment: str) -> tuple[Path, Path]:
     return body, find_document(environment, "environment", beside=body)
 
 
+def read_case(case: Case) -> tuple[Structure, Environment, Path, Path]:
+    """The article and the environment, under the load case, and the two files."""
+    files = find_case(case.article, case.environment)
+    return *apply_case(*load_setup(*files, case.overrides), case.load_case, *files), *files
+
+
 def solve_case(
-    article: str,
-    environment: str,
-    overrides: Sequence[str],
-    count: int | None = None,
-    case: str | None = None,
-    standstill: bool = False,
-    top_hz: float | None = None,
+    case: Case, count: int | None = None, standstill: bool = False, top_hz: float | None = None
 ) -> Modes:
     """Rest state and modes; of a large article the ``count`` lowest, with a few to spare.
 
     Where wheels spin those at ``standstill``, for whoever adds their momentum. Of a mesh that is too coarse
     for frequencies above ``top_hz`` alone nothing is said.
     """
-    files = find_case(article, environment)
-    setup = apply_case(*load_setup(*files, overrides), case, *files)
-    return solve_in(*setup, *files, count=count, standstill=standstill, top_hz=top_hz)
+    return solve_in(*read_case(case), count=count, standstill=standstill, top_hz=top_hz)
 
 
 def apply_case(

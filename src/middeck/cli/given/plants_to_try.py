@@ -10,6 +10,7 @@ import numpy as np
 
 from middeck.cli.given.cases import solve_case
 from middeck.cli.given.design_plants import tell_warnings
+from middeck.cli.options import Case, Tried
 from middeck.cli.shown.blame import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
@@ -54,35 +55,28 @@ class Shift:
     percent: float
 
 
-def gather_plants(
-    sources: Sequence[str],
-    environments: Sequence[str],
-    law: Law,
-    *,
-    case: str | None,
-    count: int,
-    overrides: Sequence[str],
-    delay_s: float,
-) -> Gathered:
-    """Each article in each environment, and each model; all with ``delay_s`` added."""
-    unused = [key for key, given in (("--set", overrides), ("--load-case", case)) if given]
-    if unused and all(s.lower().endswith(".json") for s in sources):
+def gather_plants(tried: Tried, law: Law) -> Gathered:
+    """Each article in each environment (``lab`` by default) and each model; all with the delay added."""
+    unused = [key for key, given in (("--set", tried.overrides), ("--load-case", tried.load_case)) if given]
+    if unused and all(s.lower().endswith(".json") for s in tried.plants):
         raise ConfigError(
             f"{unused[0]} is for articles and environments", hint="name an article, or leave it out"
         )
     found: dict[str, Plant] = {}
     unknown: list[str] = []
     dispersed: dict[str, DispersedModes] = {}
-    for source in sources:
+    for source in tried.plants:
         if source.lower().endswith(".json"):
             name, model = _new_name(source, found), load_model(source)
-            found[name] = delay_plant(_model(source, model, law), delay_s)
+            found[name] = delay_plant(_model(source, model, law), tried.delay_s)
             unknown += [name] if model.hold_s is None else []
             continue
-        for environment in environments:
+        for environment in tried.environments or ("lab",):
             name = _new_name(source, found, f" in {Path(environment).stem}")
-            modes, plant = _article(source, environment, law, case, count, overrides)
-            found[name], dispersed[name] = delay_plant(plant, delay_s), dispersed_modes(modes, count)
+            case = Case(source, environment, tried.overrides, tried.load_case)
+            modes, plant = _article(case, law, tried.count)
+            found[name] = delay_plant(plant, tried.delay_s)
+            dispersed[name] = dispersed_modes(modes, tried.count)
     return Gathered(found, tuple(unknown), dispersed)
 
 
@@ -92,14 +86,12 @@ def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
     return source + end if short in found else short
 
 
-def _article(
-    source: str, environment: str, law: Law, case: str | None, count: int, overrides: Sequence[str]
-) -> tuple[Modes, Plant]:
-    modes = solve_case(source, environment, overrides, count, case, standstill=True)
+def _article(case: Case, law: Law, count: int) -> tuple[Modes, Plant]:
+    modes = solve_case(case, count, standstill=True)
     tell_warnings(modes)
     structure = modes.equilibrium.model.structure
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
-    with reading(source):
+    with reading(case.article):
         _require_ports(u, [a.name for a in structure.actuators], "drives", "the article has no such actuator")
         sensors = [s.name for s in structure.sensors]
         _require_ports(

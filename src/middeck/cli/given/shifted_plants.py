@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from middeck.cli.given.plants_to_try import Gathered, Law, Shift, chosen_modes, natural_hz, shifted_plants
+from middeck.cli.options import Tried
 from middeck.cli.shown.blame import reading
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError
@@ -14,15 +12,15 @@ from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, name_states
 
 
-def all_plants(gathered: Gathered, law: Law, given: Mapping[str, Any]) -> dict[str, Plant]:
+def all_plants(gathered: Gathered, law: Law, tried: Tried) -> dict[str, Plant]:
     """The plants as they are, with the shifts of ``--shift``, and in the cases of ``--sweep``.
 
     Raises `ConfigError` for ``--first-bending`` without a sweep.
     """
-    plants = shifted_plants(gathered.plants, [Shift(*shift) for shift in given["shifts"]])
-    if given["sweep"]:
-        return plants | swept_plants(gathered, law, given["first_bending"])
-    if given["first_bending"] is not None:
+    plants = shifted_plants(gathered.plants, [Shift(*shift) for shift in tried.shifts])
+    if tried.sweep:
+        return plants | swept_plants(gathered, law, tried.first_bending)
+    if tried.first_bending is not None:
         raise ConfigError("--first-bending is for a sweep", hint="--sweep beside it")
     return plants
 

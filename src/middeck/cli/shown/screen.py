@@ -100,6 +100,21 @@ def _show_rich(blocks: Sequence[str | Table]) -> None:
         console.print(drawn)
 
 
+def case_lines(document: Mapping[str, Any]) -> list[str]:
+    """The article and the environment of a document, above its tables."""
+    return [f"article      {document['article']}", f"environment  {document['environment']}"]
+
+
+def cells(row: Mapping[str, Any], *forms: str) -> list[str]:
+    """The cells of a row: keys, each with its format; a dash for what is not there.
+
+    >>> cells({"name": "n1", "hz": 2.0, "mac": None}, "name", "hz:.3f", "mac:.2f")
+    ['n1', '2.000', '-']
+    """
+    split = (form.partition(":") for form in forms)
+    return ["-" if row[key] is None else format(row[key], form) for key, _, form in split]
+
+
 def deviation_words(deviation: float | None, unit: float = 1.0) -> str:
     """A deviation in ``unit``; the data do not determine a number that has none."""
     return "not determined" if deviation is None else f"{deviation / unit:.1e}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.budget import GravityBudget
@@ -21,19 +21,14 @@ Examples:
 
 
 @click.command("budget", cls=options.Verb, epilog=EPILOG)
-@options.article
-@options.environment
-@options.load_case
+@options.case
 @options.count
 @figures.figure
 @options.common
 def verb(
-    article: str,
-    environment: str,
-    load_case: str | None,
+    case: options.Case,
     count: int,
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Effects of gravity on each mode of ARTICLE.
@@ -47,14 +42,12 @@ def verb(
 
     import numpy as np
 
-    from middeck.cli.given.cases import apply_case, find_case, solve_in
+    from middeck.cli.given.cases import read_case, solve_in
     from middeck.errors import ConfigError
-    from middeck.files.documents import load_setup
     from middeck.structure.gravity.budget import build_budget
     from middeck.structure.model.environment import Environment
 
-    files = find_case(article, environment)
-    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
+    structure, surroundings, *files = read_case(case)
     if not np.any(surroundings.gravity) and not surroundings.hung and not surroundings.springs:
         raise ConfigError(
             "from orbit to orbit there is nothing to budget",
@@ -120,8 +113,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
     headers = ["", "0-g Hz", "1-g Hz", "shift", "susp.", "stiff.", "deform.", "order"]
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         Table("shares of the shift, Hz", headers, rows),
         "\nsusp.: devices; stiff.: inner forces and weight; deform.: the static shape. Means over six orders;"
         "\norder: the widest range of a share over them. The sum of the shares is the shift.",

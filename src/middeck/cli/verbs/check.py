@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -45,22 +44,21 @@ def verb(
     (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
-    from middeck.cli.given.cases import apply_case, find_case
+    from middeck.cli.given.cases import apply_case, read_case
     from middeck.cli.shown.blame import reading
     from middeck.cli.shown.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
-    from middeck.files.documents import find_document, load_setup, load_structure
+    from middeck.files.documents import find_document, load_structure
     from middeck.structure.assembly.linked import check_links
     from middeck.structure.assembly.mesh import mesh_structure
     from middeck.structure.model.environment import Environment
     from middeck.structure.summary.summary import summarise
 
     if environment is None:
-        files: tuple[Path, ...] = (find_document(article, "article"),)
+        files = [find_document(article, "article")]
         structure, surroundings = load_structure(files[0], overrides), None
         structure, _ = apply_case(structure, Environment.orbit(), load_case, *files)
     else:
-        body, around = files = find_case(article, environment)
-        structure, surroundings = apply_case(*load_setup(body, around, overrides), load_case, *files)
+        structure, surroundings, *files = read_case(options.Case(article, environment, overrides, load_case))
     with reading(*files):
         summary = summarise(structure)
         check_links(mesh_structure(structure))

@@ -21,21 +21,16 @@ Examples:
 
 
 @click.command("compare", cls=options.Verb, epilog=EPILOG)
-@options.article
-@options.environment
-@options.load_case
+@options.case
 @options.count
 @figures.shapes
 @figures.up
 @options.common
 def verb(
-    article: str,
-    environment: str,
-    load_case: str | None,
+    case: options.Case,
     count: int,
     figure_file: str | None,
     up: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Modes of ARTICLE in orbit beside those in an environment.
@@ -44,16 +39,14 @@ def verb(
     the rigid-body and the suspension modes. A load case is part of the environment: in orbit the article has
     neither its loads nor its masses.
     """
-    from middeck.cli.given.cases import apply_case, find_case, solve_in
-    from middeck.files.documents import load_setup
+    from middeck.cli.given.cases import apply_case, read_case, solve_in
     from middeck.structure.gravity.comparison import compare_modes
     from middeck.structure.model.environment import Environment
 
     figures.check_up(up, figure_file)
-    files = find_case(article, environment)
-    structure, surroundings = load_setup(*files, overrides)
+    structure, surroundings, *files = read_case(case._replace(load_case=None))
     orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
-    lab = solve_in(*apply_case(structure, surroundings, load_case, *files), *files, count=count)
+    lab = solve_in(*apply_case(structure, surroundings, case.load_case, *files), *files, count=count)
     found = compare_modes(orbit, lab, count)
     document = describe(found)
     show(as_json, document, *_tables(document))

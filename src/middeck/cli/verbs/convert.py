@@ -191,7 +191,7 @@ def _written(
     from middeck.cli.shown.blame import reading
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
-    from middeck.files.disk.atomic import replacing
+    from middeck.files.disk.atomic import write_text
     from middeck.files.documents import load_setup
     from middeck.structure.summary.summary import summarise
 
@@ -215,8 +215,7 @@ def _written(
             shutil.copyfile(Path(folder) / name, Path(target or "").parent / name)
     for path, content in ((target, text), (held_target, around)):
         if path is not None:
-            with replacing(path) as file:
-                file.write_text(content, encoding="utf-8")
+            write_text(path, content)
     return summary
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
@@ -43,10 +43,8 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 
 
 @click.command("correlate", cls=options.Verb, epilog=EPILOG)
-@options.article
+@options.case
 @click.argument("test", metavar="MODES")
-@options.environment
-@options.load_case
 @click.option(
     "--profile",
     type=click.Choice(PROFILES),
@@ -88,10 +86,8 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 @figures.figure
 @options.common
 def verb(
-    article: str,
+    case: options.Case,
     test: str,
-    environment: str,
-    load_case: str | None,
     profile: str,
     limits: tuple[tuple[str, float], ...],
     reduction: str,
@@ -100,7 +96,6 @@ def verb(
     seed: int,
     require: bool,
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Judge the modes of ARTICLE by measured ones.
@@ -124,7 +119,7 @@ def verb(
     given = None if noise is None else MeasurementNoise(*noise)
     criteria = _criteria(profile, limits)
     top = NEAR * float(measured.frequency_hz.max())
-    modes = solve_case(article, environment, overrides, case=load_case, top_hz=top)
+    modes = solve_case(case, top_hz=top)
     with reading(test):
         if not measured.node:
             found = compare_frequencies(modes, measured, criteria)
@@ -261,8 +256,7 @@ def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
     missed = any(not c["met"] for c in document["criteria"])
     verdict = "does not pass" if missed else "passes" if document["passed"] else "open: see the warnings"
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         f"profile      {document['profile']}",
         f"verdict      {verdict}",
         Table("pairs by frequency alone", ["", "test Hz", "model Hz", "error %", "only one", "name"], rows),
@@ -301,8 +295,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     marks = sorted({f"[R] = {c['status']}" for c in criteria if c["recalled"]})
     lowest = sorted(document["comac"].items(), key=lambda item: item[1])[:SHOWN]
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         f"profile      {document['profile']}: {document['profile_title']}",
         f"sensors      {_condition(document['sensor_condition'])}; mass by {document['reduction'].value}",
         f"verdict      {'passes' if document['passed'] else 'does not pass'}",

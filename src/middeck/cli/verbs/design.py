@@ -36,7 +36,7 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.count
 @click.option("--control", multiple=True, metavar="PORT", help="Input to drive; may be repeated.")
 @click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; same.")
-@click.option("--authority", type=click.FloatRange(min=0.0, min_open=True), help="1/rho.  [default: 10]")
+@click.option("--authority", type=options.POSITIVE, help="1/rho.  [default: 10]")
 @click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
 @click.option("--angle-noise", default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", default=1e-2, show_default=True, help=options.INPUT_NOISE)
@@ -106,7 +106,8 @@ def verb(
         from middeck.cli.given.cases import solve_case
         from middeck.cli.given.design_plants import article_plant
 
-        modes = solve_case(sources[0], environment, overrides, count, load_case, standstill=True)
+        case = options.Case(sources[0], environment, overrides, load_case)
+        modes = solve_case(case, count, standstill=True)
         plant, band_hz = article_plant(modes, count, wanted)
     elif load_case is not None:
         raise ConfigError("--load-case is for an article", hint="name an article, or leave it out")

@@ -23,19 +23,11 @@ Examples:
   middeck gate law.mdk model.json --noise 1e-6 -o verdict.json
   middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3 --paper
 """
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 @click.command("gate", cls=options.Verb, epilog=EPILOG)
 @click.argument("package_file", metavar="PACKAGE.mdk|json")
-@click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
-@options.environments
-@options.load_case
-@options.count
-@options.shifts
-@options.sweep
-@options.first_bending
-@options.delay_ms
+@options.tried
 @click.option(
     "--gain-db", type=click.FloatRange(min=0.0), default=6.0, show_default=True, help="Least gain margin."
 )
@@ -97,7 +89,7 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
 )
 @click.option(
     "--adaptive",
-    type=(str, POSITIVE, POSITIVE),
+    type=(str, options.POSITIVE, options.POSITIVE),
     metavar="SENSOR MAXIMUM RATE",
     help="Prove an adaptive gain up to MAXIMUM that moves by RATE 1/s with the band rms of SENSOR.",
 )
@@ -122,14 +114,10 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
 @options.common
 def verb(
     package_file: str,
-    plants: tuple[str, ...],
-    environments: tuple[str, ...],
-    load_case: str | None,
-    count: int,
+    tried: options.Tried,
     verdict_file: str | None,
     blacklist_file: str | None,
     relieved: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
 ) -> None:
@@ -162,11 +150,7 @@ def verb(
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     linear = sum_of_laws(beside, [1.0] * len(beside))
-    gathered = gather_plants(
-        plants, environments or ("lab",), linear,
-        case=load_case, count=count, overrides=overrides, delay_s=1e-3 * given["delay_ms"],
-    )  # fmt: skip
-    models = all_plants(gathered, linear, given)
+    models = all_plants(gather_plants(tried, linear), linear, tried)
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
     trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])
     trials = None if given["paper"] else trials

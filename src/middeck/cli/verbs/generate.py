@@ -23,7 +23,6 @@ Examples:
 """
 LIMITS = ("input_range", "limit", "slew_rate")
 PACKAGES = (".mdk", ".json", ".c", ".h")
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 def _writable(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
@@ -47,7 +46,7 @@ def _each(flag: str, name: str, help: str) -> Any:
     metavar="FILE.mdk|json|c|h",
     help="Write the package, its JSON twin, its C source with the header, or the header; may be repeated.",
 )
-@click.option("--rate", type=POSITIVE, metavar="HZ", help="Sampling rate of a continuous law.")
+@click.option("--rate", type=options.POSITIVE, metavar="HZ", help="Sampling rate of a continuous law.")
 @click.option(
     "--rule",
     type=click.Choice(["tustin", "hold", "matched"]),
@@ -119,7 +118,8 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
     from middeck.realtime.package.build import package_law, without_applied
     from middeck.realtime.package.single_precision import to_single
 
-    settings: Any = {key: _one_or_each(given[key]) for key in LIMITS if given[key] is not None}
+    limits = {key: given[key] for key in LIMITS if given[key] is not None}
+    settings: Any = {key: v[0] if len(v) == 1 else v for key, v in limits.items()}
     if is_package(law_file):
         told = [key for key in ("ramp_s", "rate", "rule", "form", "name") if given[key] is not None]
         if settings or told or given["unstable"]:
@@ -157,10 +157,6 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
     if given["without_applied"]:
         package = without_applied(package)
     return to_single(package) if given["single"] else package
-
-
-def _one_or_each(values: tuple[float, ...]) -> float | tuple[float, ...]:
-    return values[0] if len(values) == 1 else values
 
 
 def same_rate(period_s: float, rate_hz: float) -> bool:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.options import columns, told_columns
 from middeck.cli.shown.screen import Table, deviation_words, show
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 
 @click.command("identify", cls=options.Verb, epilog=EPILOG)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
-@columns
+@options.columns
 @options.periods
 @options.states
 @options.band
@@ -100,10 +99,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @options.common
 def verb(
     records: tuple[str, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    sample_hz: float | None,
-    variable: str,
+    columns: options.ColumnsTyped,
     validate: tuple[str, ...],
     model_file: str | None,
     figure_file: str | None,
@@ -127,7 +123,7 @@ def verb(
     from middeck.files.records import require_record
 
     settings = settle(FitSettings, given, overrides)
-    told = told_columns(inputs, outputs, sample_hz, variable)
+    told = columns.told()
     for file in validate:
         require_record(file)
     with status("identify") as tell:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.options import columns, told_columns
-from middeck.cli.shown.screen import Table, deviation_words, show
+from middeck.cli.shown.screen import Table, cells, deviation_words, show
 
 if TYPE_CHECKING:
     from middeck.identification.fit.fit_response import FitResult
@@ -26,7 +25,7 @@ Examples:
 
 @click.command("impact", cls=options.Verb, epilog=EPILOG)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
-@columns
+@options.columns
 @options.states
 @options.band
 @click.option(
@@ -35,14 +34,14 @@ Examples:
 @click.option(
     "--window",
     "window_s",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=options.POSITIVE,
     metavar="SECONDS",
     help="Time constant of the exponential window; inf for none.  [default: a thousandth is left at the end]",
 )
 @click.option(
     "--apart",
     "blow_s",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=options.POSITIVE,
     metavar="SECONDS",
     help="Least time between two blows; what follows sooner is a double hit.  [default: a quarter of the "
     "longest]",
@@ -62,10 +61,7 @@ Examples:
 @options.common
 def verb(
     records: tuple[str, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    sample_hz: float | None,
-    variable: str,
+    columns: options.ColumnsTyped,
     states: int | None,
     band_hz: tuple[float, float] | None,
     ratio: Any,
@@ -90,7 +86,7 @@ def verb(
     from middeck.identification.impact import average_blows, fit_impact
 
     chosen = settle(ImpactSettings, {"states": states, "band_hz": band_hz}, overrides)
-    taken = load_records(records, told_columns(inputs, outputs, sample_hz, variable))
+    taken = load_records(records, columns.told())
     with reading(*records):
         test = average_blows(taken, ratio=ratio, window_s=window_s, band_hz=chosen.band_hz, blow_s=blow_s)
         fit = fit_impact(test, of=fitted, states=chosen.states)
@@ -142,16 +138,8 @@ def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
 
 
 def _blocks(document: dict[str, Any]) -> list[str | Table]:
-    blows = [
-        [
-            str(b["experiment"]),
-            f"{b['struck_s']:.4g}",
-            f"{b['block_s']:.3g}",
-            f"{b['peak']:.4g}",
-            b["rejected"],
-        ]
-        for b in document["blows"]
-    ]
+    keys = ("experiment", "struck_s:.4g", "block_s:.3g", "peak:.4g", "rejected")
+    blows = [cells(blow, *keys) for blow in document["blows"]]
     keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
     modes = [
         [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing]

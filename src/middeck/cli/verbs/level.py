@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.model.article import Structure
@@ -24,9 +24,7 @@ Examples:
 
 
 @click.command("level", cls=options.Verb, epilog=EPILOG)
-@options.article
-@options.environment
-@options.load_case
+@options.case
 @click.option(
     "--free",
     "offsets",
@@ -46,15 +44,12 @@ Examples:
 @figures.figure
 @options.common
 def verb(
-    article: str,
-    environment: str,
-    load_case: str | None,
+    case: options.Case,
     offsets: tuple[str, ...],
     about: tuple[str, ...],
     node: str | None,
     limit: float,
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Move attach points of ARTICLE until it hangs level.
@@ -62,19 +57,18 @@ def verb(
     Prints how it hangs before and after, and the new offsets by their keys in the article's file, as --set
     takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
     """
-    from middeck.cli.given.cases import apply_case, case_doubts, find_case
+    from middeck.cli.given.cases import case_doubts, read_case
     from middeck.cli.shown.blame import reading
-    from middeck.files.documents import load_offset_keys, load_setup
+    from middeck.files.documents import load_offset_keys
     from middeck.structure.suspension.levelling import level
 
-    files = find_case(article, environment)
-    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
+    structure, surroundings, *files = read_case(case)
     axes = "".join(about).replace(",", "") if about else None
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):
         found = level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
     document = {
-        **describe(found, load_offset_keys(*files, overrides)),
+        **describe(found, load_offset_keys(*files, case.overrides)),
         "warnings": case_doubts(structure, surroundings, *files),
     }
     if figure_file is not None:
@@ -142,8 +136,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     rows = [[name, f"{1e3 * by:+z.3f}"] for name, by in document["change_m"].items()]
     keys = [f"{key}={_toml(offset)}" for key, offset in document["offsets"].items()]
     return [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         *attitude_lines(document["before"], "before"),
         *attitude_lines(document["after"], "after"),
         Table("moved", ["attach point", "mm"], rows),

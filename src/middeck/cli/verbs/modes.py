@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -30,9 +30,7 @@ HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "ser
 
 
 @click.command("modes", cls=options.Verb, epilog=EPILOG)
-@options.article
-@options.environment
-@options.load_case
+@options.case
 @options.count
 @figures.mode_shapes
 @figures.up
@@ -46,14 +44,11 @@ HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "ser
 )
 @options.common
 def verb(
-    article: str,
-    environment: str,
-    load_case: str | None,
+    case: options.Case,
     count: int,
     figure_file: str | None,
     up: str | None,
     shapes_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Natural modes of ARTICLE at rest in an environment.
@@ -63,15 +58,13 @@ def verb(
     count as the article's. Where wheels spin, the modes are those at their speeds, forward and backward;
     those at standstill stand below them.
     """
-    from middeck.cli.given.cases import apply_case, find_case, solve_in
+    from middeck.cli.given.cases import read_case, solve_in
     from middeck.cli.shown.blame import reading
     from middeck.cli.shown.summary import summary_lines, summary_numbers
-    from middeck.files.documents import load_setup
     from middeck.structure.summary.summary import summarise
 
     figures.check_up(up, figure_file)
-    files = find_case(article, environment)
-    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
+    structure, surroundings, *files = read_case(case)
     with reading(*files):
         summary = summarise(structure)
     if not as_json:  # at once: what is wrong with it shows here, whatever becomes of the solution
@@ -198,8 +191,7 @@ def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, .
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     still = document.get("standstill", document)
     blocks: list[str | Table] = [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
+        *case_lines(document),
         f"residual     {_imbalance(document)}",
         *_whirl_blocks(document),
         _modes_table(still),

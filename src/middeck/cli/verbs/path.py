@@ -24,9 +24,7 @@ RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help m
 
 
 @click.command("path", cls=options.Verb, epilog=EPILOG)
-@options.article
-@options.environment
-@options.load_case
+@options.case
 @options.count
 @click.option(
     "--through",
@@ -52,16 +50,13 @@ RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help m
 @figures.figure
 @options.common
 def verb(
-    article: str,
-    environment: str,
-    load_case: str | None,
+    case: options.Case,
     count: int,
     through: tuple[str, ...] | None,
     tilt: tuple[float, ...] | None,
     devices: str,
     require: bool,
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Modes of ARTICLE while gravity changes.
@@ -70,14 +65,12 @@ def verb(
     gravity and mode. Devices are tuned in the environment's own gravity, and released in orbit. A load case
     acts all the way.
     """
-    from middeck.cli.given.cases import apply_case, case_doubts, find_case
+    from middeck.cli.given.cases import case_doubts, read_case
     from middeck.cli.shown.blame import reading
-    from middeck.files.documents import load_setup
     from middeck.structure.gravity.path import follow_gravity
     from middeck.structure.gravity.places import DeviceRule
 
-    files = find_case(article, environment)
-    structure, surroundings = apply_case(*load_setup(*files, overrides), load_case, *files)
+    structure, surroundings, *files = read_case(case)
     places = _places(surroundings, through, tilt)
     with reading(*files):
         found = follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
@@ -118,18 +111,15 @@ def _places(
     return tuple(find_place(name, environment.gravity) for name in through)
 
 
-def _is_released(e: Environment) -> bool:
-    """Whether the environment holds an article by more than clamps, which hold in orbit too."""
-    return bool(e.suspension or e.devices or e.springs or e.bushings)
-
-
 def describe(found: GravityPath) -> dict[str, Any]:
     """The JSON document; of ``frequency_hz`` a mode that grows has minus its rate over 2 pi."""
+    e = found.environment
+    released = e.suspension or e.devices or e.springs or e.bushings  # clamps hold in orbit too
     return {
         "schema": "middeck.path/1",
         "article": found.structure.title,
         "environment": found.environment.title,
-        "devices": found.rule.value if _is_released(found.environment) else "none",
+        "devices": found.rule.value if released else "none",
         "complete": found.complete,
         "places": [{"name": p.name, "gravity_m_s2": p.gravity} for p in found.places],
         "reached": found.reached,

@@ -8,7 +8,7 @@ import click
 
 from middeck.cli import figures, options
 from middeck.cli.given.requirements import Requirement, meets, read_requirements
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
     from middeck.cli.given.plants_to_try import Law
@@ -22,20 +22,14 @@ Examples:
   middeck qualify law.json model.json --shift 300:1000 0.5 \\
     --angle-noise 1e-7 --disturbance 0.1 --require stable --require gain_db=6
 """
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
+POSITIVE = options.POSITIVE
 AT_LEAST = ("gain_db", "phase_deg", "delay_ms", "disk", "damping")
 AT_MOST = ("db", "control_rms")
 
 
 @click.command("qualify", cls=options.Verb, epilog=EPILOG)
 @click.argument("law_file", metavar="LAW.json|mat")
-@click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
-@options.environments
-@options.load_case
-@options.count
-@options.shifts
-@options.sweep
-@options.first_bending
+@options.tried
 @click.option(
     "--rate",
     "rates_hz",
@@ -45,7 +39,6 @@ AT_MOST = ("db", "control_rms")
     help="Also at these sampling rates.",
 )
 @click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
-@options.delay_ms
 @click.option("--angle-noise", type=POSITIVE, default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", type=POSITIVE, default=1e-2, show_default=True, help=options.INPUT_NOISE)
 @click.option(
@@ -60,13 +53,9 @@ AT_MOST = ("db", "control_rms")
 @options.common
 def verb(
     law_file: str,
-    plants: tuple[str, ...],
-    environments: tuple[str, ...],
-    load_case: str | None,
-    count: int,
+    tried: options.Tried,
     required: tuple[str, ...],
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
 ) -> None:
@@ -79,9 +68,7 @@ def verb(
     its data had one. --set takes the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
-    law, found, allowed, said = _qualify(
-        law_file, plants, environments or ("lab",), load_case, count, overrides, given
-    )
+    law, found, allowed, said = _qualify(law_file, tried, given)
     rows = [_row(q) for q in found]
     document = describe(law_file, law, rows, requirements, said) | {"allowed_shift": allowed}
     if figure_file is not None:
@@ -102,13 +89,7 @@ def verb(
 
 
 def _qualify(
-    law_file: str,
-    sources: tuple[str, ...],
-    environments: tuple[str, ...],
-    load_case: str | None,
-    count: int,
-    overrides: tuple[str, ...],
-    given: dict[str, Any],
+    law_file: str, tried: options.Tried, given: dict[str, Any]
 ) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None, list[str]]:
     import numpy as np
 
@@ -119,12 +100,9 @@ def _qualify(
     from middeck.control.qualification import qualify_compensator
 
     law = load_law(law_file)
-    delay_s = 1e-3 * given["delay_ms"]
-    gathered = gather_plants(
-        sources, environments, law, case=load_case, count=count, overrides=overrides, delay_s=delay_s
-    )
+    gathered = gather_plants(tried, law)
     allowed = allowed_shifts(gathered.plants, law) if given["limits"] else None
-    plants = all_plants(gathered, law, given)
+    plants = all_plants(gathered, law, tried)
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     intensity = given["disturbance"] ** 2 * np.eye(len(u))
     noise = np.full(len(y), given["angle_noise"] ** 2)
@@ -133,7 +111,7 @@ def _qualify(
     )
     rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
     found = qualify_compensator(law, plants, weights, rates_hz=rates)
-    return law, found, allowed, say_hold(gathered, law, weights, rates, delay_s)
+    return law, found, allowed, say_hold(gathered, law, weights, rates, tried.delay_s)
 
 
 def _row(found: Qualified) -> dict[str, Any]:
@@ -229,20 +207,16 @@ def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     law, rows = document["law"], document["rows"]
-    form = {"gain_db": ".2f", "phase_deg": ".1f", "delay_ms": ".3g", "disk": ".3f", "db": ".2f"}
+    margins = ("gain_db:.2f", "phase_deg:.1f", "delay_ms:.3g")
     headers = ["plant", "setting", "stable", "pole Hz", "damping", "gain dB", "phase deg", "delay ms", "disk"]
-    cells = [
+    lines = [
         [
             row["plant"],
             row["setting"],
             "yes" if row["stable"] else "NO",
-            _number(row["pole_hz"], ".4g"),
-            _number(row["damping"], ".4f"),
-            *(_number(row[key], form[key], row["stable"]) for key in ("gain_db", "phase_deg", "delay_ms")),
-            _number(row["disk"], form["disk"]),
-            _number(row["db"], form["db"]),
-            _number(row["rms"], ".3g"),
-            _number(row["control_rms"], ".3g"),
+            *cells(row, "pole_hz:.4g", "damping:.4f"),
+            *("none" if cell == "-" and row["stable"] else cell for cell in cells(row, *margins)),
+            *cells(row, "disk:.3f", "db:.2f", "rms:.3g", "control_rms:.3g"),
         ]
         for row in rows
     ]
@@ -258,7 +232,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"compensator  {law['order']} states, {kind}{made}",
         f"from         {', '.join(law['reads'])} to {', '.join(law['drives'])}",
         f"stable       {document['stable']} of {len(rows)}",
-        Table("least margins of the loops, and rms", [*headers, "rms dB", "rms", "control rms"], cells),
+        Table("least margins of the loops, and rms", [*headers, "rms dB", "rms", "control rms"], lines),
         *_limits(document["allowed_shift"]),
         *(["", *met, *failed] if document["requirements"] else []),
     ]
@@ -267,9 +241,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
 def _limits(allowed: list[dict[str, Any]] | None) -> list[str | Table]:
     if allowed is None:
         return []
-    ends = ("down_percent", "down_hz", "up_percent", "up_hz")
+    keys = ("plant", "mode", "down_percent:.4g", "down_hz:.4g", "up_percent:.4g", "up_hz:.4g")
     limited = [
-        [shift["plant"], shift["mode"], *(_number(shift[end], ".4g") for end in ends)]
+        cells(shift, *keys)
         for shift in allowed
         if shift["down_percent"] is not None or shift["up_percent"] is not None
     ]
@@ -280,9 +254,3 @@ def _limits(allowed: list[dict[str, Any]] | None) -> list[str | Table]:
         limited,
     )
     return [table, rest] if limited else [rest]
-
-
-def _number(value: float | None, form: str, unlimited: bool = False) -> str:
-    if value is None:
-        return "none" if unlimited else "-"
-    return format(value, form)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.options import columns, told_columns
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ Examples:
 
 @click.command("record", cls=options.Verb, epilog=EPILOG)
 @click.argument("files", nargs=-1, required=True, metavar="RECORD...")
-@columns
+@options.columns
 @options.periods
 @click.option(
     "--reference",
@@ -46,10 +45,7 @@ Examples:
 @options.common
 def verb(
     files: tuple[str, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    sample_hz: float | None,
-    variable: str,
+    columns: options.ColumnsTyped,
     periods: int | None,
     reference: str | None,
     target: str | None,
@@ -68,9 +64,9 @@ def verb(
     """
     from middeck.cli.given.settings import RecordSettings, settle
 
-    given = {"sample_hz": sample_hz, "variable": variable or None, "periods": periods}
+    given = {"sample_hz": columns.sample_hz, "variable": columns.variable or None, "periods": periods}
     chosen = settle(RecordSettings, given, overrides)
-    told = told_columns(inputs, outputs, chosen.sample_hz, chosen.variable)
+    told = columns._replace(sample_hz=chosen.sample_hz, variable=chosen.variable).told()
     if stream:
         if target is not None:
             options.require_writable(target, options.STREAMS, "--stream -o")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
     from middeck.updating.orbit.frequencies import Prediction
@@ -63,12 +63,11 @@ def verb(
     docs/reference/files.md. The answer is the most probable article, with the deviations of its numbers; the
     refined article is the old one with a table of factors.
     """
-    from pathlib import Path
-
     from middeck.cli.given.cases import find_case
     from middeck.cli.shown.blame import reading
+    from middeck.files.disk.atomic import write_text
     from middeck.files.documents import load_setup
-    from middeck.files.refinements.documents import load_refinement, refined_text, write_article
+    from middeck.files.refinements.documents import load_refinement, refined_text
     from middeck.updating.orbit.frequencies import predict_modes
     from middeck.updating.refinement.choice import weigh_unknowns
     from middeck.updating.refinement.refine import refine
@@ -87,7 +86,7 @@ def verb(
         predicted = predict_modes(refined, there, count=count)
     document = describe(refined, predicted)
     if target is not None:
-        write_article(Path(target), refined_text(files[0], refined.factors))
+        write_text(target, refined_text(files[0], refined.factors))
     show(as_json, document, *_blocks(document, target))
 
 
@@ -159,10 +158,7 @@ def describe_choice(choice: Choice) -> dict[str, Any]:
 
 
 def _choice_table(document: dict[str, Any]) -> Table:
-    rows = [
-        [u["name"], f"{u['strength']:.3g}", f"{u['alignment']:+.2f}", u["reason"]]
-        for u in document["unknowns"]
-    ]
+    rows = [cells(u, "name", "strength:.3g", "alignment:+.2f", "reason") for u in document["unknowns"]]
     headers = ["unknown", "moves by [deviations]", "with the error", "left out or merged?"]
     return Table("what one prior deviation of each does to the surveys", headers, rows)
 
@@ -251,16 +247,8 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
 
 
 def _response_table(responses: Sequence[dict[str, Any]]) -> Table:
-    rows = [
-        [
-            r["survey"],
-            str(r["lines"]),
-            f"{r['magnitude_db']:.3g}",
-            f"{r['phase_deg']:.3g}",
-            f"{r['miss']:.2f}",
-        ]
-        for r in responses
-    ]
+    keys = ("survey", "lines", "magnitude_db:.3g", "phase_deg:.3g", "miss:.2f")
+    rows = [cells(r, *keys) for r in responses]
     headers = ["survey", "lines", "off by [dB rms]", "[deg rms]", "in deviations"]
     return Table("responses of the refined article", headers, rows)
 

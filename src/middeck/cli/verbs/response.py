@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, cells, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,9 +29,7 @@ Examples:
 
 
 @click.command("response", cls=options.Verb, epilog=EPILOG)
-@options.article
-@options.environment
-@options.load_case
+@options.case
 @click.option(
     "--input", "inputs", multiple=True, required=True, metavar="PORT", help="Actuator; may be repeated."
 )
@@ -58,16 +56,13 @@ Examples:
 @figures.figure
 @options.common
 def verb(
-    article: str,
-    environment: str,
-    load_case: str | None,
+    case: options.Case,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
     frequency_hz: tuple[float, ...],
     count: int,
     static: bool,
     figure_file: str | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Frequency responses of ARTICLE between named ports.
@@ -84,9 +79,9 @@ def verb(
     from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
     from middeck.systems.plants.response import evaluate_plant
 
-    modes = solve_case(article, environment, overrides, count, load_case, standstill=True)
+    modes = solve_case(case, count, standstill=True)
     u, y = options.separate_names(inputs), options.separate_names(outputs)
-    with reading(find_case(article, environment)[0]):
+    with reading(find_case(case.article, case.environment)[0]):
         plant = build_plant(modes, inputs=u, outputs=y, count=count, static=static)
         gain = compare_static_gain(modes, inputs=u, outputs=y, count=count) if static else None
 
@@ -96,7 +91,7 @@ def verb(
             return found
         return complete_response(modes, found, inputs=u, outputs=y, count=count)
 
-    with reading(find_case(article, environment)[0]):
+    with reading(find_case(case.article, case.environment)[0]):
         response = respond(np.array(frequency_hz))
     document = {
         "schema": "middeck.response/1",
@@ -172,10 +167,7 @@ def _share(missing: float) -> str:
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     import numpy as np
 
-    blocks: list[str | Table] = [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
-    ]
+    blocks: list[str | Table] = [*case_lines(document)]
     for pair in document["responses"]:
         H = pair["re"] + 1j * pair["im"]
         rows = [
@@ -186,16 +178,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         blocks.append(Table(title, ["Hz", "real", "imaginary", "magnitude", "phase deg"], rows))
     if "static_gain" in document:
         gain = document["static_gain"]
-        rows = [
-            [
-                p["input"],
-                p["output"],
-                f"{p['full']:.6e}",
-                f"{p['kept']:.6e}",
-                _share(p["missing"]),
-            ]
-            for p in gain["pairs"]
-        ]
+        keys = ("input", "output", "full:.6e", "kept:.6e")
+        rows = [[*cells(p, *keys), _share(p["missing"])] for p in gain["pairs"]]
         title = f"undamped gain at {gain['frequency_hz']:.3g} Hz, without and with the modes left out"
         blocks.append(Table(title, ["from", "to", "all modes", "kept modes", "missing"], rows))
     return blocks

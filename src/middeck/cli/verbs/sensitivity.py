@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -29,8 +29,7 @@ SMALL = 5e-5  # of dlnf/dlnp: four decimals would say zero
 
 
 @click.command("sensitivity", cls=options.Verb, epilog=EPILOG)
-@options.article
-@options.environment
+@options.case
 @click.option(
     "--parameter",
     "patterns",
@@ -54,17 +53,13 @@ SMALL = 5e-5  # of dlnf/dlnp: four decimals would say zero
     type=click.IntRange(min=1),
     help=f"Print the N largest of each mode, by |dlnf/dlnp|.  [default: {TOP} with --mode, else all]",
 )
-@options.load_case
 @options.common
 def verb(
-    article: str,
-    environment: str,
-    load_case: str | None,
+    case: options.Case,
     patterns: tuple[str, ...],
     count: int,
     wanted: tuple[str, ...],
     top: int | None,
-    overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Derivatives of frequencies and of the rest state of ARTICLE.
@@ -80,10 +75,10 @@ def verb(
     from middeck.structure.sensitivity.parameters import find_parameters
     from middeck.structure.sensitivity.rest import differentiate_rest
 
-    modes = solve_case(article, environment, overrides, case=load_case)
+    modes = solve_case(case)
     rest = modes.equilibrium
     chosen = find_modes(modes.name, wanted)
-    with reading(*find_case(article, environment)):
+    with reading(*find_case(case.article, case.environment)):
         names = options.separate_names(patterns)
         if not names:
             raise ConfigError("no parameter named", where="--parameter", hint='a name, or "*" for all')
@@ -157,10 +152,7 @@ def _tables(document: dict[str, Any], chosen: list[int], top: int | None) -> lis
     """All in one table; or one for each mode, its largest first, and the rest state by what is left."""
     every = range(len(document["parameters"]))
     modes = range(len(document["frequency_hz"]))
-    blocks: list[str | Table] = [
-        f"article      {document['article']}",
-        f"environment  {document['environment']}",
-    ]
+    blocks: list[str | Table] = [*case_lines(document)]
     if not any(f > 0.0 for f in document["frequency_hz"]):
         blocks.append("\nall modes shown are rigid: omega = 0 has no derivative; a larger --count shows more")
     if not chosen and top is None:

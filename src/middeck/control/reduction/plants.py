@@ -46,7 +46,7 @@ def reduce_plant(
         output_size=output_size,
     )
     whole = add(rigid, found.system)
-    states = (*_twice(names), *_state_names(found))
+    states = (*(name for name in names for _ in range(2)), *_state_names(found))
     smaller = dataclasses.replace(active, dynamics=whole, state_names=states)
     kept = (*names, *(f"kept {i}" for i in range(found.kept)))
     return ReducedPlant(
@@ -73,10 +73,6 @@ def _set_rigid_aside(plant: Plant) -> tuple[StateSpace, tuple[str, ...], StateSp
     rigid = modal.omega == 0.0
     aside = dataclasses.replace(select_modes(modal, rigid), direct=None)
     return modal_to_statespace(aside), aside.names, modal_to_statespace(select_modes(modal, ~rigid))
-
-
-def _twice(names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(name for name in names for _ in range(2))
 
 
 def _state_names(found: Reduction) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Classical sections: leads and notches of second order, leads of first order, roll-off.
+"""Classical sections: leads and notches of second order, roll-off.
 
 All have unit gain at zero frequency. Second-order sections are in modal form, (q, q'/omega) of their poles,
 so that a section of 1 % damping stays exact beside a plant of hundreds of states.
@@ -6,15 +6,10 @@ so that a section of 1 % damping stays exact beside a plant of hundreds of state
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-import scipy.linalg as sla
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
-from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace, gain_system, series
 
 
@@ -46,34 +41,6 @@ def second_order_section(
     return StateSpace(A, np.array([[0.0], [wp]]), gain * rest, np.array([[gain]]))
 
 
-def notch(frequency_hz: float, depth: float, width: float) -> StateSpace:
-    """A dip to ``depth`` (0 to 1) at ``frequency_hz``, if deep 3 dB down over ``width`` of that frequency.
-
-    >>> from middeck.systems.plants.response import statespace_response
-    >>> dip = statespace_response(notch(9.0, 0.1, 0.2), np.array([2.0 * np.pi * 9.0]))[0, 0, 0]
-    >>> round(float(abs(dip)), 12)
-    0.1
-    >>> edges = 2.0 * np.pi * 9.0 * (1.0 + np.array([-0.005, 0.005]))       # all gone, 1 % wide
-    >>> abs(statespace_response(notch(9.0, 0.0, 0.01), edges)[:, 0, 0]).round(2)
-    array([0.71, 0.71])
-    """
-    if not 0.0 <= depth <= 1.0:
-        raise ConfigError(f"notch depth {depth:g}", hint="0 (zero gain) to 1 (no notch)")
-    return second_order_section(frequency_hz, depth * width / 2.0, frequency_hz, width / 2.0)
-
-
-def first_order_section(zero_hz: float, pole_hz: float) -> StateSpace:
-    """(1 + s/w_z) / (1 + s/w_p): a lead where the zero comes first, a lag where the pole does.
-
-    Raises `ConfigError` for a frequency that is not positive.
-    """
-    if not (zero_hz > 0.0 and pole_hz > 0.0):
-        raise ConfigError(f"a section with a zero at {zero_hz:g} Hz and a pole at {pole_hz:g} Hz",
-                          hint="positive frequencies")  # fmt: skip
-    wp, ratio = 2.0 * np.pi * pole_hz, pole_hz / zero_hz
-    return StateSpace(np.array([[-wp]]), np.array([[wp]]), np.array([[1.0 - ratio]]), np.array([[ratio]]))
-
-
 def roll_off(frequency_hz: float, order: int = 2) -> StateSpace:
     """Butterworth's low pass of ``order`` at ``frequency_hz``: -3 dB there, flat below (Butterworth 1930).
 
@@ -96,34 +63,6 @@ def roll_off(frequency_hz: float, order: int = 2) -> StateSpace:
         lag = StateSpace(np.array([[-w]]), np.array([[w]]), np.ones((1, 1)), np.zeros((1, 1)))
         law = series(law, lag)
     return law
-
-
-def design_pd(
-    plant: Plant, pd: PDLoops, corner_hz: float | Sequence[float], *, order: int = 2
-) -> Compensator:
-    """u = -(kp + kd s) y through Butterworth's roll-off, one loop for each name: reads angles only.
-
-    The loops of `close_inner_loop` as a compensator that can be built: no rate is measured, and beyond
-    ``corner_hz`` (one for all loops, or one each) nothing is amplified. At an ``order`` of one a direct term
-    is left. Raises `ConfigError` for ports that the plant lacks and a corner or order that is not positive.
-    """
-    corners = np.broadcast_to(np.asarray(corner_hz, dtype=float), (len(pd.names),))
-    each = [
-        _pd_loop(float(kp), float(kd), float(corner), order)
-        for kp, kd, corner in zip(pd.kp, pd.kd, corners, strict=True)
-    ]
-    beside = StateSpace(*(np.asarray(sla.block_diag(*(getattr(s, m) for s in each))) for m in "ABCD"))
-    return Compensator(
-        beside,
-        tuple(plant.outputs[i] for i in plant.output_indices(pd.names)),
-        tuple(plant.inputs[i] for i in plant.input_indices(pd.names)),
-    )
-
-
-def _pd_loop(kp: float, kd: float, corner_hz: float, order: int) -> StateSpace:
-    """-(kp + kd s) F: with x' = A x + B y and f = C x, s F y is C A x + C B y."""
-    F = roll_off(corner_hz, order)
-    return StateSpace(F.A, F.B, -(kp * F.C + kd * F.C @ F.A), -kd * F.C @ F.B)
 
 
 def shape_compensator(compensator: Compensator, section: StateSpace) -> Compensator:

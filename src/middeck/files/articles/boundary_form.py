@@ -6,20 +6,16 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import AfterValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from middeck.errors import ConfigError
-from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector
+from middeck.files.articles.axes_form import AxesForm
+from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector, real_numbers
 from middeck.structure.model.article import AddedMass, Body, Bushing, LoadCase, PointLoad
 from middeck.structure.model.clamps import LETTERS, Clamp
 from middeck.structure.model.environment import GroundBushing
 
 ORIGIN = (0.0, 0.0, 0.0)
-X, Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-# Sine between the two axes below which they are one: rounding decides where the third is.
-APART = 1e-6
 
 
 def held_letters(value: str) -> str:
@@ -38,28 +34,23 @@ def held_letters(value: str) -> str:
 def stiffness_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
     """Six numbers of a diagonal or six rows of six; whether it can be is checked with the article."""
     allowed = {"allowed": "six numbers, the diagonal, or six rows of six, symmetric: N/m, N, N m/rad"}
-    try:
-        matrix: np.ndarray = np.array(value, dtype=float)
-    except (ValueError, TypeError):
-        matrix = np.zeros(0)
+    matrix = real_numbers(value)
     matrix = np.diag(matrix) if matrix.shape == (6,) else matrix
     if matrix.shape != (6, 6) or not np.all(np.isfinite(matrix)):
         raise PydanticCustomError("stiffness", "not six numbers nor a 6x6 matrix of them", allowed)
-    return tuple(tuple(map(float, row)) for row in matrix)
+    return tuple(map(tuple, matrix.tolist()))
 
 
 Held = Annotated[str, AfterValidator(held_letters)]
 Stiffness = Annotated[Any, PlainValidator(stiffness_matrix)]
 
 
-class ClampForm(Form):
+class ClampForm(AxesForm):
     """Degrees of freedom of a node that the ground holds."""
 
     node: str
     along: Held = LETTERS
     about: Held = LETTERS
-    x_axis: Vector = X
-    y_axis: Vector = Y
 
 
 class PrescribedForm(ClampForm):
@@ -69,25 +60,21 @@ class PrescribedForm(ClampForm):
     turn_deg: Vector = ORIGIN
 
 
-class GroundBushingForm(Form):
+class GroundBushingForm(AxesForm):
     """A 6x6 stiffness from an attach point to the ground."""
 
     name: Name | None = None
     attach: str
     stiffness: Stiffness
-    x_axis: Vector = X
-    y_axis: Vector = Y
 
 
-class BushingForm(Form):
+class BushingForm(AxesForm):
     """A 6x6 stiffness between two attach points, which follows the first."""
 
     name: Name | None = None
     from_: str = Field(alias="from")
     to: str
     stiffness: Stiffness
-    x_axis: Vector = X
-    y_axis: Vector = Y
 
 
 class LoadForm(Form):
@@ -124,7 +111,7 @@ def build_clamp(form: ClampForm) -> Clamp:
         node=form.node,
         along=form.along,
         about=form.about,
-        axes=build_axes(form, f"clamp of node {form.node!r}"),
+        axes=form.axes(f"clamp of node {form.node!r}"),
         shift=np.array(moved.shift_m),
         turn=np.deg2rad(moved.turn_deg),
     )
@@ -133,14 +120,14 @@ def build_clamp(form: ClampForm) -> Clamp:
 def build_ground(form: GroundBushingForm) -> GroundBushing:
     """The bushing to the ground that a valid form describes."""
     name = form.name or f"bushing_{form.attach}"
-    axes = build_axes(form, f"bushing {name!r}")
+    axes = form.axes(f"bushing {name!r}")
     return GroundBushing(name=name, attach=form.attach, stiffness=np.array(form.stiffness), axes=axes)
 
 
 def build_bushing(form: BushingForm) -> Bushing:
     """The bushing between two attach points that a valid form describes."""
     name = form.name or f"{form.from_}-{form.to}"
-    axes = build_axes(form, f"bushing {name!r}")
+    axes = form.axes(f"bushing {name!r}")
     return Bushing(name=name, start=form.from_, end=form.to, stiffness=np.array(form.stiffness), axes=axes)
 
 
@@ -171,22 +158,3 @@ def build_load_cases(forms: Sequence[LoadCaseForm]) -> tuple[LoadCase, ...]:
 def _body(form: MassForm) -> Body:
     inertia = np.zeros((3, 3)) if form.inertia_kg_m2 is None else np.array(form.inertia_kg_m2)
     return Body(form.mass_kg, np.array(form.cg_m), inertia)
-
-
-def build_axes(form: ClampForm | GroundBushingForm | BushingForm, where: str) -> Float[np.ndarray, "3 3"]:
-    """Unit vectors as columns, see `build_plane`."""
-    return build_plane(form.x_axis, form.y_axis, where)
-
-
-def build_plane(x_axis: Sequence[float], y_axis: Sequence[float], where: str) -> Float[np.ndarray, "3 3"]:
-    """Unit vectors as columns, y in the plane of both; raises `ConfigError` where the two given are one."""
-    x, y = np.array(x_axis), np.array(y_axis)
-    across = np.cross(x, y)
-    if not np.linalg.norm(across) > APART * np.linalg.norm(x) * np.linalg.norm(y):
-        raise ConfigError(
-            f"x_axis {x.tolist()} and y_axis {y.tolist()} make no plane",
-            where=where,
-            hint="two vectors in different directions; lengths do not matter",
-        )
-    x, z = x / np.linalg.norm(x), across / np.linalg.norm(across)
-    return np.column_stack([x, np.cross(z, x), z])

@@ -20,6 +20,7 @@ from middeck.files.toml.form import (
     NotNegative,
     Positive,
     Vector,
+    real_numbers,
     whole,
     within,
 )
@@ -32,14 +33,11 @@ Plane = Annotated[tuple[Finite, Finite], Field(strict=False)]
 
 def section_stiffness(value: Any) -> tuple[tuple[float, ...], ...]:
     """Rows of a 4x4 or 6x6; whether it can be a stiffness is checked with the article."""
-    try:
-        matrix: np.ndarray = np.array(value, dtype=float)
-    except (ValueError, TypeError):
-        matrix = np.zeros(0)
+    matrix = real_numbers(value)
     if matrix.shape not in ((4, 4), (6, 6)) or not np.all(np.isfinite(matrix)):
         allowed = {"allowed": "4x4: extension, twist, curvatures about y and z; 6x6: with shears y, z second"}
         raise PydanticCustomError("stiffness", "not a 4x4 nor a 6x6 matrix of numbers", allowed)
-    return tuple(tuple(map(float, row)) for row in matrix)
+    return tuple(map(tuple, matrix.tolist()))
 
 
 SectionStiffness = Annotated[Any, PlainValidator(section_stiffness)]

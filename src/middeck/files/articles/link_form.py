@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from middeck.errors import ConfigError
-from middeck.files.articles.boundary_form import ORIGIN, Held, X, Y, build_plane
+from middeck.files.articles.axes_form import AxesForm
+from middeck.files.articles.boundary_form import ORIGIN, Held
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Form, Name, Positive, Vector
 from middeck.files.toml.lines import Path
@@ -18,7 +19,7 @@ from middeck.structure.model.clamps import LETTERS
 from middeck.structure.model.links import AnyLink, Equation, Interpolation, Link, Share, Term, link_faults
 
 
-class LinkForm(Form):
+class LinkForm(AxesForm):
     """A rigid link or a joint between two frames, exact."""
 
     name: Name | None = None
@@ -27,30 +28,24 @@ class LinkForm(Form):
     along: Held = LETTERS
     about: Held = LETTERS
     offset_m: Vector = ORIGIN
-    x_axis: Vector = X
-    y_axis: Vector = Y
 
 
-class ShareForm(Form):
+class ShareForm(AxesForm):
     """A frame that an interpolation follows."""
 
     frame: str
     weight: Positive = 1.0
     along: Held = LETTERS
     about: Held = ""
-    x_axis: Vector = X
-    y_axis: Vector = Y
 
 
-class InterpolationForm(Form):
+class InterpolationForm(AxesForm):
     """A frame that follows the mean motion of others (RBE3)."""
 
     name: Name | None = None
     frame: str
     along: Held = LETTERS
     about: Held = LETTERS
-    x_axis: Vector = X
-    y_axis: Vector = Y
     follows: Annotated[tuple[ShareForm, ...], Field(strict=False, min_length=1)]
 
 
@@ -89,7 +84,7 @@ def build_link(form: LinkForm | InterpolationForm | EquationForm) -> AnyLink:
             along=form.along,
             about=form.about,
             offset=np.array(form.offset_m),
-            axes=build_plane(form.x_axis, form.y_axis, f"link {name!r}"),
+            axes=form.axes(f"link {name!r}"),
         )
     name = form.name or f"interpolation_{form.frame}"
     return Interpolation(
@@ -97,14 +92,14 @@ def build_link(form: LinkForm | InterpolationForm | EquationForm) -> AnyLink:
         frame=form.frame,
         along=form.along,
         about=form.about,
-        axes=build_plane(form.x_axis, form.y_axis, f"link {name!r}"),
+        axes=form.axes(f"link {name!r}"),
         shares=tuple(
             Share(
                 frame=s.frame,
                 weight=s.weight,
                 along=s.along,
                 about=s.about,
-                axes=build_plane(s.x_axis, s.y_axis, f"link {name!r}"),
+                axes=s.axes(f"link {name!r}"),
             )
             for s in form.follows
         ),

@@ -23,6 +23,12 @@ def replacing(path: str | Path) -> Generator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_text(path: str | Path, text: str) -> None:
+    """``text`` to ``path`` as UTF-8, whole or not at all, with the same bytes on every system."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
 @contextmanager
 def making_folder(path: Path) -> Generator[Path]:
     """A temporary folder that becomes ``path`` at the end, or vanishes if the block fails."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -27,27 +28,25 @@ def environment_findings(data: Table) -> list[Finding]:
     return found
 
 
-def _gravity_findings(data: Table, gravity: Any) -> list[Finding]:
-    found: list[Finding] = []
+def _gravity_findings(data: Table, gravity: Any) -> Iterator[Finding]:
     held = any(data.get(key) for key in ("suspension", "device", "spring", "clamp", "bushing"))
     if is_number(gravity) and gravity > 0.0 and not held:
         advice = "add [suspension], [[device]], [[spring]] or [[clamp]], or leave [constants] out for orbit"
         path = ("constants", "gravity_m_s2")
-        found.append(finding(path, "a missing suspension in gravity", gravity, hint=advice))
+        yield finding(path, "a missing suspension in gravity", gravity, hint=advice)
     if table_of(data, "constants").get("gravity_direction") == [0.0, 0.0, 0.0]:
-        found.append(finding(("constants", "gravity_direction"), "must not be the zero vector"))
-    return found
+        yield finding(("constants", "gravity_direction"), "must not be the zero vector")
 
 
-def _suspension_findings(data: Table, gravity: Any) -> list[Finding]:
+def _suspension_findings(data: Table, gravity: Any) -> Iterator[Finding]:
     suspension = table_of(data, "suspension")
     path: Path = ("suspension",)
-    found = _friction_findings(path, suspension)
+    yield from _friction_findings(path, suspension)
     if suspension and gravity == 0.0:
         advice = "give [constants] gravity_m_s2, or use [[spring]]"
-        found.append(finding(path, "cables carry nothing without gravity", hint=advice))
+        yield finding(path, "cables carry nothing without gravity", hint=advice)
     if suspension.get("held") == {}:
-        found.append(finding((*path, "held"), "no attach point hangs on a cable", hint='n1 = "xyz"'))
+        yield finding((*path, "held"), "no attach point hangs on a cable", hint='n1 = "xyz"')
     length: Any = suspension.get("cable_length_m")
     bounce: Any = suspension.get("bounce_hz")
     numbers = all(is_number(x) and x > 0.0 for x in (length, bounce, gravity))
@@ -56,41 +55,37 @@ def _suspension_findings(data: Table, gravity: Any) -> list[Finding]:
         if not length > sink:
             message = f"a spring at this bounce_hz stretches by {sink:.4g} m: no free length is left"
             advice = f"more than {sink:.4g}, a higher bounce_hz, or a constant_force device"
-            found.append(finding((*path, "cable_length_m"), message, length, hint=advice))
-    return found
+            yield finding((*path, "cable_length_m"), message, length, hint=advice)
 
 
-def _device_findings(path: Path, device: Table, weightless: bool) -> list[Finding]:
-    found: list[Finding] = []
+def _device_findings(path: Path, device: Table, weightless: bool) -> Iterator[Finding]:
     for this, that in (("stiffness_n_per_m", "bounce_hz"), ("cable_length_m", "anchor_m")):
         if this in device and that in device:
-            found.append(finding((*path, that), f"instead of {this!r}, not beside it", device[that]))
+            yield finding((*path, that), f"instead of {this!r}, not beside it", device[that])
         elif this not in device and that not in device:
-            found.append(finding(path, f"needs {this!r} or {that!r}"))
+            yield finding(path, f"needs {this!r} or {that!r}")
     tuned = device.get("force_n", TUNED) == TUNED
     if tuned and "held" not in device:
         advice = 'held = "yz", the world directions pinned while its load is found; or give force_n'
-        found.append(finding(path, "a tuned device needs 'held'", hint=advice))
+        yield finding(path, "a tuned device needs 'held'", hint=advice)
     if not tuned and "held" in device:
         message = "is for a tuned device; this one has a force"
-        found.append(finding((*path, "held"), message, device["held"], hint=f'force_n = "{TUNED}"'))
+        yield finding((*path, "held"), message, device["held"], hint=f'force_n = "{TUNED}"')
     idle = [key for key in ("bounce_hz", "cable_length_m") if key in device]
     if weightless and (tuned or idle):
         key = idle[0] if idle else "force_n"
         advice = "give [constants] gravity_m_s2; or force_n, stiffness_n_per_m and anchor_m"
-        found.append(finding((*path, key), "means nothing without gravity", hint=advice))
-    return found
+        yield finding((*path, key), "means nothing without gravity", hint=advice)
 
 
-def _friction_findings(path: Path, device: Table) -> list[Finding]:
+def _friction_findings(path: Path, device: Table) -> Iterator[Finding]:
     friction = device.get("friction_n", 0.0)
     if is_number(friction) and friction > 0.0 and "presliding_m" not in device:
         advice = "presliding_m, how far it gives before it slips: 1e-5 to 1e-3 is usual"
-        return [finding((*path, "friction_n"), "needs 'presliding_m' beside it", friction, hint=advice)]
+        yield finding((*path, "friction_n"), "needs 'presliding_m' beside it", friction, hint=advice)
     if friction == 0.0 and "presliding_m" in device:
         message = "means nothing without 'friction_n'"
-        return [finding((*path, "presliding_m"), message, device["presliding_m"])]
-    return []
+        yield finding((*path, "presliding_m"), message, device["presliding_m"])
 
 
 def _name_findings(data: Table) -> list[Finding]:

@@ -47,14 +47,14 @@ def read_json(path: str | Path, schema: str, hint: str) -> dict[str, Any]:
     return cast("dict[str, Any]", data)
 
 
-def json_numbers(value: Any, where: str, *, ragged: str, infinite: str) -> np.ndarray:
+def json_numbers(value: Any, where: str, ragged: str, infinite: str = "") -> np.ndarray:
     """``value`` as an array of finite numbers; ``ragged`` and ``infinite`` say what to try otherwise."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
         raise DataError("not an array of numbers", where=where, hint=ragged) from None
     if not np.isfinite(array).all():
-        raise DataError("a number is not finite", where=where, hint=infinite)
+        raise DataError("a number is not finite", where=where, hint=infinite or ragged)
     return array
 
 

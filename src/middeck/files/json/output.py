@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.errors import NumericalError
-from middeck.files.disk.atomic import replacing
+from middeck.files.disk.atomic import write_text
 from middeck.signals.ports import Port
 
 
@@ -57,9 +57,7 @@ def _leaf(value: Any) -> str:
 
 def write_json(path: str | Path, value: Any) -> None:
     """Write ``value`` to ``path`` as `json_text`, whole or not at all."""
-    text = json_text(value) + "\n"
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(path, json_text(value) + "\n")
 
 
 def plain(value: Any, where: str = "") -> Any:

@@ -70,16 +70,12 @@ def load_compensator(path: str | Path) -> StoredCompensator:
     data = read_json(path, COMPENSATOR_SCHEMA, "a compensator of middeck design -o")
     require_keys(data, ("inputs", "outputs", *"ABCD"), str(path), AGAIN)
     inputs, outputs = (read_ports(data[side], f"{path}, {side}", AGAIN) for side in ("inputs", "outputs"))
-    matrices = {
-        name: json_numbers(data[name], f"{path}, {name}", ragged=AGAIN, infinite=AGAIN) for name in "ABCD"
-    }
-    period = data.get("period_s")
-    if period is not None:
-        period = float(json_numbers(period, f"{path}, period_s", ragged=AGAIN, infinite=AGAIN))
+    matrices = {name: json_numbers(data[name], f"{path}, {name}", AGAIN) for name in "ABCD"}
+    period = _optional(data.get("period_s"), f"{path}, period_s")
     law = build_stored(matrices, period, inputs, outputs, data.get("made") or {}, str(path))
     if data.get("applied") is None:
         return law
-    given = json_numbers(data["applied"], f"{path}, applied", ragged=AGAIN, infinite=AGAIN)
+    given = json_numbers(data["applied"], f"{path}, applied", AGAIN)
     return with_applied(law, given, str(path))
 
 
@@ -120,7 +116,7 @@ def build_stored(
 
 
 def _optional(value: Any, where: str) -> float | None:
-    return None if value is None else float(json_numbers(value, where, ragged=AGAIN, infinite=AGAIN))
+    return None if value is None else float(json_numbers(value, where, AGAIN))
 
 
 def build_system(

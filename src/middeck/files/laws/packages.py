@@ -188,7 +188,7 @@ def _closed(value: Any, missing: float, where: str) -> np.ndarray:
 
 def _numbers(value: Any, where: str, finite: bool = True) -> np.ndarray:
     if finite:
-        return json_numbers(value, where, ragged=AGAIN, infinite=AGAIN)
+        return json_numbers(value, where, AGAIN)
     return np.array(value, dtype=float)
 
 

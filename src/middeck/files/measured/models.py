@@ -165,7 +165,7 @@ def _truth(value: Any, where: str) -> bool:
 
 
 def _array(value: Any, where: str) -> np.ndarray:
-    return json_numbers(value, where, ragged=AGAIN, infinite=AGAIN)
+    return json_numbers(value, where, AGAIN)
 
 
 def _hold(value: Any, path: str) -> float | None:

@@ -12,7 +12,7 @@ from middeck.errors import ConfigError
 from middeck.files.disk.looks import CANDIDATES
 from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.refinements.documents import Refinement, load_refinement
-from middeck.files.refinements.gauge_form import PlannedStaticForm, build_case, build_gauge, planned_findings
+from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
 from middeck.files.refinements.loads import PromisedLoads, load_promised_loads
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, whole
@@ -95,7 +95,7 @@ def load_candidates(path: str | Path, article: str | Path) -> Candidates:
         loads=None if loads is None else _loads(loads, article, refined_on),
         tests=(
             *(_survey(s, there(s.environment)) for s in form.survey),
-            *(_static(s, there(s.environment)) for s in form.static),
+            *(build_static(s, there(s.environment), np.zeros(len(s.reading))) for s in form.static),
         ),
     )
 
@@ -145,17 +145,3 @@ def _survey(form: CandidateForm, environment: Environment) -> CandidateSurvey:
 def _channel(text: str) -> tuple[str, str]:
     name, _, direction = text.rpartition(" ")
     return name.strip(), direction
-
-
-def _static(form: PlannedStaticForm, environment: Environment) -> StaticTest:
-    gauges = tuple(build_gauge(r) for r in form.reading)
-    return StaticTest(
-        name=form.name,
-        environment=environment,
-        gauges=gauges,
-        value=np.zeros(len(gauges)),
-        load_case=build_case(form),
-        since_unloaded=form.since == "unloaded",
-        series=form.series,
-        settings=tuple(form.set.items()),
-    )

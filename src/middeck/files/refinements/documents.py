@@ -7,20 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field
 
-from middeck.files.disk.atomic import replacing
 from middeck.files.disk.looks import ARTICLE, REFINEMENT
 from middeck.files.documents import find_document, load_setup
 from middeck.files.measured.survey_files import load_survey_modes
-from middeck.files.refinements.gauge_form import (
-    StaticForm,
-    build_case,
-    build_gauge,
-    static_findings,
-    value_of,
-)
+from middeck.files.refinements.gauge_form import StaticForm, build_static, static_findings, value_of
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
 from middeck.files.toml.form import Finite, Form, Positive
@@ -100,16 +92,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         for s, seen, place in zip(form.survey, modes, environments, strict=True)
     )
     statics = tuple(
-        StaticTest(
-            name=t.name,
-            environment=load_setup(article, place)[1],
-            gauges=tuple(build_gauge(r) for r in t.reading),
-            value=np.array([value_of(r) for r in t.reading]),
-            load_case=build_case(t),
-            since_unloaded=t.since == "unloaded",
-            series=t.series,
-            settings=tuple(t.set.items()),
-        )
+        build_static(t, load_setup(article, place)[1], [value_of(r) for r in t.reading])
         for t, place in zip(form.static, rests, strict=True)
     )
     unknowns = tuple(build_unknown(u) for u in form.unknown)
@@ -127,9 +110,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
 
 def build_unknown(form: UnknownForm) -> Unknown:
     """The unknown that ``form`` states."""
-    return Unknown(
-        name=form.name, parameters=form.parameters, spread=form.spread, mean=form.mean, added=form.added
-    )
+    return Unknown(**form.model_dump())
 
 
 def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:
@@ -139,9 +120,3 @@ def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:
     names = dict.fromkeys([*had, *factors])
     lines = [f'"{n}" = {float(had.get(n, 1.0) * factors.get(n, 1.0))!r}' for n in names]
     return FACTORS.sub("", text).rstrip() + "\n\n[factors]\n" + "\n".join(lines) + "\n"
-
-
-def write_article(path: Path, text: str) -> None:
-    """Write an article whole or not at all."""
-    with replacing(path) as new:
-        new.write_text(text, encoding="utf-8")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -21,7 +21,9 @@ from middeck.files.toml.form import Finite, Form, Positive, Vector
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import tables
 from middeck.structure.model.article import LoadCase
+from middeck.structure.model.environment import Environment
 from middeck.updating.residuals.gauges import Gauge, GaugeKind
+from middeck.updating.residuals.statics import StaticTest
 
 # Endings of the keys of each kind, and their units over those of a `Gauge`.
 ENDING = {"shift": "m", "tilt": "deg", "force": "n", "moment": "nm"}
@@ -100,8 +102,23 @@ def value_of(form: ReadingForm) -> float:
     return UNIT[ending] * getattr(form, f"value_{ending}")
 
 
-def build_case(form: _LoadedForm) -> LoadCase | str | None:
-    """The load case of a static test."""
+def build_static(
+    form: StaticForm | PlannedStaticForm, environment: Environment, value: Sequence[float] | np.ndarray
+) -> StaticTest:
+    """The static test that a form describes, whose gauges read ``value``, each in the unit of its kind."""
+    return StaticTest(
+        name=form.name,
+        environment=environment,
+        gauges=tuple(build_gauge(r) for r in form.reading),
+        value=np.array(value),
+        load_case=_case_of(form),
+        since_unloaded=form.since == "unloaded",
+        series=form.series,
+        settings=tuple(form.set.items()),
+    )
+
+
+def _case_of(form: _LoadedForm) -> LoadCase | str | None:
     if not (form.load or form.mass or form.prescribed):
         return form.load_case
     own = LoadCaseForm.model_construct(

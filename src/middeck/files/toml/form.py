@@ -142,7 +142,7 @@ def inertia_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
     As a matrix an inertia may be zero about an axis: that of masses on one line.
     """
     allowed = {"allowed": "[Ixx, Iyy, Izz], each > 0, or a symmetric, positive semidefinite 3x3 matrix"}
-    matrix = _numbers(value)
+    matrix = real_numbers(value)
     least = -SINGULAR
     if matrix.shape == (3,):
         matrix, least = np.diag(matrix), 0.0
@@ -157,7 +157,7 @@ def inertia_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in (0.5 * (matrix + matrix.T)).tolist())
 
 
-def _numbers(value: Any) -> np.ndarray:
+def real_numbers(value: Any) -> np.ndarray:
     """``value`` as an array; empty if it is ragged or holds anything but numbers."""
     try:
         array = np.array(value)

@@ -25,7 +25,7 @@ def with_hold(package: ControllerPackage, settings: EngineSettings) -> Controlle
     _require(not package.single, "single precision", "the engine runs the law in double precision")
     near = abs(package.period_s - settings.period_s) <= 1e-9 * settings.period_s
     _require(near, f"{1.0 / package.period_s:g} Hz", f"the engine's {1.0 / settings.period_s:g} Hz")
-    there, drives = [_known(ports) for ports in (settings.inputs, settings.outputs)]
+    there, drives = ([Port(p.name, p.unit) for p in side] for side in (settings.inputs, settings.outputs))
     for own, known in ((package.inputs, there), (package.outputs, drives)):
         lacking = [port.name for port in own if port not in known]
         _require(not lacking, f"without {', '.join(lacking)} of the package", "the same names and units")
@@ -51,10 +51,6 @@ def with_hold(package: ControllerPackage, settings: EngineSettings) -> Controlle
         ),
         vectors=None,
     )
-
-
-def _known(ports: tuple[Port, ...]) -> list[Port]:
-    return [Port(port.name, port.unit) for port in ports]
 
 
 def _joined(own: tuple[Port, ...], used: list[Port]) -> tuple[Port, ...]:

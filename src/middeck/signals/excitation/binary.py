@@ -85,7 +85,8 @@ def design_binary(
     first, last = band_lines(band_hz, period_s, sample_hz)
     lines = np.arange(first, last + 1)
     found = [_swap(lines, samples, rng) for _ in range(STARTS)]
-    best = max(found, key=lambda u: _even_power(u, lines))
+    # Even lines make the sum of their amplitudes largest for a given power.
+    best = max(found, key=lambda u: float(np.sum(np.abs(np.fft.rfft(u)[lines]))))
     share = float(np.sum(2.0 * np.abs(np.fft.rfft(best)[lines] / samples) ** 2))
     u = scale_to_limits(spread_signs(best, inputs), limits, sample_hz, periodic=True)
     what = f"binary signal with {share:.0%} of its power on {len(lines)} lines from "
@@ -104,11 +105,6 @@ def _swap(lines: np.ndarray, samples: int, rng: np.random.Generator) -> Float[np
             break
         u = following
     return u
-
-
-def _even_power(u: np.ndarray, lines: np.ndarray) -> float:
-    """Sum of amplitudes on the lines, which even ones make largest for a given power."""
-    return float(np.sum(np.abs(np.fft.rfft(u)[lines])))
 
 
 def _sign(u: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"]:

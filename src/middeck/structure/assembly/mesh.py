@@ -145,7 +145,8 @@ def lay_out(structure: Structure) -> Model:
     frames = (*(n.name for n in structure.nodes), *inner, *(j.name for j in structure.joints))
     index = {name: i for i, name in enumerate(frames)}
     x = np.concatenate([np.array([n.position for n in structure.nodes]).reshape(-1, 3), cut.inner])
-    bodies = [(index[p.name], p.body) for p in (*structure.nodes, *structure.joints) if _has_inertia(p.body)]
+    parts = (*structure.nodes, *structure.joints)
+    bodies = [(index[p.name], p.body) for p in parts if p.body.mass != 0.0 or np.any(p.body.inertia)]
     bodies += [(index[m.frame], m.body) for m in structure.masses]
     ends = cut.frame.size
     attach = {a.name: ends + len(bodies) + i for i, a in enumerate(structure.attach_points)}
@@ -280,10 +281,6 @@ def select_beams(beams: BeamProperties, rows: slice | np.ndarray) -> BeamPropert
     if isinstance(rows, slice) and not rows.start and (rows.stop or 0) >= len(beams.length):
         return beams
     return BeamProperties(**{f.name: getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)})
-
-
-def _has_inertia(body: Body) -> bool:
-    return body.mass != 0.0 or bool(np.any(body.inertia))
 
 
 def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> FrameTree:

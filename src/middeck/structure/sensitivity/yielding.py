@@ -11,7 +11,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import static_coordinates
 from middeck.structure.assembly.springs import bushing_states, device_tension
 from middeck.structure.assembly.strain import strain_pull
-from middeck.structure.elements.frames import Configuration, move
+from middeck.structure.elements.frames import move
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.patches import STEP, columns, derivative
 from middeck.structure.sensitivity.rest import RestMotion, support_slopes
@@ -32,7 +32,7 @@ def yield_further(rest: Equilibrium, strain: Float[np.ndarray, "element 6 field"
     links = Tied.at(rest.model, rest.config, static_coordinates(rest.model))
     gradient = gradient + links.slope.T @ links.multipliers(gradient)
     still = dataclasses.replace(rest.config, since_drawn=None)
-    along = [_along(rest, still, step) for step in motion.T]
+    along = [move(rest.model.tree, still, STEP * 1j * step) for step in motion.T]
     tension = [derivative(device_tension(rest.model, there, rest.loads)) for there in along]
     pushed = [
         derivative(-bushing_states(rest.model, there, rest.loads)[1].gradient[:, 6:]) for there in along
@@ -43,7 +43,3 @@ def yield_further(rest: Equilibrium, strain: Float[np.ndarray, "element 6 field"
         tension=columns(tension, len(rest.tension)),
         support=support_slopes(rest, gradient, pushed),
     )
-
-
-def _along(rest: Equilibrium, still: Configuration, step: np.ndarray) -> Configuration:
-    return move(rest.model.tree, still, STEP * 1j * step)

@@ -145,7 +145,7 @@ def _part_modes(modal: ModalSystem) -> _Parts:
         still=chains,
         at_rest=", ".join(still.names),
         moving=rest,
-        names=_doubled(moving.names),
+        names=tuple(name for name in moving.names for _ in range(2)),
         direct=rows.direct,
     )
 
@@ -181,10 +181,6 @@ def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:
     late = series(_late(common, order), _late(delay_s[:, i] - common, order))
     B, D = (matrix.sum(axis=1, keepdims=True) for matrix in (late.B, late.D))
     return StateSpace(late.A, B, late.C, D)
-
-
-def _doubled(names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(name for name in names for _ in range(2))
 
 
 def _by_channel(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:

@@ -343,15 +343,11 @@ def _probes(
     return probe, np.concatenate([lines, damping[strongest]])
 
 
-def _log_integral(values: np.ndarray, w1: float, w2: float) -> Complex[np.ndarray, " pole"]:
-    """The integral of dw / (jw - l) for poles not right of the axis (no branch is crossed)."""
-    return -1j * (np.log(1j * w2 - values) - np.log(1j * w1 - values))
-
-
 def _pair_integral(
     values: np.ndarray, Cv: np.ndarray, Bv: np.ndarray, D: np.ndarray, w1: float, w2: float
 ) -> Float[np.ndarray, " output"]:
-    L = _log_integral(values, w1, w2)
+    # The integral of dw / (jw - l) for poles not right of the axis: no branch is crossed.
+    L = -1j * (np.log(1j * w2 - values) - np.log(1j * w1 - values))
     X = (Bv @ Bv.conj().T) * _pair_kernel(values, L, w1, w2)
     square = np.real(np.sum((Cv @ X) * Cv.conj(), axis=1))
     cross = np.real(np.sum(((Cv * L) @ Bv) * D, axis=1))

@@ -67,11 +67,6 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     return alone if none_grows(alone, period_s) else rates
 
 
-def _crowded(values: np.ndarray, size: float) -> bool:
-    """Whether several are so near to zero that rounding of a matrix of this ``size`` may have split them."""
-    return bool(np.sum(np.abs(values) < CROWDED * size) >= 2)
-
-
 def _rates(system: StateSpace | SampledStateSpace, p: np.ndarray) -> Complex[np.ndarray, " state"]:
     if not isinstance(system, SampledStateSpace):
         return p
@@ -90,7 +85,7 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     balanced, _ = balance(A)
     size = float(np.linalg.norm(balanced))
     rest = 1.0 if sampled else 0.0
-    if not _crowded(values - rest, size):
+    if np.sum(np.abs(values - rest) < CROWDED * size) < 2:  # no two that rounding may have split
         return values
     turn, sizes = integrating_chains(balanced - rest * np.eye(len(A)))
     if len(sizes) > 1:  # a chain of integrators, which rounding spreads; one alone is known to rounding

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex
 
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, dual
 
 # A singular value is zero below this share of the scaled pencil's norm, for each row and column of it:
 # rounding of a few orthogonal transformations, with two digits to spare.
@@ -38,7 +38,7 @@ def transmission_zeros(system: StateSpace | SampledStateSpace) -> Complex[np.nda
     size = np.linalg.norm(np.block([[scaled.A, scaled.B], [scaled.C, scaled.D]]))
     tolerance = RANK * (len(scaled.A) + max(scaled.D.shape)) * float(size)
     full_rows = _deflate(scaled, tolerance)
-    zeros = _finite(_dual(_deflate(_dual(full_rows), tolerance))) * omega
+    zeros = _finite(dual(_deflate(dual(full_rows), tolerance))) * omega
     one_each = zeros[np.imag(zeros) >= 0.0]
     return one_each[np.argsort(np.abs(one_each), kind="stable")]
 
@@ -80,15 +80,7 @@ def balance(system: StateSpace) -> StateSpace:
 
 def _sizes(matrix: np.ndarray, axis: int) -> np.ndarray:
     size = np.linalg.norm(matrix, axis=axis)
-    return _power_of_two(np.where(size > 0.0, size, 1.0))
-
-
-def _power_of_two(x: np.ndarray | float) -> np.ndarray:
-    return np.exp2(np.round(np.log2(x)))
-
-
-def _dual(system: StateSpace) -> StateSpace:
-    return StateSpace(system.A.T, system.C.T, system.B.T, system.D.T)
+    return np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
 
 
 def _deflate(system: StateSpace, tolerance: float) -> StateSpace:

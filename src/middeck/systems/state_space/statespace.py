@@ -80,6 +80,11 @@ def add(first: StateSpace, second: StateSpace) -> StateSpace:
     )
 
 
+def dual(system: StateSpace) -> StateSpace:
+    """The system whose transfer matrix is the transpose."""
+    return StateSpace(system.A.T, system.C.T, system.B.T, system.D.T)
+
+
 def poles(system: LinearSystem) -> Complex[np.ndarray, " state"]:
     """Eigenvalues of A (rad/s for a continuous system, z-plane for a sampled one)."""
     return np.linalg.eigvals(system.A).astype(complex)

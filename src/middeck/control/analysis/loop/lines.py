@@ -17,7 +17,6 @@ from middeck.control.analysis.loop.feedback_loop import (
 )
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.systems.state_space.statespace import LinearSystem
 
 Response = Callable[[np.ndarray], np.ndarray]
 Curve = tuple[Float[np.ndarray, " line"], Complex[np.ndarray, "line channel"]]
@@ -73,19 +72,13 @@ def _features(loop: FeedbackLoop, at: At, *, zeros: bool) -> tuple[np.ndarray, f
     """Poles, finite zeros where asked for, and the size of the fastest pole."""
     halves = approximate_halves(loop)
     channels = [open_channel(halves, i) for i in channels_at(loop, at)]
-    poles = np.concatenate([_rates(one) for one in (halves, close_channels(halves), *channels)])
+    systems = (halves, close_channels(halves), *channels)
+    poles = _finite(np.concatenate([growth_rates(one) for one in systems]))
     fastest = float(np.abs(poles).max(initial=0.0))
     found = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels if zeros)])
-    found = found if loop.period_s is None else _mapped(loop, found)
+    if loop.period_s is not None:
+        found = _finite(np.log(found[np.abs(found) > 0.0]) / loop.period_s)
     return np.append(poles, found[np.abs(found) <= fastest / AT_REST] if fastest > 0.0 else found), fastest
-
-
-def _rates(system: LinearSystem) -> np.ndarray:
-    return _finite(growth_rates(system))
-
-
-def _mapped(loop: FeedbackLoop, z: np.ndarray) -> np.ndarray:
-    return _finite(np.log(z[np.abs(z) > 0.0]) / (loop.period_s or 1.0))
 
 
 def _finite(rates: np.ndarray) -> np.ndarray:

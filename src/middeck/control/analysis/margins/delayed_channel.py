@@ -30,7 +30,13 @@ from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent
 from middeck.systems.sampling.delayed_sampling import tidy_samples
 from middeck.systems.sampling.sampling import hold_inputs
-from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace, StateSpace, select_paths
+from middeck.systems.state_space.statespace import (
+    LinearSystem,
+    SampledStateSpace,
+    StateSpace,
+    dual,
+    select_paths,
+)
 
 DelayedChannel = Callable[[float], Callable[[np.ndarray], np.ndarray]]
 """L [line, 1] as a function of s, of a channel delayed by a part of a period more."""
@@ -59,7 +65,7 @@ def delayed_channels(
         add(select_paths(system, [i], range(ny)), late[:, i], closed)
     for o in range(ny) if at != "inputs" else ():
         closed = select_paths(close_channels(halves, [nu + o]), [nu + o], range(nu))
-        add(_transposed(select_paths(system, range(nu), [o])), late[o], closed)
+        add(dual(select_paths(system, range(nu), [o])), late[o], closed)
     return found
 
 
@@ -99,10 +105,6 @@ def _channel(
         return ratio
 
     return delayed
-
-
-def _transposed(system: StateSpace) -> StateSpace:
-    return StateSpace(system.A.T, system.C.T, system.B.T, system.D.T)
 
 
 def _remembered(response: Resolvent, z: np.ndarray) -> Resolvent:

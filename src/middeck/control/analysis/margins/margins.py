@@ -200,11 +200,13 @@ def measure_margins(
     omega, L = add_ends(loop, ratio, curve)
     ends = find_ends(loop, at)
     loops = [
-        _describe(name, i, (_channel(ratio, i), omega, L[:, i]), crossings, ends, stability.stable)
+        _describe(name, i, (lambda s, i=i: ratio(s)[:, i], omega, L[:, i]), crossings, ends, stability.stable)
         for i, name in enumerate(broken_at(loop, at))
     ]
     loops = [
-        dataclasses.replace(one, delay_s=_with_none(one.delay_s)) if none and stability.stable else one
+        dataclasses.replace(one, delay_s=np.append(0.0, [] if one.delay_s is None else one.delay_s))
+        if none and stability.stable
+        else one
         for one, none in zip(loops, bears_no_delay(loop, at), strict=True)
     ]
     if loop.period_s is not None:
@@ -225,14 +227,6 @@ def _with_limits(loops: list[LoopMargins], limits: list[float]) -> list[LoopMarg
         dataclasses.replace(loop, delay_s=np.array([limit] if 0.0 < limit < np.inf else []))
         for loop, limit in zip(loops, limits, strict=True)
     ]
-
-
-def _with_none(delay_s: np.ndarray | None) -> np.ndarray:
-    return np.zeros(1) if delay_s is None else np.append(0.0, delay_s)
-
-
-def _channel(ratio: Ratio, i: int) -> Ratio:
-    return lambda s: ratio(s)[:, i]
 
 
 def _describe(

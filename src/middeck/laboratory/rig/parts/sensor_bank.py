@@ -48,9 +48,6 @@ def gather_readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
                 bias[i], walk[i] = sensor.bias, sensor.bias_walk * np.sqrt(period_s)
                 if np.isinf(sensor.anti_alias_hz):
                     noise[i] = sensor.noise / np.sqrt(period_s)
-    gyro, summed = (np.array(list(map(of, sensors)), dtype=bool) for of in (_is_gyro, is_summed))
+    gyro = np.array([isinstance(sensor, Gyro) for sensor in sensors], dtype=bool)
+    summed = np.array(list(map(is_summed, sensors)), dtype=bool)
     return Readout(step=step, range=reach, noise_rms=noise, bias=bias, walk=walk, gyro=gyro, summed=summed)
-
-
-def _is_gyro(sensor: Sensor) -> bool:
-    return isinstance(sensor, Gyro)

@@ -70,12 +70,9 @@ def _fields(body: str, inner: dict[str, np.dtype] | None = None) -> np.dtype:
             if kind == "char":
                 fields.append((field, f"S{shape[-1]}", shape[:-1]))
             else:
-                fields.append((field, _type_of(kind, inner or {}), shape))
+                known = WORD.get(kind) or (inner or {}).get(kind)
+                fields.append((field, known or layout(kind), shape))
     return np.dtype(fields)
-
-
-def _type_of(kind: str, inner: dict[str, np.dtype]) -> object:
-    return WORD.get(kind) or inner.get(kind) or layout(kind)
 
 
 @functools.cache

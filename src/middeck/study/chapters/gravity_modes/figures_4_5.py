@@ -104,7 +104,7 @@ def _draw_couplings(axes: Axes, comparison: ModeComparison) -> None:
     rows = np.arange(len(pairs))
     flexible = [i for i, kind in enumerate(comparison.orbit.kind[: comparison.count]) if kind == "flexible"]
     rigid = [i for i, kind in enumerate(comparison.orbit.kind[: comparison.count]) if kind != "flexible"]
-    other = np.array([_largest_other(matrix[:, j], flexible, i) for i, j in pairs])
+    other = np.array([max((matrix[k, j] for k in flexible if k != i), default=0.0) for i, j in pairs])
     axes.plot(matrix[pairs[:, 0], pairs[:, 1]], rows, "o", color=COLOUR["lab"], label="its pair")
     axes.plot(other, rows, "s", mfc="none", color=COLOUR["orbit"], label="largest other flexible")
     axes.plot(matrix[rigid][:, pairs[:, 1]].max(axis=0, initial=0.0), rows, "x", color=COLOUR["ink"],
@@ -117,7 +117,3 @@ def _draw_couplings(axes: Axes, comparison: ModeComparison) -> None:
     axes.set_ylabel("flexible 1-g mode")
     axes.set_xlabel("|cross-orthogonality| with 0-g modes")
     axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=3)
-
-
-def _largest_other(column: np.ndarray, flexible: list[int], pair: int) -> float:
-    return max((float(column[i]) for i in flexible if i != pair), default=0.0)

@@ -19,8 +19,8 @@ MEASURED_CONTROL = Chapter(
     needs=(rig_article,),
     compute=computation.compute,
     entries=(
-        Entry(key="figure_9a", numbers=numbers.figure_9a, claims_at="figure-9a", warnings_at="figure-9a"),
-        Entry(key="figure_9b", numbers=numbers.figure_9b, claims_at="figure-9b", warnings_at="figure-9b"),
+        Entry(key="figure_9a", numbers=numbers.figure_9a),
+        Entry(key="figure_9b", numbers=numbers.figure_9b),
     ),
     drawings=(
         Drawing(

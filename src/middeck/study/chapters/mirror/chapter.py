@@ -15,15 +15,7 @@ MIRROR = Chapter(
     share=0.04,
     stream=5,
     compute=computation.compute,
-    entries=(
-        Entry(
-            key="mirror",
-            numbers=numbers.mirror,
-            claims_at="mirror",
-            warnings_at="mirror",
-            claims=numbers.mirror_claims,
-        ),
-    ),
+    entries=(Entry(key="mirror", numbers=numbers.mirror, claims=numbers.mirror_claims),),
     drawings=(
         Drawing(
             key="mirror",

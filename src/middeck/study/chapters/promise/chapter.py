@@ -15,15 +15,7 @@ PROMISE = Chapter(
     share=0.6,
     stream=6,
     compute=computation.compute,
-    entries=(
-        Entry(
-            key="promise",
-            numbers=numbers.promise,
-            claims_at="promise",
-            warnings_at="promise",
-            claims=numbers.promise_claims,
-        ),
-    ),
+    entries=(Entry(key="promise", numbers=numbers.promise, claims=numbers.promise_claims),),
     drawings=(
         Drawing(
             key="promise",

@@ -106,7 +106,7 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
     fit = fit_response(response, states=form.flight_states, cost="logarithmic")
     ladders = design_ladder(refined, plan), measured_ladder(fit, plan)
     laws: dict[str, Compensator] = {**given, **ladders[0], **ladders[1]}
-    flown = fly(above, laws, form, settings, plan, rng)
+    flown = fly(above, laws, rng)
     statements = statements_of({"shares": LEVELS, "environments": [there]})
     outcomes = _outcomes(promised, truth.modes, flown)
     verdicts = judge(statements, outcomes)

@@ -15,7 +15,7 @@ from middeck.files.studies.promise import PromiseForm
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.runs import run_closed_loop
+from middeck.laboratory.rig.runs import Run, run_closed_loop
 from middeck.laboratory.settings import RigSettings
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import port_indices
@@ -50,6 +50,9 @@ class Flown:
 class Orbit:
     """The article in orbit behind its rig, held by its analogue loops, and its record without control."""
 
+    form: PromiseForm
+    settings: RigSettings
+    plan: Plan
     article: RigArticle
     plant: Plant
     rig: Rig
@@ -74,35 +77,28 @@ def launch(
         u[:, k] = random_multisine(
             form.loop_band_hz, form.flight_period_s, settings.sample_hz, form.disturbance_nm, rng
         )
-    taken, cause = _measure(rig, None, u, form, settings, rng)
-    assert taken is not None, cause
-    return Orbit(article=article, plant=plant, rig=rig, excitation=u, without=taken)
+    run = _measure(rig, None, u, form, settings, rng)
+    assert run.record is not None, run.cause
+    return Orbit(
+        form=form,
+        settings=settings,
+        plan=plan,
+        article=article,
+        plant=plant,
+        rig=rig,
+        excitation=u,
+        without=run.record,
+    )
 
 
-def fly(
-    orbit: Orbit,
-    laws: Mapping[str, Compensator],
-    form: PromiseForm,
-    settings: RigSettings,
-    plan: Plan,
-    rng: np.random.Generator,
-) -> tuple[Flown, ...]:
+def fly(orbit: Orbit, laws: Mapping[str, Compensator], rng: np.random.Generator) -> tuple[Flown, ...]:
     """Every compensator in turn."""
-    return tuple(_flown(orbit, name, law, form, settings, plan, rng) for name, law in laws.items())
-
-
-def _flown(
-    orbit: Orbit,
-    name: str,
-    law: Compensator,
-    form: PromiseForm,
-    settings: RigSettings,
-    plan: Plan,
-    rng: np.random.Generator,
-) -> Flown:
-    taken, cause = _measure(orbit.rig, law, orbit.excitation, form, settings, rng)
-    rig_db = None if taken is None else decibels(_rms(taken, plan), _rms(orbit.without, plan))
-    return Flown(name=name, db=_linear_db(orbit, law, plan), rig_db=rig_db, cause=cause)
+    found, rest = list[Flown](), _rms(orbit.without, orbit.plan)
+    for name, law in laws.items():
+        run = _measure(orbit.rig, law, orbit.excitation, orbit.form, orbit.settings, rng)
+        rig_db = None if run.record is None else decibels(_rms(run.record, orbit.plan), rest)
+        found.append(Flown(name=name, db=_linear_db(orbit, law), rig_db=rig_db, cause=run.cause))
+    return tuple(found)
 
 
 def _rms(taken: Record, plan: Plan) -> float:
@@ -114,7 +110,8 @@ def _rms(taken: Record, plan: Plan) -> float:
     return float(np.linalg.norm(lines)) / len(y)
 
 
-def _linear_db(orbit: Orbit, law: Compensator, plan: Plan) -> float | None:
+def _linear_db(orbit: Orbit, law: Compensator) -> float | None:
+    plan = orbit.plan
     u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
     plant, weights = group_loop(plan, orbit.plant, u, y), weights_of(plan, law.outputs, law.inputs)
     stable, rms, _ = noise_on([plant], _as_it_reads(law, orbit.article), weights, plan.band_hz)
@@ -138,9 +135,8 @@ def _measure(
     form: PromiseForm,
     settings: RigSettings,
     rng: np.random.Generator,
-) -> tuple[Record | None, str]:
+) -> Run:
     sampled = None if law is None else emulate(law, rig.period_s)
-    run = run_closed_loop(
+    return run_closed_loop(
         rig, sampled, u, periods=form.flight_periods, rng=rng, settle=SETTLE, rest_s=settings.rest_s
     )
-    return run.record, run.cause

@@ -22,9 +22,9 @@ TWO_SENSOR_CONTROL = Chapter(
     needs=(rig_article,),
     compute=computation.compute,
     entries=(
-        Entry(key="figure_10a", numbers=numbers.figure_10a, claims_at="figure-10a", warnings_at="figure-10a"),
-        Entry(key="figure_10b", numbers=numbers.figure_10b, claims_at="figure-10b", warnings_at="figure-10b"),
-        Entry(key="figure_11", numbers=numbers.figure_11, claims_at="figure-11", warnings_at="figure-11"),
+        Entry(key="figure_10a", numbers=numbers.figure_10a),
+        Entry(key="figure_10b", numbers=numbers.figure_10b),
+        Entry(key="figure_11", numbers=numbers.figure_11),
         Entry(key="figure_12", numbers=numbers.figure_12, claims_at="figure-12a", warnings_at="figure-12b"),
     ),
     drawings=(
