@@ -133,6 +133,11 @@ def test_unknown_overrides(tmp_path: Path, capfd: Capture, verb: str) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("typed", ["--env", "--evnironment"])
+def test_an_option_that_is_shortened_or_misspelt(capfd: Capture, typed: str) -> None:
+    refused(capfd, 2, "modes", ARTICLE, typed, LAB, says=(f"'{typed}'", "Did you mean '--environment'?"))
+
+
 def test_ports_that_are_not_there(capfd: Capture) -> None:
     ask = ("response", ARTICLE, "--environment", "orbit", "--at", "1")
     says = ("'pri_z'", "one of", "pri_rel_z", ARTICLE)

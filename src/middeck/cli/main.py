@@ -21,7 +21,10 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    import click
 
 INTERNAL = 70
 INTERRUPTED = 130
@@ -82,8 +85,7 @@ def _explain(error: Exception) -> int:
         case click.exceptions.NoArgsIsHelpError():
             return _say(error.format_message(), error.exit_code)
         case click.UsageError() if error.ctx is not None:
-            advice = f"{error.ctx.get_usage()}\n  try: {error.ctx.command_path} --help"
-            return _say(f"error: {error.format_message()}\n{advice}", error.exit_code)
+            return _usage(error, error.ctx)
         case click.ClickException():
             return _say(f"error: {error.format_message()}", error.exit_code)
         case OSError() if error.filename is not None:
@@ -95,6 +97,19 @@ def _explain(error: Exception) -> int:
                 "please report it with what `middeck --version` and the same command with --debug print",
                 INTERNAL,
             )
+
+
+def _usage(error: click.UsageError, context: click.Context) -> int:
+    import click
+
+    message = error.format_message()
+    if isinstance(error, click.NoSuchOption):
+        # Whoever shortens an option means that one, not one of as many letters.
+        known = [name for one in context.command.params for name in one.opts]
+        meant = [f"'{name}'" for name in known if name.startswith(error.option_name)]
+        message = f"{error.message} Did you mean {' or '.join(meant)}?" if meant else message
+    advice = f"{context.get_usage()}\n  try: {context.command_path} --help"
+    return _say(f"error: {message}\n{advice}", error.exit_code)
 
 
 def _show_warning(message: Warning | str, *place: object) -> None:
