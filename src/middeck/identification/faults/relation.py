@@ -211,7 +211,12 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
             if share is not None:
                 found.append((_fed_back(share), port))
         elif at is not None:
-            found.append((_joined(record, at + lags), port))
+            # As its past foretells it, a spike is gone; after a joint the next samples are wrong, too.
+            mended = Y[o].copy()
+            mended[lags + at] -= left[at]
+            past = np.vstack([_beside(mended[None], range(-lags, 0), *span), until])
+            gone = _alone(_left(mended[lags : lags + len(x)], past)) is None
+            found.append(((_stands_out if gone else _joined)(record, at + lags), port))
     return found
 
 
@@ -243,6 +248,12 @@ def _joined(record: Record, at: int) -> Found:
     )
     hint = "cut the record there: each part is a record of its own, with a state to begin with"
     return fault("joint", what, hint, samples=((at, at + 1),))
+
+
+def _stands_out(record: Record, at: int) -> Found:
+    what = f"1 spike at {at} ({at / record.sample_hz:.6g} s), which neither its past nor the inputs foretell"
+    hint = "check for loose contacts and switching nearby; repair the sample, or leave the period out"
+    return fault("spike", what, hint, samples=((at, at + 1),))
 
 
 def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
