@@ -35,6 +35,8 @@ SURE, SHARE = 7.0, 0.02
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
+# Noise behind a spike over that before it: of so few samples, it is below by chance in all but 1e-9.
+AS_BEFORE = 2.0
 # Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
 # input does between samples. Before it begins, an answer that a filter cuts off near half the rate follows a
 # sum of (-1)^n / n^k of inputs n samples later: so many powers k are enough.
@@ -215,7 +217,12 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
             mended = Y[o].copy()
             mended[lags + at] -= left[at]
             past = np.vstack([_beside(mended[None], range(-lags, 0), *span), until])
-            gone = _alone(_left(mended[lags : lags + len(x)], past)) is None
+            after_it = _left(mended[lags : lags + len(x)], past)[at + 1 : at + 1 + PAST]
+            gone = (
+                at > PAST
+                and len(after_it) > 0
+                and float(np.std(after_it)) < AS_BEFORE * float(np.std(left[:at]))
+            )
             found.append(((_stands_out if gone else _joined)(record, at + lags), port))
     return found
 
