@@ -286,6 +286,17 @@ def test_a_held_deck_needs_an_environment(capfd, tmp_path):
     assert (ended.code, article.read_text()) == (2, before)
 
 
+def test_a_range_of_constraints_may_reach_beyond_the_grids(tmp_path):
+    """Grids of a range that are not there are passed over, its ends too; a range without any is a slip."""
+    case = ["SPC = 1"]
+    made = convert(write(tmp_path, "SPC1,1,3,4,THRU,9", case=case))
+    assert [clamp["node"] for clamp in made.environment["clamp"]] == ["g4"]
+    with pytest.raises(ConfigError, match="no grid of this range is there"):
+        convert(write(tmp_path, "SPC1,1,3,5,THRU,9", case=case))
+    with pytest.raises(ConfigError, match="there is no grid 9"):
+        convert(write(tmp_path, "SPC1,1,3,2,9", case=case))
+
+
 def test_matrices_are_refused_where_selected(tmp_path):
     dmig = "DMIG,KAAX,0,6,1,0"
     assert ("DMIG", 1, "not selected by case control") in convert(write(tmp_path, dmig)).left_out

@@ -28,7 +28,7 @@ def read_restraints(
         if ps:
             found.setdefault(entry.id, set()).update(ps)
     for entry in deck.selected("SPC"):
-        for key, grid, components in _terms(entry, places, faults):
+        for key, grid, components in _terms(entry, places, scalars, faults):
             if grid in scalars:
                 continue
             if grid not in places.grids:
@@ -56,13 +56,18 @@ def clamp(grid: int, held: str, places: Places) -> dict[str, Any]:
     }
 
 
-def _terms(entry: Entry, places: Places, faults: list[Fault]) -> list[tuple[str, int, str | None]]:
-    """Fields, grids and components of an SPC or SPC1; of a range (THRU) the grids that are there."""
+def _terms(
+    entry: Entry, places: Places, scalars: Container[int], faults: list[Fault]
+) -> list[tuple[str, int, str | None]]:
+    """Fields, grids and components of an SPC or SPC1; of a range (THRU) the points that are there."""
     if entry.name == "SPC1":
         texts = [text for text in entry["grids"] if text]
-        named = {integer(text) for text in texts}
+        alone = {integer(text) for i, text in enumerate(texts) if "THRU" not in texts[max(0, i - 1) : i + 2]}
         grids = expand(entry, texts, "grids", faults)
-        return [("grids", grid, entry["c"]) for grid in grids if grid in named or grid in places.grids]
+        found = [grid for grid in grids if grid in alone or grid in places.grids or grid in scalars]
+        if grids and not found:
+            faults.append(entry.fault("no grid of this range is there", "grids"))
+        return [("grids", grid, entry["c"]) for grid in found]
     if entry["d1"] or entry["d2"]:
         faults.append(entry.fault("a displacement that is not zero is not converted yet", "d1"))
     terms = [(f"g{i}", entry[f"g{i}"], entry[f"c{i}"]) for i in "12"]
