@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.structure.elements.beam import beam_properties
+from middeck.structure.elements.beam_kinematics import Y1, Y2, Z1, Z2
+from middeck.structure.elements.section_stiffness import TURNS, section_forms
 from middeck.structure.model.finer import TUBE_SHEAR, refine_mesh
 from middeck.structure.modes.doubts.mesh_error import estimate_mesh_error
 from middeck.structure.modes.motions.strain import member_deformations
@@ -26,9 +27,11 @@ def left_out(modes: Modes, index: Int[np.ndarray, " mode"]) -> Float[np.ndarray,
     beams, structure = modes.equilibrium.model.beams, modes.equilibrium.model.structure
     lam, mesh = modes.omega[index] ** 2, estimate_mesh_error(modes, int(index.max(initial=-1)) + 1)[index]
     mesh = np.where(np.isfinite(mesh), mesh, np.max(mesh[np.isfinite(mesh)], initial=0.0))
-    sections = [s for m in refine_mesh(structure, 1, TUBE_SHEAR).members for s in m.sections]
-    softer = beam_properties(sections, beams.length).stiffness
-    some = np.any(softer != beams.stiffness, axis=(1, 2))
-    force = (beams.stiffness @ member_deformations(modes.equilibrium, modes.shapes[:, index]))[some]
-    yields = np.linalg.pinv(softer[some]) - np.linalg.pinv(beams.stiffness[some])
-    return -np.einsum("eim,ein->mn", force, yields @ force) - np.diag(2.0 * lam * mesh)
+    drawn, softer = (
+        section_forms([s for m in one.members for s in m.sections]).F
+        for one in (structure, refine_mesh(structure, 1, TUBE_SHEAR))
+    )
+    yields = TURNS @ (softer - drawn) @ TURNS.T / beams.length[:, None, None]
+    force = beams.stiffness @ member_deformations(modes.equilibrium, modes.shapes[:, index])
+    moments = force[:, [Y1, Z1]] + force[:, [Y2, Z2]]  # shear force times length
+    return -np.einsum("eim,ein->mn", moments, yields @ moments) - np.diag(2.0 * lam * mesh)
