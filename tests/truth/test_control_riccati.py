@@ -13,8 +13,8 @@ from middeck.control.riccati import newton
 from middeck.control.riccati.continuous import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
-from middeck.systems.delay.delay import pade
 from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal import ModalSystem
 

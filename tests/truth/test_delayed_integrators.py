@@ -16,8 +16,8 @@ from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.outcome import measure_sampled_loop
 from middeck.signals.ports import Port
-from middeck.systems.delay.delay import pade
 from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal import ModalSystem, select_modes
