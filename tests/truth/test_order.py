@@ -27,8 +27,8 @@ def data_of(measured):
     return Data(s=2j * np.pi * measured.frequency_hz, H=np.moveaxis(measured.H, 0, 1), weight=weight), spread
 
 
-def tried(*rows, excess=0.0):
-    return [Tried(states, length, held_out, excess) for states, length, held_out in rows]
+def tried(*rows, noise=True):
+    return [Tried(states, length, held_out, noise) for states, length, held_out in rows]
 
 
 def test_the_shortest_description_is_chosen_where_there_is_one():
@@ -51,10 +51,10 @@ def test_the_smallest_of_orders_that_no_length_tells_apart_is_chosen(more):
 def test_lengths_of_what_is_no_noise_do_not_decide(chance):
     """Each order tells more, one of them at random; lines kept out ask for no more than six states."""
     rows = (2, 90.0, 0.5), (4, 60.0, 0.2), (6, 50.0, 0.1), (8, 40.0, 0.1 * chance)
-    found = choose(tried(*rows, (10, 20.0 * chance, 0.11), (12, 19.0, 0.1 / chance), excess=0.5))
+    found = choose(tried(*rows, (10, 20.0 * chance, 0.11), (12, 19.0, 0.1 / chance), noise=False))
     assert found.states == 6
     assert "8, 10, 12 do as well" in found.reason
-    assert choose(tried(*rows, (10, 20.0, 0.01), excess=0.5)).states == 10
+    assert choose(tried(*rows, (10, 20.0, 0.01), noise=False)).states == 10
 
 
 def test_without_an_end_the_lines_kept_out_decide():

@@ -16,6 +16,7 @@ from middeck.identification.fit.standing import (
     Standing,
     SteadyLine,
     checked_covariance,
+    doubts_of_delays,
     doubts_of_phase,
     doubts_of_standing,
     standing_of,
@@ -27,8 +28,7 @@ from middeck.identification.model.checks import check_logarithms, check_response
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.simulation import folded_response
-from middeck.identification.order.best_start import model_error, race, spread_to_follow
-from middeck.identification.order.order import EXPLAINED
+from middeck.identification.order.best_start import leaves_noise, model_error, race, spread_to_follow
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, data_of
@@ -260,7 +260,7 @@ def _of_order(data: Data, near: Polished | None, spread: Spread, options: FitOpt
         return race(data, spread, options)
     followed = spread_to_follow(near, spread)
     again = settle(data, near, followed)
-    if model_error(again, spread) <= EXPLAINED:
+    if leaves_noise(again, spread):
         return again
     return min(again, settle(data, race(data, spread, options), followed), key=lambda run: run.likelihood)
 
@@ -304,9 +304,12 @@ def _result(run: _Searched) -> FitResult:
     if poles is not None and poles.shorter:
         standing = standing_of(measured, covariance, holds=False, phase=phase[0])
     # What all lines lack alike looks like a delay before it is most of what is left.
-    noise = not doubts and (excess <= EXPLAINED or measured.variance is None)
+    noise = not doubts and (measured.variance is None or leaves_noise(best, spread))
     of_delays = standing_of_delays(measured, covariance, holds=noise and poles is None)
-    warnings += [] if poles is None else [poles.doubt()]
+    if poles is not None:
+        warnings.append(poles.doubt())
+    elif not (noise or doubts):
+        warnings += doubts_of_delays(of_delays, excess)
     warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     return FitResult(
         model=model,

@@ -133,6 +133,16 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
     return found
 
 
+def doubts_of_delays(standing: Sequence[Standing], excess: float) -> list[str]:
+    """A warning where delays are doubtful because ``excess`` of what is left, by variance, is no noise."""
+    if "doubtful" not in standing:
+        return []
+    return [
+        f"{excess:.0%} of the variance that the fit leaves is no noise: the deviations of delays, which "
+        "follow what all lines lack alike, do not hold; more states, or a band without modes at its edges"
+    ]
+
+
 def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
     """A warning for the pairs that stand for a delay (`stands_for_delay`)."""
     f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)

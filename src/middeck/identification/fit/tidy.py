@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.fit.fitted_model import model_of, structure_of
-from middeck.identification.order.best_start import model_error
-from middeck.identification.order.order import EXPLAINED, description_length
+from middeck.identification.order.best_start import leaves_noise
+from middeck.identification.order.order import description_length
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.layout import Point, Start, pack
 from middeck.identification.search.polish import Polished, Run, polish
@@ -82,7 +82,7 @@ def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | Non
     if np.sum(left - 1.0) < BEYOND:
         return None
     two = polish(data, with_split(run.start, m), spread, steps=2 * STEPS, rounds=3, share=run.share)
-    if two is None or model_error(two, spread) > EXPLAINED:
+    if two is None or not leaves_noise(two, spread):
         return None
     return two if _length(data, two) + CLEARLY < _length(data, run) else None
 

@@ -19,9 +19,10 @@ from middeck.identification.start.start import starts
 HEAT, FEW, FEW_STEPS, LAST_STEPS, EXCHANGE_STEPS = 0, 2, 6, 12, 4
 # A start that costs so many times the best, before any step, is not refined at all.
 HOPELESS = 3.0
-# Exchanges are tried at any rate when more than this share of the variance is not the measured one, and one
-# counts when it gains more likelihood than rounding and an unsettled search may.
-WORTH_EXCHANGE = 0.1
+# A model leaves noise where no more than this share of the variance is not the measured one, or as much as
+# noise of few lines or periods leaves by chance: so many deviations, once in 160 fits.
+EXPLAINED, BY_CHANCE = 0.1, 2.5
+# An exchange counts when it gains more likelihood than rounding and an unsettled search may.
 EXCHANGE_GAIN = 1.0
 
 
@@ -47,7 +48,7 @@ def race(data: Data, spread: Spread, options: FitOptions) -> Polished:
 
 def spread_to_follow(best: Polished, spread: Spread) -> Spread:
     """The spread itself for a model that explains its data, the even one for a model that leaves more."""
-    return spread.even if model_error(best, spread) > WORTH_EXCHANGE else spread
+    return spread if leaves_noise(best, spread) else spread.even
 
 
 def hopeful(part: Data, started: list[Start]) -> list[Start]:
@@ -78,7 +79,7 @@ def _negative_likelihood(run: Polished) -> float:
 def _exchange(part: Data, spread: Spread, options: FitOptions, best: Polished) -> Polished:
     """Exchange modes as long as that pays; where no excess is left, only as far as it promises to."""
     while True:
-        large = model_error(best, spread) > WORTH_EXCHANGE
+        large = not leaves_noise(best, spread)
         runs = [
             polish(part, start, spread, steps=EXCHANGE_STEPS, rounds=1, share=best.share)
             for start in exchanges(part, options, best, spread, at_any_rate=large)
@@ -95,6 +96,12 @@ def _exchange(part: Data, spread: Spread, options: FitOptions, best: Polished) -
 def model_error(best: Polished, spread: Spread) -> float:
     """Part of the variance behind the weights that is not the measured one."""
     return float(best.share * np.mean(spread.size / spread.at(best.share)))
+
+
+def leaves_noise(best: Polished, spread: Spread) -> bool:
+    """Whether what a model leaves may be noise alone; no where none was measured."""
+    by_chance = BY_CHANCE * spread.chance
+    return model_error(best, spread) <= max(EXPLAINED, by_chance / (1.0 + by_chance))
 
 
 def some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, Spread]:

@@ -21,9 +21,6 @@ EQUAL = 0.2
 # Lengths that differ by less say little of which order is right (2 ln of a Bayes factor, Kass and Raftery
 # 1995).
 ALIKE = 6.0
-# Lengths tell an order where noise is all that some order leaves. Where more than this share of the variance
-# is none (distortion, modes without end), each order shortens the description, and by how much is chance.
-EXPLAINED = 0.1
 # An order that meets lines kept out of the fit so many times worse than a smaller one fits single lines:
 # distortion that differs from line to line asks for ever more poles, each narrower than lines are apart.
 WORSE = 1.25
@@ -33,13 +30,14 @@ WORSE = 1.25
 class Tried:
     """An order, its description length and its relative error on lines that it was not fitted to.
 
-    ``excess`` is the share of the variance that it leaves beyond the measured one.
+    ``noise``: what it leaves may be noise alone. Only where some order does so do lengths tell: elsewhere
+    (distortion, modes without end) each order shortens the description, and by how much is chance.
     """
 
     states: int
     length: float
     held_out: float
-    excess: float = 0.0
+    noise: bool = True
 
 
 @record
@@ -87,10 +85,10 @@ def has_met(tried: Sequence[Tried]) -> bool:
     """Whether lines kept out ask for no more states, where the description would never end.
 
     >>> rows = [(2, 0.5), (4, 0.1), (6, 0.09), (8, 0.11), (10, 0.1), (12, 0.2), (14, 0.1)]
-    >>> has_met([Tried(n, -n, error, 1.0) for n, error in rows]), has_met([Tried(2, 0.0, 0.5, 1.0)])
+    >>> has_met([Tried(n, -n, e, False) for n, e in rows]), has_met([Tried(2, 0.0, 0.5, False)])
     (True, False)
     """
-    if any(t.excess <= EXPLAINED for t in tried):
+    if any(t.noise for t in tried):
         return False
     return len(tried) - 1 - tried.index(_first_to_meet(tried)) >= FURTHER
 
@@ -108,7 +106,7 @@ def choose(tried: Sequence[Tried]) -> OrderChoice:
     ]
     shortest = min(trusted, key=lambda t: t.length)
     endless = shortest is tried[-1] and len(tried) > PATIENCE
-    if endless or all(t.excess > EXPLAINED for t in tried):
+    if endless or not any(t.noise for t in tried):
         return _by_lines_kept_out(tried)
     alike = [t for t in trusted if t.length < shortest.length + ALIKE]
     found, *others = alike

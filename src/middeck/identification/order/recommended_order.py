@@ -15,7 +15,7 @@ from middeck.identification.order.best_start import (
     further,
     heats,
     hopeful,
-    model_error,
+    leaves_noise,
     some_lines,
 )
 from middeck.identification.order.exchanged_modes import grown, shrunk
@@ -53,8 +53,8 @@ def recommend_states(
         unknowns = count_unknowns(measured, sized)
         length = order.description_length(run.likelihood, unknowns, 2 * part.H.size)
         # Without a measured variance nothing tells noise from what the model lacks.
-        excess = 0.0 if measured.variance is None else model_error(run, some)
-        runs[states] = order.Tried(states, length, _held_out(data, spread, part, some, run), excess), run
+        noise = measured.variance is None or leaves_noise(run, some)
+        runs[states] = order.Tried(states, length, _held_out(data, spread, part, some, run), noise), run
         return runs[states][0]
 
     best: Polished | None = None
@@ -76,7 +76,7 @@ def recommend_states(
     if not runs:
         raise _no_order(measured, part, options)
     shortest, best = min(runs.values(), key=lambda of: of[0].length)
-    explained = any(t.excess <= order.EXPLAINED for t, _ in runs.values())
+    explained = any(t.noise for t, _ in runs.values())
     while explained and shortest.states != max(runs) and shortest.states - 2 not in runs:
         start = shrunk(part, options.sized(shortest.states - 2), best, some)
         best = (

@@ -54,7 +54,8 @@ def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tu
     part = Data(
         s=data.s[kept], H=data.H[:, kept], weight=data.weight[:, kept], drive=drive, transient=data.transient
     )
-    return part, Spread(spread.variance[:, kept], spread.size[:, kept], spread.relative)
+    chance = spread.chance * float(np.sqrt(data.H.size / max(part.H.size, 1)))
+    return part, Spread(spread.variance[:, kept], spread.size[:, kept], spread.relative, chance)
 
 
 def _apart(omega: np.ndarray, gap: float) -> Int[np.ndarray, " kept"]:

@@ -18,6 +18,7 @@ for being so.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -42,12 +43,14 @@ ROUNDING = 1e-22
 class Spread:
     """What a residual may come from: measured variance v, and the size P of what a model must follow.
 
-    ``relative``: P is the size of each line, not of the output.
+    ``relative``: P is the size of each line, not of the output. ``chance``: standard deviation of the mean of
+    |r|^2 / v over a residual that is noise alone.
     """
 
     variance: Float[np.ndarray, "output line input"]
     size: Float[np.ndarray, "output line input"]
     relative: bool = False
+    chance: float = 0.0
 
     def at(self, share: float) -> Float[np.ndarray, "output line input"]:
         """v + share P."""
@@ -59,7 +62,7 @@ class Spread:
 
         A relative spread stays: without its variance, lines that are all noise would weigh most.
         """
-        return self if self.relative else Spread(EVEN * self.variance, self.size)
+        return self if self.relative else dataclasses.replace(self, variance=EVEN * self.variance)
 
 
 def by_output(x: np.ndarray) -> np.ndarray:
@@ -81,7 +84,8 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     H = by_output(measured.H)
     power = np.broadcast_to(np.mean(np.abs(H) ** 2, axis=(1, 2), keepdims=True), H.shape)
     variance = _smooth(measured) + ROUNDING * power
-    return Spread(variance, np.abs(H) ** 2 if relative else power, relative)
+    chance = np.sqrt((1.0 + 1.0 / line_degrees(measured)) / H.size)
+    return Spread(variance, np.abs(H) ** 2 if relative else power, relative, float(chance))
 
 
 def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input"]:

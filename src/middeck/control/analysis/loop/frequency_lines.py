@@ -44,13 +44,16 @@ SHORT_OF_NYQUIST = 1e-9
 """Relative distance of the last line from half the sampling rate, which is an end point (`ends`)."""
 
 
-def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray, " line"]:
+def place_lines(
+    loop: FeedbackLoop, at: At, ratio: Response, *, zeros: bool = True
+) -> Float[np.ndarray, " line"]:
     """Angular frequencies [rad/s] from well below the slowest pole or zero to a negligible loop gain.
 
     Poles and zeros are those of the loop broken at each channel with the others closed, delays by a Pade
-    approximation of high order: they place the lines, no more.
+    approximation of high order: they place the lines, no more. Crossings need the zeros; the sensitivity
+    peaks at poles, and `refine_lines` follows the rest.
     """
-    features, fastest = _features(loop, at)
+    features, fastest = _features(loop, at, zeros=zeros)
     size = np.abs(features)
     moving = size[size > AT_REST * fastest]
     low, high = (0.01 * moving.min(), 3.0 * moving.max()) if len(moving) else (0.01, 100.0)
@@ -65,17 +68,17 @@ def place_lines(loop: FeedbackLoop, at: At, ratio: Response) -> Float[np.ndarray
     return omega[(omega >= low) & (omega <= top) & ~_on_pole(features, omega)]
 
 
-def _features(loop: FeedbackLoop, at: At) -> tuple[np.ndarray, float]:
-    """Poles and finite zeros, and the size of the fastest pole."""
+def _features(loop: FeedbackLoop, at: At, *, zeros: bool) -> tuple[np.ndarray, float]:
+    """Poles, finite zeros where asked for, and the size of the fastest pole."""
     halves = approximate_halves(loop)
     channels = [open_channel(halves, i) for i in channels_at(loop, at)]
     systems = (halves, close_channels(halves), *channels)
     poles = _finite(np.concatenate([growth_rates(one) for one in systems]))
-    zeros = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels)])
-    if loop.period_s is not None:
-        zeros = _finite(np.log(zeros[np.abs(zeros) > 0.0]) / loop.period_s)
     fastest = float(np.abs(poles).max(initial=0.0))
-    return np.append(poles, zeros[np.abs(zeros) <= fastest / AT_REST] if fastest > 0.0 else zeros), fastest
+    found = np.concatenate([np.zeros(0), *(transmission_zeros(one) for one in channels if zeros)])
+    if loop.period_s is not None:
+        found = _finite(np.log(found[np.abs(found) > 0.0]) / loop.period_s)
+    return np.append(poles, found[np.abs(found) <= fastest / AT_REST] if fastest > 0.0 else found), fastest
 
 
 def _finite(rates: np.ndarray) -> np.ndarray:

@@ -78,7 +78,7 @@ def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> D
     halves, closed = evaluate_halves(loop), closed_round(loop, at)
     ratio = broken_ratio(loop, at)
     half = 0.5 * np.eye(len(broken_at(loop, at)))
-    omega, _ = add_ends(loop, ratio, refine_lines(ratio, place_lines(loop, at, ratio)))
+    omega, _ = add_ends(loop, ratio, refine_lines(ratio, place_lines(loop, at, ratio, zeros=False)))
 
     def bound(w: np.ndarray) -> Float[np.ndarray, " line"]:
         P = go_round(*halves(1j * w), at)
