@@ -3,18 +3,15 @@
 import numpy as np
 
 from middeck.control.law.uncertainty import ModeShift, Uncertainty
-from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 
 UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
 HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])
 NAMES = tuple(f"{hz} Hz" for hz in HZ)
 AUTHORITY = 100.0
-WEIGHTS = LQGWeights(
-    output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-6])
-)
+WEIGHTS = unit_weights(("w",), 1e-6)
 TOGETHER = Uncertainty(shifts=(ModeShift(NAMES[3:], 0.02),))
 APART = Uncertainty(shifts=(ModeShift(NAMES[3:4], 0.02), ModeShift(NAMES[4:], 0.02)))
 UNSEEN = Uncertainty(
