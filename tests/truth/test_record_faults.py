@@ -115,7 +115,8 @@ def test_a_sine_that_no_input_makes_is_found(kind: str, campaign: Callable[[int]
 
 
 def test_nothing_is_found_in_clean_gimbals(campaign: Callable[[int], range]) -> None:
-    for seed in campaign(100):
+    """In 1999 and 2008 the answers of parts seem to move by chance, in the midst and at the first sample."""
+    for seed in (*campaign(100), 1999, 2008):
         assert detect_faults(gimbal_record.multisine(seed, outputs=3, inputs=2, samples=2048)) == ()
 
 

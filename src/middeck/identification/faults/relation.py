@@ -131,7 +131,8 @@ def _shift(
         return None
     lags = _lags(answers)
     step = None if lags is None else _best_step(lags)
-    return None if step is None else (_where(U, y, parts, *step), step[1])
+    at = None if step is None else _where(U, y, parts, *step)
+    return None if step is None or at is None else (at, step[1])
 
 
 def _lags(answers: Float[np.ndarray, "part input lag"]) -> Float[np.ndarray, " part"] | None:
@@ -161,8 +162,8 @@ def _best_step(lags: Float[np.ndarray, " part"]) -> tuple[int, int] | None:
     return None
 
 
-def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) -> int:
-    """The sample from which a shifted response explains the output better."""
+def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) -> int | None:
+    """The sample from which a shifted response explains the output better; None where that may be chance."""
     low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
     until = parts[max(part - 2, 0)].stop
     told = np.zeros_like(y)
@@ -172,7 +173,12 @@ def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) 
     moved = np.roll(told, shift)
     # Before the step the shift explains less: the sum rises up to there, and falls from there on.
     gain = np.cumsum((y - moved)[low:high] ** 2 - (y - told)[low:high] ** 2)
-    return low + int(np.argmax(gain)) + 1
+    at = int(np.argmax(gain))
+    # In noise of the output's size either sum would deviate from its own by twice the root of the squares.
+    apart = np.cumsum((moved - told)[low:high] ** 2)
+    rise, fall = gain[at], gain[at] - gain[-1]
+    sure = rise > SURE * np.sqrt(apart[at]) and fall > SURE * np.sqrt(apart[-1] - apart[at])
+    return low + at + 1 if sure else None
 
 
 # Samples lost in all channels at once, and feedback.
