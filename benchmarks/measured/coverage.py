@@ -7,8 +7,9 @@ all modes to 200 Hz, a drawn plant the lowest 26.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,24 +30,34 @@ SEEDS, DRAWS = range(200, 240), 60
 LINES_HZ = np.geomspace(0.5, 30.0, 40)
 
 
+class Judged(NamedTuple):
+    """Of each interval whether it misses, and half of its width, in per cent or decibels."""
+
+    missed: np.ndarray
+    half_width: np.ndarray
+
+
 def rows(_: Any) -> list[dict[str, Any]]:
     """Shares of 95 % intervals that miss, of all truths; 1 to 10 % are asked."""
-    found = [_missed(seed) for seed in SEEDS]
+    found = [_judged(seed) for seed in SEEDS]
     title = f"coverage, {len(found)} other truths"
-    return [
-        _row(title, what, np.array([one[k] for one in found]))
-        for k, what in enumerate(
-            ("ten frequencies", "response, 40 lines", "response, what all lines share left out")
-        )
-    ]
+    asked = (
+        ("ten frequencies", "%"),
+        ("response, 40 lines", "dB"),
+        ("response, what all lines share left out", "dB"),
+    )
+    return [_row(title, *what, [one[k] for one in found]) for k, what in enumerate(asked)]
 
 
-def _row(title: str, what: str, missed: np.ndarray) -> dict[str, Any]:
-    note = f"{np.sum(missed.any(axis=1))} truths of {len(missed)} have one"
+def _row(title: str, what: str, unit: str, judged: Sequence[Judged]) -> dict[str, Any]:
+    missed = np.array([one.missed for one in judged])
+    half = np.median([one.half_width for one in judged])
+    some = f"{np.sum(missed.any(axis=1))} truths of {len(missed)} have one"
+    note = f"{some}; median half-width {half:.3g} {unit}"
     return row(title, f"{what}: 95 % intervals that miss", "%", 100.0 * np.mean(missed), 10.0, note=note)
 
 
-def _missed(seed: int) -> tuple[np.ndarray, ...]:
+def _judged(seed: int) -> tuple[Judged, ...]:
     refined, asked = case.refined(seed), case.plan([1.0], DRAWS)
     told = predict_modes(refined, Environment.orbit())
     errors = prediction.case.log_errors(
@@ -57,21 +68,22 @@ def _missed(seed: int) -> tuple[np.ndarray, ...]:
         rng=np.random.default_rng(asked.seed), loop=asked.loop, finish=partial(close_inner, asked),
     )  # fmt: skip
     said, came = np.array([_gain(plant) for plant in drawn.plants]), _gain(case.true_plant(seed))
+    half = NORMAL_95 * told.log_std
     whole = (
-        np.abs(errors) > NORMAL_95 * told.log_std,
-        _outside(said, came),
-        _outside(_shape(said), _shape(came)),
+        Judged(np.abs(errors) > half, 100.0 * half),
+        _lines(said, came),
+        _lines(_shape(said), _shape(came)),
     )
     print(
-        f"truth {seed}: {', '.join(str(np.sum(m)) for m in whole)} of {len(errors)}, 40 and 40 missed",
+        f"truth {seed}: {', '.join(str(np.sum(m.missed)) for m in whole)} of {len(errors)}, 40 and 40 missed",
         flush=True,
     )
     return whole
 
 
-def _outside(said: np.ndarray, came: np.ndarray) -> np.ndarray:
+def _lines(said: np.ndarray, came: np.ndarray) -> Judged:
     low, high = (np.array([level(line, share) for line in said.T]) for share in (0.025, 0.975))
-    return (came < low) | (came > high)
+    return Judged((came < low) | (came > high), 10.0 * np.log10(high / low))
 
 
 def _shape(size: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import middeck as md
 from cli_runner import middeck
@@ -85,7 +86,10 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd):
 @pytest.mark.parametrize(
     ("case", "said"),
     [
-        ("K2GG = KHALF\n", "no M2GG beside it"),
+        ("M2GG = KHALF\n", "a mass between grids 3 and 4 without a stiffness"),
+        ("K2GG = KSKEW\n", "the stiffness is not symmetric"),
+        ("K2GG = KCOND\n", "do to each other is no stiffness"),
+        ("K2GG = KPOINT\n", "scalar point 9 in a matrix that stands alone"),
         ("K2GG = KHALF\nM2GG = NONE\n", "no DMIG NONE"),
         ("K2GG = KHALF\nM2GG = 2.0*MHALF\n", "a factor"),
         ("K2GG = KHALF\nM2GG = MHALF\nB2PP = KHALF\n", "B2PP"),
@@ -96,11 +100,64 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
     K, M = half(2)
     points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
     bulk = GRIDS + PROPERTIES + bar(1) + bar(2) + punch("KHALF", K, points) + punch("MHALF", M, points)
+    bulk += "DMIG,KSKEW,0,1,2,0\nDMIG,KSKEW,3,1,,3,1,1.\n,4,1,1.\nSPOINT,9\n"
+    # Flexible between its ends too: no sum of what two grids do to each other.
+    H = np.linalg.inv(np.linalg.inv(K[6:, 6:]) + 1e-9 * np.eye(12))
+    R = -np.vstack([carried(L), carried(2.0 * L)])
+    whole = np.block([[R.T @ H @ R, R.T @ H], [H @ R, H]])
+    bulk += punch("KCOND", whole, points) + punch("KPOINT", np.eye(1), [(9, 0)])
     ended = converted(tmp_path, capfd, "bad", case, bulk)
     assert ended.code in (2, 3, 4)
     assert said in ended.err
     assert not list(tmp_path.glob("*.toml"))
     assert not list(tmp_path.glob("*.npz"))
+
+
+def carried(x: float) -> np.ndarray:
+    """Motion at ``x`` along the beam of one that moves as a rigid body about its start."""
+    T = np.eye(6)
+    T[1, 5], T[2, 4] = x, -x
+    return T
+
+
+def bodies() -> tuple[np.ndarray, str, str]:
+    """Mass matrices of a body on each of grids 2 to 5, as one matrix, as DMIG and as CONM2."""
+    rng = np.random.default_rng(5)
+    M, cards = np.zeros((24, 24)), ""
+    for k in range(4):
+        m, *xyz = rng.uniform(1.0, 2.0), *rng.uniform(-0.1, 0.1, 3).tolist()
+        (x, y, z), d = xyz, rng.uniform(0.01, 0.015, 3).tolist()
+        arm = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        M[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = np.block(
+            [[m * np.eye(3), m * arm], [m * arm.T, np.diag(d) + m * arm.T @ arm]]
+        )
+        cards += f"CONM2,{80 + k},{k + 2},,{m!r},{x!r},{y!r},{z!r}\n,{d[0]!r},,{d[1]!r},,,{d[2]!r}\n"
+    return M, punch("MBODY", M, [(g, c) for g in (2, 3, 4, 5) for c in range(1, 7)]), cards
+
+
+@pytest.mark.parametrize(("alone", "grounded"), [("K2GG", False), ("K2GG", True), ("M2GG", False)])
+def test_a_matrix_that_stands_alone(tmp_path, capfd, alone, grounded):
+    """A cantilever of four bars with bodies on its grids; some of it as matrices, its tip on a full 6x6."""
+    rng = np.random.default_rng(6)
+    K, points = np.zeros((30, 30)), [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
+    for k in range(4):
+        K[6 * k : 6 * k + 12, 6 * k : 6 * k + 12] += beam_stiffness()
+    part = half(2)[0]
+    if grounded:
+        draw = rng.standard_normal((6, 6)) * 100.0
+        K[24:, 24:] += draw @ draw.T
+        part[12:, 12:] += draw @ draw.T
+    M, direct, cards = bodies()
+    bulk = GRIDS + PROPERTIES.replace("2700.0", "") + "SPC1,1,123456,1\n" + bar(1) + bar(2)
+    case = "SPC = 1\n"
+    if alone == "M2GG":
+        bulk, case = bulk + bar(3) + bar(4) + direct, f"{case}M2GG = MBODY\n"
+    else:
+        bulk, case = bulk + cards + punch("KPART", part, points), f"{case}K2GG = KPART\n"
+    ended = converted(tmp_path, capfd, "lone", case, bulk, "--environment", tmp_path / "lone-held.toml")
+    assert ended.code == 0, ended.err
+    expected = np.sqrt(scipy.linalg.eigh(K[6:, 6:], M, eigvals_only=True)[:8]) / (2.0 * np.pi)
+    np.testing.assert_allclose(frequencies(tmp_path, "lone"), expected, rtol=1e-7)
 
 
 @pytest.mark.parametrize("way", range(6))

@@ -66,12 +66,14 @@ def test_what_pyuff_wrote_comes_back_in_si(name: str, count: int) -> None:
     assert found.warnings == ()
 
 
+@pytest.mark.parametrize("sets", [(2411, 55), (15, 2414)])
 @pytest.mark.parametrize("is_complex", [False, True])
-def test_what_we_write_comes_back(is_complex: bool, tmp_path: Path) -> None:
+def test_what_we_write_comes_back(is_complex: bool, sets: tuple[int, int], tmp_path: Path) -> None:
     article = virtual()
     turned = article.shape * np.exp(0.3j * np.arange(6)) if is_complex else article.shape
     written = replace(article, shape=turned)
-    md.files.write_measured_modes(tmp_path / "m.unv", written, hung().equilibrium.model.structure)
+    md.files.write_measured_modes(tmp_path / "m.unv", written, hung().equilibrium.model.structure, sets)
+    assert all(f"-1\n{number:6d}\n" in (tmp_path / "m.unv").read_text() for number in (151, 164, 82, *sets))
     read = md.load_measured_modes(tmp_path / "m.unv")
     placed = place_channels(hung().equilibrium.model, read)
     assert placed.warnings == ()
@@ -275,6 +277,8 @@ def test_frequencies_alone_in_another_unit_are_told(factor: float, unit: str) ->
 
 
 def test_what_a_universal_file_cannot_hold_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="data sets 2411 and 58 are not written"):
+        md.files.write_measured_modes(tmp_path / "m.unv", virtual(), sets=(2411, 58))
     joints = md.structure.measure_modes(hung(), [("pri_x", "angle"), ("n1", "x")], chosen=[10])
     for what, says in (
         (joints, "angle"),

@@ -84,8 +84,7 @@ def test_the_deck_is_sound(tmp_path):
         ("MAT1,2,7.+10,.33,2.7+3\nPBAR,2,2,1.\nCBAR,21,2,1,4,0.,1.,0.", "MAT1 2 has Poisson's ratio 2700.0"),
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
-        ("PBARL,2,1,,HAT\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape HAT is not converted yet"),
-        ("PBEAML,2,1,,BOX1\n,1.,1.,.2,.1,.1,.1\nCBEAM,21,2,1,4,0.,1.,0.", "shear centre of this BOX1"),
+        ("PBARL,2,1,,DBOX\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape DBOX is not converted yet"),
         ("PBEAML,2,1,,ROD\n,1.,,NO,.5,1.\nCBEAM,21,2,1,4,0.,1.,0.", "no station at end B, X/XB = 1.0"),
         (
             "PBEAML,2,1,,ROD\n,1.,,2.,1.,1.\nCBEAM,21,2,1,4,0.,1.,0.",
@@ -110,9 +109,11 @@ def test_the_deck_is_sound(tmp_path):
         ("PBUSH,2,K,RIGID\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has K"),
         ("PBUSH,2,K,1.\n,,M,2.\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has M"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "only K1 and K4"),
-        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "by OCID"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "there is no coordinate system 5 (OCID)"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,0,.1", "by OCID is measured from its origin by some"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,1.5", "S is 1.5; must be 0 to 1"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2", "to the ground needs a CID, 0 for the basic system: field 9"),
-        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,,,,,0,+B\n+B,,0,.1", "an offset (OCID) of a bushing to the ground"),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,,,,,0,+B\n+B,,0,.1", "an elastic point by OCID"),
         (
             "PBEAM,2,1,1.,1.,1.,,1.\n,\n,1.,1.,.2\nCBEAM,21,2,1,4,0.,1.,0.",
             ".2: shear relief S1",
@@ -123,6 +124,8 @@ def test_the_deck_is_sound(tmp_path):
         ),
         ("PBEAM,2,1,1.,1.,1.,.5,1.\n,\n,1.,0.\nCBEAM,21,2,1,4,0.,1.,0.", "rigid in shear in one plane alone"),
         ("RBE2,20,1,123456,5,6,7,8,9,10", "a number, 10, where the mark of a continuation stands"),
+        ("RBE2    20      1       123456  5       6       7       8       9       10", "a number, 10, where"),
+        (f"{'GRID*':8}{8:<32}{5.0:<16}{0.0:<16}1.5\n*       {0.0:<16}", "a number, 1.5, where"),
         (
             "GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2",
             "RBE3 30 field 4 (REFGRID) = 8: component 5 of grid 8 is dependent and held by the ground",
@@ -286,7 +289,7 @@ def test_a_held_deck_needs_an_environment(capfd, tmp_path):
 def test_matrices_are_refused_where_selected(tmp_path):
     dmig = "DMIG,KAAX,0,6,1,0"
     assert ("DMIG", 1, "not selected by case control") in convert(write(tmp_path, dmig)).left_out
-    with pytest.raises(ConfigError, match="no M2GG beside it"):
+    with pytest.raises(ConfigError, match="DMIG KAAX: has no entries"):
         convert(write(tmp_path, dmig, case=["K2GG = KAAX"]))
 
 

@@ -100,11 +100,24 @@ def test_an_article_prefix_confines_a_value_wherever_it_lives() -> None:
 
 
 def test_a_suspension_value_has_no_effect_in_orbit() -> None:
-    overrides = ("suspension.bounce_hz=0.2", "constants.gravity=1.62")
+    overrides = ("suspension.bounce_hz=0.2", "constants.gravity_direction=[0,0,-1]")
     with pytest.warns(UserWarning, match="has no effect: its table is not in .*orbit") as said:
         changed = case(*overrides, environment="orbit")[1]
     assert changed == case(environment="orbit")[1]
     assert len(said) == len(overrides)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_gravity_is_set_where_there_was_none(tmp_path: Path, turned: bool) -> None:
+    path = tmp_path / "held.toml"
+    path.write_text('schema = 1\nname = "held"\n[[clamp]]\nnode = "n1"\n')
+    overrides = ("constants.gravity_direction=[0,0,-1]", "constants.gravity=1.62")
+    found = load_setup(ROOT / "articles/mace-dm.toml", path, overrides[:: -1 if turned else 1])[1]
+    assert found.gravity.tolist() == [0.0, 0.0, -1.62]
+
+
+def test_gravity_is_refused_where_nothing_holds() -> None:
+    assert "a missing suspension in gravity" in str(refused("constants.gravity=1.62", environment="orbit"))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from middeck.files.documents import load_setup, load_structure
 from middeck.structure.model.article import Section, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.doubts.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings
+from middeck.structure.modes.doubts.mesh_error import LIMIT, estimate_mesh_error, mesh_warnings, rest_angles
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, member, node, straight_beam, structure
@@ -136,3 +136,29 @@ def test_error_of_a_string_clamped_at_one_end():
     assert said[[0, 2]] == pytest.approx(true[[0, 2]], rel=0.1)
     assert np.all((said > 0.4 * true) & (said < 2.0 * true))
     assert len(mesh_warnings(modes, 2)) == 1
+
+
+@pytest.mark.parametrize(("elements", "silent"), [(2, False), (4, False), (32, True)])
+def test_elements_that_gravity_bends_are_named(elements: int, silent: bool):
+    """An elbow, clamped at one end, whose arms sag by a third of their length, bending and twisting.
+
+    Elements of its modes' wavelengths are short, those of its rest state are not: the error falls with the
+    square of the angle, and not before that angle is small is it below 1e-3.
+    """
+    section = Section(EA=2e6, GJ=80.0, EI_y=100.0, EI_z=130.0, rho_A=0.8, rho_I_y=4e-5, rho_I_z=5e-5)
+
+    def elbow(count: int) -> Modes:
+        arms = [
+            member("foot", "knee", section, count, up=(0, 1, 0)),
+            member("knee", "tip", section, count, up=(0, 1, 0)),
+        ]
+        places = [node("foot", (0, 0, 0)), node("knee", (2.2, 0, 0)), node("tip", (2.2, 0, 2.2))]
+        held = Environment(title="clamped", gravity=GRAVITY, clamps=(Clamp(node="foot"),))
+        return modes_in(structure(places, arms), held, 4)
+
+    coarse, fine = elbow(elements), elbow(64)
+    off = np.abs(coarse.omega[:2] / fine.omega[:2] - 1.0)
+    said = [text for text in mesh_warnings(coarse, 2) if "at rest" in text]
+    assert len(said) == (not silent)
+    assert (off.max() < 1e-3) == silent
+    assert off.max() < rest_angles(coarse.equilibrium).max() ** 2

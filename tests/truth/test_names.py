@@ -279,3 +279,13 @@ def test_a_boom_on_a_heavy_box_bends(corner):
     exact = beta**2 * np.sqrt(TUBE.EI_y / TUBE.rho_A) / (2.0 * np.pi)
     # A box a thousand times as heavy gives way by some thousandths; elements and rotary inertia by as much.
     np.testing.assert_allclose([hz for hz, _ in found], exact, rtol=0.02)
+
+
+def test_members_without_any_body_have_modes_and_names():
+    """A bent line of members, slender as one beam: no body turns beside its sections."""
+    places = [(0, 0, 0), (1.0, 0.2, 0), (2.1, 0.1, 0.2), (3.0, 0.3, 0.1)]
+    nodes = [node(f"n{k}", at) for k, at in enumerate(places)]
+    arms = [member(f"n{k}", f"n{k + 1}", TUBE, 2, up=(0.1, 0.2, 1)) for k in range(3)]
+    modes = solved(structure(nodes, arms))
+    assert np.sum(modes.omega < 1e-3 * modes.omega[6]) == 6
+    assert "bending" in modes.name[6]

@@ -1,7 +1,8 @@
 """Several unknowns at once: the covariance of a refinement beside the exact posterior, sampled.
 
-A cantilever with a body on its tip, of a few elements. Its frequencies for the samples are those of a beam of
-two planes written here, so that no line of the model, of its slopes or of the estimate is shared.
+A cantilever with a body on its tip, of a few elements, drawn with a shear stiffness. Its frequencies for the
+samples are those of a beam of two planes written here, so that no line of the model, of its slopes or of the
+estimate is shared.
 """
 
 from __future__ import annotations
@@ -36,7 +37,10 @@ WIDER = 1.3  # so much wider than the estimate are the samples drawn: where it i
 
 
 def mast() -> Structure:
-    section = Section(EA=1e5, GJ=40.0, EI_y=EI, EI_z=STIFFER * EI, rho_A=RHO_A, rho_I_y=0.0, rho_I_z=0.0)
+    section = Section(
+        EA=1e5, GJ=40.0, EI_y=EI, EI_z=STIFFER * EI, GA_y=1e13, GA_z=1e13,
+        rho_A=RHO_A, rho_I_y=0.0, rho_I_z=0.0,
+    )  # fmt: skip
     top = build.body(MASS, (0.0, 0.0, 0.0), (SPIN_X, SPIN_Y, SPIN_Z))
     return build.structure(
         [build.node("foot", (0, 0, 0)), build.node("top", (0, 1, 0), top)],

@@ -70,17 +70,21 @@ def _load_other(path: Path, ending: str) -> MeasuredModes:
 
 
 def write_measured_modes(
-    path: str | Path, measured: MeasuredModes, structure: Structure | None = None
+    path: str | Path,
+    measured: MeasuredModes,
+    structure: Structure | None = None,
+    sets: tuple[int, int] = (2411, 55),
 ) -> None:
     """Write ``measured`` whole or not at all: as a universal file (.unv, .uff), else as JSON.
 
     JSON has a real shape as rows of numbers, a complex one as re and im. A universal file has nodes, shapes
-    with six digits, and the members of ``structure`` as trace lines; see `write_uff` for what it cannot hold.
+    with six digits, and the members of ``structure`` as trace lines; ``sets`` are those of its nodes (2411 or
+    15) and shapes (55 or 2414). See `write_uff` for what it cannot hold.
     """
     if Path(path).suffix.lower() in UFF:
         from middeck.files.measured.survey_uff_write import write_uff
 
-        return write_uff(Path(path), measured, structure)
+        return write_uff(Path(path), measured, structure, sets)
     shape = np.real(measured.shape) if measured.is_real else measured.shape
     stated = {k: v for k in OPTIONAL if (v := getattr(measured, k)) is not None}
     required = {k: getattr(measured, k) for k in REQUIRED} | {"shape": shape}

@@ -1,33 +1,47 @@
-"""Mode shapes as a universal file: header (151), units (164), nodes (2411), members (82), shapes (55)."""
+"""Mode shapes as a universal file: header (151), units (164), nodes, members (82), shapes.
+
+Nodes are set 2411 or 15, shapes 55 or 2414.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
-from middeck.errors import DataError
+from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import replacing
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 from middeck.structure.model.article import Structure
 
 NONE = "NONE"
 DISPLACEMENT, REAL, COMPLEX = 8, 2, 5
+SETS = (2411, 55)
 
 
-def write_uff(path: Path, measured: MeasuredModes, structure: Structure | None = None) -> None:
+def write_uff(
+    path: Path,
+    measured: MeasuredModes,
+    structure: Structure | None = None,
+    sets: tuple[int, int] = SETS,
+) -> None:
     """Write shapes in SI and global axes, whole or not at all; members of ``structure`` as trace lines.
 
     Nodes have the number at the end of their name where no two share one, else their place in the list.
-    Numbers have six digits; standard deviations have no place in the format and are left out. Directions that
-    were not measured are zero, as the format has it.
+    ``sets`` are those of nodes (2411, or 15 with six digits) and of shapes (55 or 2414). Numbers have six
+    digits; standard deviations have no place in the format and are left out. Directions that were not
+    measured are zero, as the format has it.
 
     Raises `DataError` for what the format cannot hold: no shapes, the angle or travel of a joint, damping
     that is not stated, complex modes of a ratio of 1 or more, nodes without number and place.
     """
     where = str(path)
+    if sets[0] not in (2411, 15) or sets[1] not in (55, 2414):
+        hint = "nodes as 2411 or 15, shapes as 55 or 2414"
+        raise ConfigError(f"data sets {sets[0]} and {sets[1]} are not written", where="sets", hint=hint)
     odd = sorted({d for d in measured.direction if d not in AXES})
     if odd or not measured.node:
         what = f"the {odd[0]} of a joint" if odd else "frequencies without shapes"
@@ -47,11 +61,11 @@ def write_uff(path: Path, measured: MeasuredModes, structure: Structure | None =
             [f"{1:10d}{'SI: m N':<20}{2:10d}", "".join(map(_real25, (1.0, 1.0, 1.0))), _real25(273.15)],
         )
         if measured.position_m is not None:
-            _set(text, 2411, _node_lines(measured, numbers))
+            _set(text, sets[0], _node_lines(measured, numbers, sets[0]))
         if structure is not None:
             _set(text, 82, _trace_lines(structure, numbers))
         for mode in range(len(measured.frequency_hz)):
-            _set(text, 55, _mode_lines(measured, numbers, mode))
+            _set(text, sets[1], _mode_lines(measured, numbers, mode, sets[1]))
 
 
 def _numbers(measured: MeasuredModes, where: str) -> dict[str, int]:
@@ -74,12 +88,13 @@ def _real25(x: float) -> str:
     return f"{x:25.16e}"
 
 
-def _node_lines(measured: MeasuredModes, numbers: dict[str, int]) -> list[str]:
+def _node_lines(measured: MeasuredModes, numbers: dict[str, int], kind: int) -> list[str]:
     assert measured.position_m is not None
     lines: list[str] = []
     for name, number in numbers.items():
         at = measured.position_m[measured.node.index(name)]
-        lines += [f"{number:10d}{1:10d}{1:10d}{11:10d}", "".join(map(_real25, at))]
+        head = f"{number:10d}{1:10d}{1:10d}{11:10d}"
+        lines += [head + _reals(list(at))[0]] if kind == 15 else [head, "".join(map(_real25, at))]
     return lines
 
 
@@ -91,7 +106,7 @@ def _trace_lines(structure: Structure, numbers: dict[str, int]) -> list[str]:
     return [f"{1:10d}{len(path):10d}{11:10d}", "members", *rows]
 
 
-def _mode_lines(measured: MeasuredModes, numbers: dict[str, int], mode: int) -> list[str]:
+def _mode_lines(measured: MeasuredModes, numbers: dict[str, int], mode: int, kind: int) -> list[str]:
     real, hz, zeta = measured.is_real, float(measured.frequency_hz[mode]), float(measured.damping[mode])
     wide = any(d in AXES[3:] for d in measured.direction)
     size = 6 if wide else 3
@@ -99,19 +114,24 @@ def _mode_lines(measured: MeasuredModes, numbers: dict[str, int], mode: int) -> 
     for name, way, value in zip(measured.node, measured.direction, measured.shape[:, mode], strict=True):
         rows[numbers[name]][AXES.index(way)] = value
     omega = 2.0 * np.pi * hz
-    told = (
-        [hz, 0.0, zeta, 0.0] if real else [-zeta * omega, omega * np.sqrt(1.0 - zeta**2), 0.0, 0.0, 0.0, 0.0]
-    )
-    lines = [f"mode {mode + 1}", f"{hz:.6g} Hz", NONE, NONE, NONE]
-    kind = REAL if real else COMPLEX
-    lines.append(
-        "".join(f"{n:10d}" for n in (1, 2 if real else 3, 3 if wide else 2, DISPLACEMENT, kind, size))
-    )
-    lines.append("".join(f"{n:10d}" for n in (2, len(told), 1, mode + 1)))
-    lines += _reals(told)
+    root = [-zeta * omega, omega * np.sqrt(1.0 - zeta**2)]
+    data = (1, 2 if real else 3, 3 if wide else 2, DISPLACEMENT, REAL if real else COMPLEX, size)
+    names = [f"mode {mode + 1}", f"{hz:.6g} Hz", NONE, NONE, NONE]
+    if kind == 55:
+        told = [hz, 0.0, zeta, 0.0] if real else [*root, *[0.0] * 4]
+        lines = [*names, _whole(data), _whole((2, len(told), 1, mode + 1)), *_reals(told)]
+    else:
+        lines = [_whole((mode + 1,)), names[0], _whole((1,)), *names, _whole(data)]
+        lines += [_whole((1, 1, 1, 0, 1, mode + 1, 0, 0)), _whole((0, 0))]
+        lines += _reals([0.0, hz, omega**2, 0.0, zeta, 0.0])
+        lines += _reals([*([0.0, 0.0] if real else root), *[0.0] * 4])
     for number, row in rows.items():
-        lines += [f"{number:10d}", *_reals(list(np.real(row) if real else row.view(float)))]
+        lines += [_whole((number,)), *_reals(list(np.real(row) if real else row.view(float)))]
     return lines
+
+
+def _whole(numbers: Iterable[int]) -> str:
+    return "".join(f"{n:10d}" for n in numbers)
 
 
 def _reals(values: list[float]) -> list[str]:

@@ -3,9 +3,10 @@
 A segment of the key fits a key of a file exactly or by the data sheet's name for it (``node.0.mass`` for
 ``mass_kg``, but ``suspension.bounce_hz``: see `sheet_name`); an item of an array is named by its index or its
 ``name``. A leading ``article.<name>.`` confines the override to the cases of that article. An override goes
-to every document in which its path exists, otherwise to each whose form allows the key there. A key of a
-table that every document leaves out (the suspension, in orbit) is known and has no effect, with a warning; a
-key that no form knows is an error.
+to every document in which its path exists, otherwise to each whose form allows the key there. A table that
+every document leaves out is made where the key, or those set with it, are all that it needs
+(``constants.gravity``, in orbit). Otherwise (a suspension's bounce) the key is known and has no effect, with
+a warning; a key that no form knows is an error.
 """
 
 from __future__ import annotations
@@ -104,13 +105,13 @@ def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[Reach, P
 
 
 def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]) -> tuple[Reach, Path]:
-    """The same below a table that the document leaves out: settable if no key of it is required.
+    """The same below a table that the document leaves out: settable if no other key of it is required.
 
     Of a table of values by name none is.
     """
     table = bare(annotation)
     of_values = get_origin(table) is dict and not is_form(bare(get_args(table)[1]))
-    optional = of_values or (is_form(table) and not any(f.is_required() for f in table.model_fields.values()))
+    needed = {name for name, f in table.model_fields.items() if f.is_required()} if is_form(table) else {""}
     for segment in segments:
         annotation = bare(annotation)
         key = _match(segment, None, annotation)
@@ -118,7 +119,8 @@ def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]
             return Reach.UNKNOWN, tuple(path)
         annotation = child(annotation, key)
         path.append(key)
-    return (Reach.SETTABLE if optional and len(segments) == 1 else Reach.ABSENT), tuple(path)
+    whole = of_values or needed <= {path[-1]}
+    return (Reach.SETTABLE if whole and len(segments) == 1 else Reach.ABSENT), tuple(path)
 
 
 def _match(segment: str, data: Any, annotation: Any) -> str | int | None:
@@ -171,7 +173,9 @@ def apply_overrides(
     documents = [copy.deepcopy(t.data) for t in targets]
     changed: list[dict[Path, str]] = [{} for _ in targets]
     faults: list[Fault] = []
-    for override in map(parse_override, overrides):
+    waiting = [parse_override(text) for text in overrides]
+    again = len(waiting)  # one whose table is not there waits for the others, which may make it
+    for turn, override in enumerate(waiting):
         found = [
             reach(data, target.form, override.segments)
             if not override.article or override.article == target.article
@@ -181,7 +185,9 @@ def apply_overrides(
         best = max((r.value for r, _ in found), default=0)
         if best == Reach.UNKNOWN.value:
             faults.append(_unknown(override, documents, targets))
-        if best == Reach.ABSENT.value:
+        if best == Reach.ABSENT.value and turn < again:
+            waiting.append(override)
+        elif best == Reach.ABSENT.value:
             warnings.warn(_no_effect(override, targets, found), stacklevel=2)
         for data, marks, (how, path) in zip(documents, changed, found, strict=True):
             if how.value == best and how in (Reach.SETTABLE, Reach.PRESENT):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -95,7 +94,7 @@ class There(NamedTuple):
     modes: Modes
     told: Int[np.ndarray, " mode"]
     slope: Float[np.ndarray, "mode unknown"]
-    left_out: Callable[[], Float[np.ndarray, " mode"]]
+    left_out: Float[np.ndarray, " mode"]
 
 
 def solve_there(
@@ -107,8 +106,7 @@ def solve_there(
     index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    finer = functools.cache(functools.partial(left_out, there, refined.x, modes, index))
-    return There(modes, index, slope, finer)
+    return There(modes, index, slope, np.diag(left_out(modes, index)) / (2.0 * lam))
 
 
 def predict_modes(
@@ -127,16 +125,17 @@ def predict_at(refined: Refined, there: There) -> Prediction:
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
+    shared = share if errors is None else np.column_stack([finer, share])
     alone = np.maximum(1.0 - np.sum(share**2, axis=1), 0.0)
     rest = alone * refined.unseen[sorts_of(modes, index)] ** 2
     unseen = np.maximum(1.0 - share.sum(axis=1), 0.0)
     if np.any(unseen > LITTLE):
-        rest = rest + (unseen * finer()) ** 2
+        rest = rest + (unseen * finer) ** 2
     return Prediction(
         modes=modes,
         index=index,
-        log_shift=share @ found.d[: share.shape[1]],
-        log_root=np.hstack([slope, share]) @ found.root[: slope.shape[1] + share.shape[1]],
+        log_shift=shared @ found.d[: shared.shape[1]],
+        log_root=np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]],
         log_rest=np.sqrt(rest + CARRIED**2),
         **_damping(modes, index, share, errors, compared),
         seen=share.sum(axis=1),

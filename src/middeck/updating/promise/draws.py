@@ -2,7 +2,8 @@
 
 Shapes, inertias and gains are those of the article at each draw. Its frequencies are not: unknowns that the
 surveys do not see alone keep most of their spread, and what the surveys do see (a sum of them) then holds to
-first order only. Each draw's frequencies are therefore those of the linear estimate, which keeps it.
+first order only. Each draw's frequencies are therefore those of the linear estimate, which keeps it. A draw
+has as much of the shear that the article is drawn without as the surveys leave likely: its modes mix by it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.finer import add_shear
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.port_rows import RATE
@@ -107,9 +109,8 @@ def draw_plants(
         alone, lossy = rng.standard_normal((2, len(mean.index)))
         try:
             tied = tie_umbilical(*there[:2], loop.umbilical_hz * pulls[number])
-            modes = there._replace(environment=tied).solve(
-                refined.x + (refined.estimate.root @ n)[: len(refined.unknowns)]
-            )
+            x, shear = refined.drawn_at(n)
+            modes = there._replace(structure=add_shear(there.structure, shear), environment=tied).solve(x)
         except NumericalError as error:
             error.where = f"draw {number} of {draws}, {error.where}"
             error.hint = "narrower spreads of the unknowns that the surveys do not see"

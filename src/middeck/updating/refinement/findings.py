@@ -119,6 +119,13 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
                     "the test states, whatever the unknowns: an error of the model, carried into what is "
                     "predicted"
                 )
+    shown, std = refined.shear
+    if abs(shown) > ABOVE * std:
+        yield (
+            f"the modes show {shown:.2g} +- {std:.2g} of what the model lacks in shear and elements (1 is "
+            "the shear of tubes and an endless mesh): carried into what is predicted; a shear stiffness with "
+            "the members, or more elements, would be better"
+        )
     if refined.statics:
         yield from _of_statics(refined, *tau[MODAL:].tolist())
 

@@ -1,34 +1,34 @@
-"""What a model leaves out that more elements and shear would bring in: errors of modes that no test saw."""
+"""What a model lacks in shear and elements: an error of one sign that all its modes share.
+
+Members of a shear flexibility F yield under the shear forces V of the modes, to first order by
+phi_i'dK phi_j = - sum of L V_i'F V_j over the elements: an element's forces stay as they are where it gives
+way, since its ends are free to follow. Of the mesh it is the estimate of `estimate_mesh_error`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.structure.correlation.measured_modes import measure_modes
+from middeck.structure.elements.beam import beam_properties
 from middeck.structure.model.finer import TUBE_SHEAR, refine_mesh
-from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.updating.residuals.surveys import SetUp, pair
-from middeck.updating.unknowns.unknowns import change
-
-FINER = 2
+from middeck.structure.modes.doubts.mesh_error import estimate_mesh_error
+from middeck.structure.modes.motions.strain import member_deformations
+from middeck.structure.modes.solve import Modes
 
 
-def left_out(
-    there: SetUp, x: Float[np.ndarray, " unknown"], modes: Modes, index: Int[np.ndarray, " mode"]
-) -> Float[np.ndarray, " mode"]:
-    """By how much ln f of ``modes[index]`` moves with twice the elements, and shear where there was none.
+def left_out(modes: Modes, index: Int[np.ndarray, " mode"]) -> Float[np.ndarray, "mode mode"]:
+    """phi_i'dK phi_j [rad^2/s^2] of ``modes[index]``: what endless elements, and shear, would change.
 
-    Both grow with frequency. What a refinement takes up of them at the modes that a test saw, it does not at
-    higher ones. A mode that is not found again has the largest of the others.
+    Shear is that of tubes, in members without a shear stiffness of their own. A mode for which the mesh has
+    no shape lacks as much by the mesh as the worst of the others.
     """
-    structure, environment = change(*there, x)
-    fine = solve_modes(solve_equilibrium(refine_mesh(structure, FINER, TUBE_SHEAR), environment))
-    moving = [i for i, kind in enumerate(fine.kind) if kind != "rigid"]
-    known = measure_modes(fine, chosen=moving[: len(index)])
-    place = {int(i): int(j) for i, j in pair(modes, known)}
-    found = [place.get(i) for i in index.tolist()]
-    hz = np.array([np.nan if j is None else known.frequency_hz[j] for j in found])
-    moved = np.log(hz / modes.frequency_hz[index])
-    return np.where(np.isfinite(moved), moved, np.nanmax(np.abs(moved), initial=0.0))
+    beams, structure = modes.equilibrium.model.beams, modes.equilibrium.model.structure
+    lam, mesh = modes.omega[index] ** 2, estimate_mesh_error(modes, int(index.max(initial=-1)) + 1)[index]
+    mesh = np.where(np.isfinite(mesh), mesh, np.max(mesh[np.isfinite(mesh)], initial=0.0))
+    sections = [s for m in refine_mesh(structure, 1, TUBE_SHEAR).members for s in m.sections]
+    softer = beam_properties(sections, beams.length).stiffness
+    some = np.any(softer != beams.stiffness, axis=(1, 2))
+    force = (beams.stiffness @ member_deformations(modes.equilibrium, modes.shapes[:, index]))[some]
+    yields = np.linalg.pinv(softer[some]) - np.linalg.pinv(beams.stiffness[some])
+    return -np.einsum("eim,ein->mn", force, yields @ force) - np.diag(2.0 * lam * mesh)

@@ -26,6 +26,7 @@ LEAST, MOST = 1e-6, 0.1
 # A good mesh and good joints leave 0.03 % of a frequency, give or take a factor of three.
 USUAL, FACTOR = 3e-4, 3.0
 SWEEPS, GRID = 3, 24
+KNOWN = -1
 # Factors of e about the most probable, and points there, over which it is uncertain; what an interval holds.
 AWAY, POINTS = 4.0, 41
 HELD, NORMAL_95 = 0.95, 1.959964
@@ -41,7 +42,8 @@ class Linear:
         J: Slopes by the unknowns, of which ``spread`` are the prior deviations.
         S: What each row shares of each of the model's own errors.
         rest: What each row has, in squares, of errors that no other row shares.
-        sort, row_sort: Sort of each error, and of the rest of each row, from 0: one sort has one tau.
+        sort, row_sort: Sort of each error, and of the rest of each row, from 0: one sort has one tau; `KNOWN`
+            for an error whose size is known, and in S: its deviation is one.
         sorts: How many sorts there are, with those that no row has.
     """
 
@@ -88,7 +90,7 @@ def estimate_at(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Estimate:
     """The most probable x and d, the errors of the model being as large as ``tau``."""
     std = _deviations(problem, tau)
     n, m = len(problem.spread), len(problem.sort)
-    scale = np.concatenate([problem.spread, tau[problem.sort]])
+    scale = np.concatenate([problem.spread, _sizes(problem, tau)])
     A = np.hstack([problem.J, problem.S]) * scale / std[:, None]
     Q, R = np.linalg.qr(np.vstack([A, np.eye(n + m)]))
     z = sla.solve_triangular(R, Q[: len(A)].T @ (problem.y / std))
@@ -163,11 +165,16 @@ def _deviations(problem: Linear, tau: np.ndarray) -> np.ndarray:
     return np.sqrt(problem.std**2 + problem.rest * tau[problem.row_sort] ** 2)
 
 
+def _sizes(problem: Linear, tau: np.ndarray) -> np.ndarray:
+    """Deviation of each error."""
+    return np.where(problem.sort == KNOWN, 1.0, tau[problem.sort])
+
+
 def _of_unknowns(problem: Linear) -> np.ndarray:
     scaled = problem.J * problem.spread
     return scaled @ scaled.T
 
 
 def _covariance(problem: Linear, tau: np.ndarray) -> np.ndarray:
-    shared = problem.S * tau[problem.sort]
+    shared = problem.S * _sizes(problem, tau)
     return np.diag(_deviations(problem, tau) ** 2) + shared @ shared.T + _of_unknowns(problem)

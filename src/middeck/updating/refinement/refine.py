@@ -16,8 +16,9 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
+from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.own_errors import OwnErrors, sorts_of
-from middeck.updating.refinement.posterior import USUAL, Estimate, Linear, estimate, unseen_deviations
+from middeck.updating.refinement.posterior import KNOWN, USUAL, Estimate, Linear, estimate, unseen_deviations
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.statics import (
@@ -68,8 +69,9 @@ class Refined:
     Attributes:
         compared, statics: Each survey and each static test beside the model.
         linear_at: The unknowns at which they are compared, a small step from the most probable ones.
-        estimate: Unknowns, the model's own errors (of modes, see `OwnErrors`, of ``fields``, of the
-            unloaded readings in the order of ``zeros``), and their covariance, linear about there.
+        estimate: Unknowns, the model's own errors (of surveys how much of `left_out` is there, then of modes,
+            see `OwnErrors`; of ``fields``; of the unloaded readings in the order of ``zeros``), and their
+            covariance, linear about there.
         before_hz: Frequencies of the modes of the mean of the prior that each survey's pairs were then.
         before: What gauges of each static test read of the mean of the prior.
         history: Largest move of an unknown in its own deviations, step by step.
@@ -108,6 +110,18 @@ class Refined:
     def x(self) -> Float[np.ndarray, " unknown"]:
         """The most probable unknowns."""
         return np.array([u.mean for u in self.unknowns]) + self.estimate.x
+
+    @property
+    def shear(self) -> tuple[float, float]:
+        """How much of `left_out` the surveys show, and its deviation; without any none."""
+        at = len(self.unknowns)
+        found = self.estimate
+        return (float(found.d[0]), float(np.linalg.norm(found.root[at]))) if self.compared else (0.0, 0.0)
+
+    def drawn_at(self, n: Float[np.ndarray, " both"]) -> tuple[Float[np.ndarray, " unknown"], float]:
+        """Unknowns, and how much of `left_out`, at standard normal numbers of the estimate's root."""
+        off, at = self.estimate.root @ n, len(self.unknowns)
+        return self.x + off[:at], self.shear[0] + float(off[at]) if self.compared else 0.0
 
     @property
     def factors(self) -> dict[str, float]:
@@ -339,11 +353,19 @@ def _of_modes(compared: Sequence[Compared]) -> _Errors:
         ]
     )
     return _Errors(
-        S,
+        np.column_stack([np.concatenate([_of_mesh_and_shear(c) for c in compared]), S]),
         np.maximum(1.0 - np.sum(S**2, axis=1), 0.0),
-        errors.sorts(compared),
+        np.append(KNOWN, errors.sorts(compared)),
         np.concatenate([sorts_of(c.modes, c.rows[:, 1]) for c in compared]),
     )
+
+
+def _of_mesh_and_shear(compared: Compared) -> np.ndarray:
+    """What more elements and shear would change in each row."""
+    own, (of, place) = compared.pairs[:, 0], compared.rows.T
+    index, at = np.unique(np.append(own, place), return_inverse=True)
+    k = at[: len(own)][of]
+    return left_out(compared.modes, index)[at[len(own) :], k] / (2.0 * compared.modes.omega[own[of]] ** 2)
 
 
 def _of_responses(rows: int) -> _Errors:

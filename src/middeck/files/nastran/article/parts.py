@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from middeck.files.nastran.article.sections import Formulation
-from middeck.files.nastran.components.direct_input import direct_component
+from middeck.files.nastran.components.direct_input import direct_component, lone_matrix
 from middeck.files.nastran.constraints.constraints import Constraint, read_constraints, term_rows
 from middeck.files.nastran.constraints.restraints import read_restraints
 from middeck.files.nastran.deck.coordinates import Places, place_grids
@@ -21,6 +21,7 @@ from middeck.files.nastran.masses_and_springs.bodies import (
     read_scalar_masses,
     scalar_masses,
 )
+from middeck.files.nastran.masses_and_springs.direct import direct_masses, direct_ties
 from middeck.files.nastran.masses_and_springs.scalars import (
     WAY,
     Element,
@@ -92,10 +93,15 @@ def read_parts(basis: Basis) -> Parts:
     still = held_points(deck, points, faults)
     scalars = _scalars(basis, points, properties, (held, still), faults)
     direct = direct_component(deck, basis.units, faults)
+    lone = lone_matrix(deck, faults)
     read = read_constraints(deck, places, points, still, faults)
     constraints = [_in_metres(c, basis.units) for c in read]
     ties = read_ties(entries, places, points, held, faults)
     masses += read_scalar_masses(entries, places, points, held, linked_grids(entries), properties, faults)
+    if lone is not None and lone.what == "stiffness":
+        ties += direct_ties(lone, places, faults)
+    elif lone is not None:
+        masses += direct_masses(lone, places, real_parameter(deck, "WTMASS", 1.0), faults)
     if direct is not None and direct.modal and scalars:
         what = "matrices by direct input have scalar points of their own: not converted yet beside them"
         faults.append(scalars[0].entry.fault(what))

@@ -20,6 +20,7 @@ def spring_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Table
     between: Tables = []
     grounds: Tables = []
     length, force = basis.units.length, basis.units.force
+    unit = np.repeat([1.0 / length, 1.0], 3)
     for tie in parts.ties:
         name = f"{'bush' if tie.entry.name == 'CBUSH' else 'spring'}{tie.entry.id}"
         ends = [name + end for end in "ab"[: len(tie.grids)]]
@@ -28,7 +29,7 @@ def spring_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Table
             offset = (point - basis.places.grids[carrier]) * length
             points.append({"name": end, "frame": f"g{carrier}", "offset_m": offset})
         law = {
-            "stiffness": tie.stiffness * force * np.repeat([1.0 / length, length], 3),
+            "stiffness": _written(force * length * np.outer(unit, unit) * tie.stiffness),
             "x_axis": tie.axes[:, 0],
             "y_axis": tie.axes[:, 1],
         }
@@ -37,6 +38,12 @@ def spring_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Table
         else:
             grounds.append({"name": name, "attach": ends[0], **law})
     return points, between, grounds
+
+
+def _written(stiffness: np.ndarray) -> np.ndarray:
+    """Six numbers where there is nothing off the diagonal."""
+    diagonal = np.diagonal(stiffness)
+    return stiffness if np.any(stiffness - np.diag(diagonal)) else diagonal
 
 
 def scalar_tables(basis: Basis, parts: Parts) -> tuple[ScalarNodes, list[str]]:

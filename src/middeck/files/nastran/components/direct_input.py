@@ -1,10 +1,16 @@
-"""Matrices by direct input: what case control adds by K2GG and M2GG, as a component of the article."""
+"""Matrices by direct input: what case control adds by K2GG and M2GG, both as a component of the article."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from middeck.errors import ConfigError
-from middeck.files.nastran.components.external import GEOMETRY, component_of
+from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, component_of
+from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
@@ -15,11 +21,59 @@ NAME = "direct"
 SCALES = ("CK2", "CM2", "CK1", "CM1")
 
 
+class Lone(NamedTuple):
+    """A matrix that stands alone: what it is, its first card, its grids, six rows of each in basic axes."""
+
+    what: str
+    entry: Entry
+    grids: tuple[int, ...]
+    matrix: np.ndarray
+
+    def block(self, row: int, column: int) -> np.ndarray:
+        """What the coordinates of one grid have with those of another, by their places in the list."""
+        return self.matrix[6 * row : 6 * row + 6, 6 * column : 6 * column + 6]
+
+    def size(self, row: int) -> np.ndarray:
+        """Roots of the diagonal of one grid."""
+        return np.sqrt(np.abs(np.diagonal(self.block(row, row))))
+
+
+def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
+    """The stiffness or the mass that case control selects alone, in units of the deck; None for both or none.
+
+    Appends to ``faults`` scalar points in it.
+    """
+    chosen = deck.selection.matrices
+    alone = [command for command in READ if command in chosen]
+    if faults or len(alone) != 1:
+        return None
+    entry, *columns = (e for e in deck.entries.of("DMIG") if e["name"] == chosen[alone[0]])
+    if not columns:
+        faults.append(entry.fault("has no entries"))
+        return None
+    try:
+        grids, scalars, matrix = basic_matrix(_cards(deck), chosen[alone[0]], READ[alone[0]], deck.path)
+    except ConfigError as error:
+        raise ConfigError(error.what, where=f"{deck.path}, {alone[0]}", hint=error.hint) from None
+    if scalars:
+        what = f"scalar point {scalars[0]} in a matrix that stands alone: not converted yet"
+        faults.append(entry.fault(what, hint="K2GG and M2GG"))
+        return None
+    return Lone(READ[alone[0]], entry, grids, matrix)
+
+
+def _cards(deck: Deck) -> list[Card]:
+    """Cards of the grids, and of the matrices that are selected."""
+    chosen = deck.selection.matrices.values()
+    cards = [entry.card for entry in deck.entries.of(*GEOMETRY)]
+    return cards + [entry.card for entry in deck.entries.of("DMIG") if entry["name"] in chosen]
+
+
 def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component | None:
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
-    Scalar points are its modal coordinates. Appends to ``faults`` other matrices (B2GG, K2PP ...), sums of
-    matrices, and stiffness without mass, which no body has. Raises `ConfigError` or `DataError` for matrices
+    Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
+    other matrices (B2GG, K2PP ...) and sums of matrices. Raises `ConfigError` or `DataError` for matrices
     that are no component's.
     """
     chosen = deck.selection.matrices
@@ -31,19 +85,14 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
         elif matrix not in known:
             hint = "one name; a sum or a factor goes into the matrix itself"
             faults.append(_fault(deck, command, f"no DMIG {matrix}", hint))
-        elif not set(READ) <= set(chosen):
-            missing = next(iter(set(READ) - set(chosen)))
-            hint = "a stiffness alone can be CELAS2 or CBUSH, a mass alone CONM1"
-            faults.append(_fault(deck, command, f"no {missing} beside it: a component has both", hint))
     faults += [
         entry.fault("scales matrices by direct input: not converted yet", "v1")
         for entry in deck.entries.of("PARAM")
         if chosen and entry.id in SCALES
     ]
-    if faults or not chosen:
+    if faults or not set(READ) <= set(chosen):
         return None
-    cards = [entry.card for entry in deck.entries.of(*GEOMETRY)]
-    cards += [entry.card for entry in deck.entries.of("DMIG") if entry["name"] in chosen.values()]
+    cards = _cards(deck)
     names = {what: (chosen[command],) for command, what in READ.items()}
     try:
         return component_of(cards, None, units, NAME, deck.path, names)

@@ -24,7 +24,9 @@ from middeck.files.nastran.deck.sections import Line
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
 from middeck.files.toml.faults import Fault, raise_fault, raise_faults
-from middeck.structure.model.component import Component, require_component
+from middeck.structure.model.component import UNEQUAL, Component, require_component
+
+BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
 
 # Names of stiffness, mass, viscous and structural damping in what programs write.
 NAMES = {
@@ -215,6 +217,26 @@ def component_of(
         raise DataError(
             error.what, where=source, hint="do matrices, cards and units belong together?"
         ) from None
+
+
+def basic_matrix(
+    cards: Sequence[Card], name: str, what: str, where: str
+) -> tuple[tuple[int, ...], tuple[int, ...], np.ndarray]:
+    """Grids and scalar points of one DMIG; its rows, six of each grid, in units of the deck and basic axes.
+
+    ``what`` it is; raises `ConfigError` or `DataError` as `component_of` does, and for one that is not
+    symmetric.
+    """
+    places = geometry_of(cards)
+    punched = read_dmig([card for card in cards if card.name == "DMIG"])
+    boundary = _boundary(cards, punched.pairs({"stiffness": (name,), "mass": ()}), places, where)
+    matrix = _pick(punched.matrices(boundary), (name,), what, boundary.size, where)
+    if matrix is None:
+        raise DataError(f"{name} is zero", where=where)
+    if np.abs(matrix - matrix.T).max() > UNEQUAL * np.abs(matrix).max():
+        raise DataError(f"the {what} is not symmetric", where=f"{where}, matrix {name!r}")
+    turn, _ = _to_basic(boundary, cards, places, BARE)
+    return boundary.grids, boundary.scalars, turn @ matrix @ turn.T
 
 
 def geometry_of(cards: Iterable[Card]) -> Places:

@@ -8,6 +8,7 @@ line that ends with it, wherever that is, without one to the line before.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -30,6 +31,7 @@ NARROW = [_columns(8, count) for count in range(ROW + 1)]
 WIDE = [_columns(16, count) for count in range(ROW // 2 + 1)]
 MARKS = "+*"
 BREAK = "break it with a continuation"
+COUNTED = 10  # lines with a number each in columns 73 to 80 that may be those of the lines
 
 
 class Card(NamedTuple):
@@ -95,9 +97,10 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
             apart.append(group)
     if apart:
         faults += _adopt(groups, apart)
-    for group in groups:
-        if group[-1][TAIL]:
-            faults += _forgotten(group)
+    tailed = [group for group in groups if len(group) > 1 or group[0][TAIL]]
+    counted = bool(tailed) and _are_counted(groups)
+    for group in tailed:
+        faults += _forgotten(group, counted)
     if "=" in whole:
         groups = replicated(groups, faults)
     raise_faults(faults)
@@ -141,13 +144,39 @@ def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[Fault]:
     return faults
 
 
-def _forgotten(group: list[Row]) -> list[Fault]:
-    """A last row that announces a continuation, with a mark of its own, which is nowhere."""
-    tail = group[-1][TAIL]
-    if tail[:1] in MARKS and _mark(tail):
-        hint = "is the deck whole? if the card ends here, clear its tenth field"
-        return [_fault(group[-1][LINE], f"the continuation {_mark(tail)!r} is missing", hint)]
-    return []
+def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
+    """Marks of continuations that are nowhere: those of a last row that announce one, and lone numbers.
+
+    A number that no continuation names is a field too many, but where the lines of the deck are ``counted``.
+    """
+    faults: list[Fault] = []
+    for row, after in zip(group, [*group[1:], None], strict=True):
+        tail = row[TAIL]
+        if not tail or (after is not None and _mark(after[HEAD])):
+            continue
+        if tail[0] in MARKS and _mark(tail) and after is None:
+            hint = "is the deck whole? if the card ends here, clear its tenth field"
+            faults.append(_fault(row[LINE], f"the continuation {_mark(tail)!r} is missing", hint))
+        elif not counted and _is_number(tail):
+            faults.append(_no_mark(row[LINE], tail))
+    return faults
+
+
+def _is_number(text: str) -> bool:
+    return real(text) is not None or integer(text) is not None
+
+
+def _no_mark(line: Line, tail: str) -> Fault:
+    return _fault(line, f"a number, {tail}, where the mark of a continuation stands", BREAK)
+
+
+def _are_counted(groups: list[list[Row]]) -> bool:
+    """Whether columns 73 to 80 number all lines but those with commas: whole numbers that rise."""
+    tails = [row[TAIL] for group in groups for row in group if "," not in row[LINE][0]]
+    numbers = [integer(tail) for tail in tails]
+    known = [number for number in numbers if number is not None]
+    rise = all(a < b for a, b in pairwise(known))
+    return len(tails) >= COUNTED and len(known) == len(tails) and rise
 
 
 def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
@@ -202,6 +231,6 @@ def _cut_free(text: str, line: Line) -> Row | Fault:
     if any(fields[room + 1 :]):
         return _fault(line, f"more than {room} fields in one line", BREAK)
     tail = fields[room] if len(fields) > room else ""
-    if tail and (real(tail) is not None or integer(tail) is not None):
-        return _fault(line, f"a number, {tail}, where the mark of a continuation stands", BREAK)
+    if tail and _is_number(tail):
+        return _no_mark(line, tail)
     return _large(head) if large else head or "+", tuple(fields[:room]), tail, large, line

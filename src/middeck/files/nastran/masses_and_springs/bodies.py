@@ -170,6 +170,15 @@ def _conm1(entry: Entry, places: Places) -> Mass:
     for i in range(6):
         for j in range(i + 1):
             M[i, j] = M[j, i] = entry[f"m{i + 1}{j + 1}"]
+    place = places.grids[entry["g"]]
+    return mass_of_matrix(M, entry["g"], place, places.systems[entry["cid"]].axes_at(place))
+
+
+def mass_of_matrix(M: np.ndarray, grid: int, place: np.ndarray, R: np.ndarray) -> Mass:
+    """The body with the mass matrix ``M`` (6, 6) about a grid at ``place``, in axes ``R`` (columns).
+
+    Raises `ValueError` where no body has it.
+    """
     mass, arm = M[0, 0], np.zeros(3)
     if mass > 0.0:
         arm = np.array([M[2, 4], -M[2, 3], M[1, 3]]) / -mass
@@ -179,8 +188,6 @@ def _conm1(entry: Entry, places: Places) -> Mass:
     scale = np.sqrt(np.abs(np.diag(M)))
     if np.any(np.abs(M - rigid) > ROUNDING * np.maximum(np.outer(scale, scale), 1e-300)):
         raise ValueError("a mass matrix of no rigid body is not converted yet")
-    place = places.grids[entry["g"]]
-    R = places.systems[entry["cid"]].axes_at(place)
     own = M[3:, 3:] - _moved(mass, arm)
     _check(mass, own)
-    return Mass(entry["g"], mass, place + R @ arm, _turned(own, R))
+    return Mass(grid, mass, place + R @ arm, _turned(own, R))

@@ -59,7 +59,7 @@ def loose_turns(
         turn = np.kron(np.eye(2), tie.axes)
         for grid, point in zip([carriers.get(g, g) for g in tie.grids], tie.points, strict=True):
             if grid not in firm:
-                own = _about(turn @ np.diag(tie.stiffness) @ turn.T, point - places.grids[grid])
+                own = _about(turn @ tie.stiffness @ turn.T, point - places.grids[grid])
                 stiffness[grid] += own
                 alive |= {grid} if own.any() else set()
     for part in separate_parts([f"{grid}" for grid in stiffness], twists):

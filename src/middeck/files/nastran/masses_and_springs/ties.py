@@ -1,6 +1,6 @@
 """Springs and bushings of a deck: stiffness between two points in one place, or a point and the ground.
 
-A CBUSH acts at its elastic point, which both grids carry rigidly. A scalar spring (CELAS) between grids that
+A CBUSH acts at its elastic point, which its grids carry rigidly. A scalar spring (CELAS) between grids that
 are apart would resist rigid motion unless it acts along the line between them or on rotations; others are
 refused.
 """
@@ -25,7 +25,7 @@ ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
 
 
 class Tie(NamedTuple):
-    """The grids (one: to the ground), the points joined, axes and the diagonal of stiffness."""
+    """The grids (one: to the ground), the points joined, axes and the stiffness (6, 6) in them."""
 
     entry: Entry
     grids: tuple[int, ...]
@@ -113,7 +113,7 @@ def _spring(
                 "a spring across the line between its grids, which resists rigid motion: "
                 "put them in one place, or hold their rotations"
             )
-    return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], stiffness)
+    return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], np.diag(stiffness))
 
 
 def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
@@ -122,17 +122,34 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
     if entry["gb"] is None:
         if entry["cid"] is None:
             raise ValueError("a bushing to the ground needs a CID, 0 for the basic system: field 9 is blank")
-        if entry["ocid"] != -1:
-            raise ValueError("an offset (OCID) of a bushing to the ground is not converted yet")
-        return Tie(entry, (entry["ga"],), (a,), _axes(entry, a, a, stiffness, places), stiffness)
+        point = a if entry["ocid"] == -1 else _offset(entry, a, places)
+        return Tie(entry, (entry["ga"],), (point,), _axes(entry, a, a, stiffness, places), np.diag(stiffness))
     b = _place(entry["gb"], places)
     grids = (entry["ga"], entry["gb"])
     if grids[0] == grids[1]:
         raise ValueError("it joins a grid to itself")
-    if entry["ocid"] != -1:
-        raise ValueError("an elastic point by OCID is not converted yet: give S, its place along the line")
-    point = a + entry["s"] * (b - a)
-    return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), stiffness)
+    if not 0.0 <= entry["s"] <= 1.0:
+        raise ValueError(f"S is {entry['s']:g}; must be 0 to 1, a place on the line between its grids")
+    point = a + entry["s"] * (b - a) if entry["ocid"] == -1 else _offset(entry, a, places)
+    return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), np.diag(stiffness))
+
+
+def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
+    """The elastic point at S1, S2, S3 in the system OCID.
+
+    The Quick Reference Guides draw it from the origin of OCID, other programs (MYSTRAN) count it from GA:
+    refused where these are not one.
+    """
+    system = places.systems.get(entry["ocid"])
+    if system is None:
+        raise ValueError(f"there is no coordinate system {entry['ocid']} (OCID)")
+    apart = float(np.linalg.norm(system.origin - a))
+    if system.kind != "R" or apart > ALONG * max(np.linalg.norm(a), np.linalg.norm(system.origin)):
+        raise ValueError(
+            "an elastic point by OCID is measured from its origin by some programs, from GA by others: "
+            "give a rectangular system whose origin is at GA, or S, its place along the line"
+        )
+    return a + system.axes @ np.array([entry[key] or 0.0 for key in ("s1", "s2", "s3")])
 
 
 def _axes(entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: Places) -> np.ndarray:

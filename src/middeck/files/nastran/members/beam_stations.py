@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import real
-from middeck.files.nastran.members.shapes import SHAPES, SectionShape, section_shape
+from middeck.files.nastran.members.shapes import SHAPES, section_shape
 
 ROW = 8
 OUTPUT = ("YES", "YESA", "NO")  # the first field of a station
@@ -115,16 +115,10 @@ def read_shape(entry: Entry) -> Stations:
     shape = section_shape(name, own[:count])
     for at, (*sizes, nsm) in _completed(own, found):
         shape = section_shape(name, sizes)
-        n1, n2 = _off(name, shape) if tapers else (0.0, 0.0)
-        made = Cut(shape.area, shape.i1, shape.i2, 0.0, shape.j, nsm, n1=n1, n2=n2)
+        n1, n2 = shape.centroid if tapers else (0.0, 0.0)
+        made = Cut(shape.area, shape.i1, shape.i2, shape.i12, shape.j, nsm, n1=n1, n2=n2)
         cuts.append((at, made))
     return Stations(tuple(cuts), *(0.0 if k == float("inf") else k for k in (shape.k1, shape.k2)))
-
-
-def _off(name: str, shape: SectionShape) -> tuple[float, float]:
-    if shape.centroid is None:
-        raise ValueError(f"the shear centre of this {name}, which a CBEAM counts, is not converted yet")
-    return shape.centroid
 
 
 def _of_texts(texts: Sequence[str | None], place: int) -> list[float | None]:

@@ -2,24 +2,28 @@
 
 I1 is for bending in plane 1 (own x-y), I2 in plane 2. Torsion constants are those of the reference guides:
 polar for round sections, Roark's for a solid rectangle, Bredt's for a box, a sum over thin walls for open
-sections.
+sections; for HEXA, of which they say nothing, the exact one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from middeck.files.nastran.members.solid_torsion import torsion_of_polygon
+from middeck.files.nastran.members.thin_walls import Wall, twist_walls
+
 PI = float(np.pi)
+ROUNDING = 1e-12  # of a product moment over the second moments, of a place over the sizes
 
 
 class SectionShape(NamedTuple):
     """Area, second moments, torsion constant; shear factors K of the area, infinite if rigid in shear.
 
-    ``centroid``: where it is (y, z) from the shear centre of thin walls; None if that is not known. A CBAR
-    takes both to be one, a CBEAM does not.
+    ``centroid``: where it is (y, z) from the shear centre of thin walls. A CBAR takes both to be one, a CBEAM
+    does not.
     """
 
     area: float
@@ -28,7 +32,8 @@ class SectionShape(NamedTuple):
     j: float
     k1: float = np.inf
     k2: float = np.inf
-    centroid: tuple[float, float] | None = (0.0, 0.0)
+    centroid: tuple[float, float] = (0.0, 0.0)
+    i12: float = 0.0
 
 
 def _need(walls: bool) -> None:
@@ -71,25 +76,42 @@ def _box(width: float, height: float, t_flange: float, t_web: float) -> SectionS
     )
 
 
-def _walls(
-    *walls: tuple[float, float, float, float], shear_centre: tuple[float, float] | None = None
-) -> SectionShape:
-    """An open section of thin rectangles: y and z of the middle, sizes along y and z; no product moment.
+def _walls(*walls: tuple[float, float, float, float], shear_centre: tuple[float, float]) -> SectionShape:
+    """An open section of thin rectangles: y and z of the middle, sizes along y and z.
 
     Walls do not overlap; the torsion constant counts each up to the middle of the one that it meets.
     """
     y, z, h, w = np.array(walls).T
     _need(bool(np.all(h > 0.0) and np.all(w > 0.0)))
     area = h * w
-    centre = area @ y / area.sum(), area @ z / area.sum()
+    centre = np.array([area @ y, area @ z]) / area.sum()
     y, z = y - centre[0], z - centre[1]
+    i1, i2 = float(np.sum(area * (y**2 + h**2 / 12.0))), float(np.sum(area * (z**2 + w**2 / 12.0)))
+    i12 = float(np.sum(area * y * z))
     return SectionShape(
         float(area.sum()),
-        float(np.sum(area * (y**2 + h**2 / 12.0))),
-        float(np.sum(area * (z**2 + w**2 / 12.0))),
+        i1,
+        i2,
         float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3.0),
-        centroid=shear_centre and (float(centre[0] - shear_centre[0]), float(centre[1] - shear_centre[1])),
+        centroid=(_off(centre[0] - shear_centre[0], h.sum()), _off(centre[1] - shear_centre[1], w.sum())),
+        i12=_off(i12, i1 + i2),
     )
+
+
+def _off(value: float, size: float) -> float:
+    """Zero for what is rounding of ``size``."""
+    return float(value) if abs(value) > ROUNDING * size else 0.0
+
+
+def _joined(
+    walls: Sequence[tuple[float, float, float, float]],
+    points: Sequence[tuple[float, float]],
+    lines: Sequence[Wall],
+) -> SectionShape:
+    """Rectangles, see `_walls`, whose middle lines are ``lines`` between ``points``."""
+    centre, cells, open_walls = twist_walls(points, lines)
+    made = _walls(*walls, shear_centre=(float(centre[0]), float(centre[1])))
+    return made._replace(j=cells + open_walls)
 
 
 def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_upper: float) -> SectionShape:
@@ -123,13 +145,13 @@ def _t2(width: float, height: float, t_flange: float, t_web: float) -> SectionSh
 
 def _t(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
     made = _t2(width, height, t_flange, t_web)
-    y, z = made.centroid or (0.0, 0.0)
+    y, z = made.centroid
     return made._replace(centroid=(-y, z))
 
 
 def _quarter_turn(shape: SectionShape, sign: float) -> SectionShape:
     """The shape with its y and z exchanged, the centroid to the side of ``sign``."""
-    y, z = shape.centroid or (0.0, 0.0)
+    y, z = shape.centroid
     return shape._replace(i1=shape.i2, i2=shape.i1, centroid=(sign * z, sign * y))
 
 
@@ -162,22 +184,85 @@ def _channel2(t_leg: float, t_base: float, height: float, width: float) -> Secti
     return _quarter_turn(_channel(height, width, t_base, t_leg), 1.0)
 
 
-def _box1(width: float, height: float, top: float, bottom: float, left: float, right: float) -> SectionShape:
+def _box1(width: float, height: float, top: float, bottom: float, right: float, left: float) -> SectionShape:
+    """Its right wall is the one at +z."""
     w, h = width - left - right, height - top - bottom
     _need(w > 0.0 and h > 0.0)
+    across, along = width - 0.5 * (left + right), height - 0.5 * (top + bottom)
+    corners = ((0.0, 0.0), (0.0, across), (along, across), (along, 0.0))  # from the lower one at -z
+    y, z = twist_walls(corners, ((0, 1, bottom), (1, 2, right), (2, 3, top), (3, 0, left)))[0]
     made = _walls(
         (0.5 * (height - top), 0.0, top, width),
         (-0.5 * (height - bottom), 0.0, bottom, width),
         (0.5 * (bottom - top), 0.5 * (left - width), h, left),
         (0.5 * (bottom - top), 0.5 * (width - right), h, right),
-        shear_centre=(0.0, 0.0) if top == bottom and left == right else None,
+        shear_centre=(0.5 * (bottom - height) + float(y), 0.5 * (left - width) + float(z)),
     )
-    product = 0.5 * w * h * (top - bottom) * (left - right)
-    if abs(product) > 0.0:
-        raise ValueError("a box whose walls differ both ways: it has a product moment, give a PBAR")
-    across, along = width - 0.5 * (left + right), height - 0.5 * (top + bottom)
     around = across * (1.0 / top + 1.0 / bottom) + along * (1.0 / left + 1.0 / right)
     return made._replace(j=4.0 * (across * along) ** 2 / around)
+
+
+def _l(width: float, height: float, t_base: float, t_web: float) -> SectionShape:
+    """A base from its corner towards +z, a web up from there."""
+    _need(height > t_base and width > t_web)
+    corner = (0.5 * t_base, 0.5 * t_web)
+    return _joined(
+        (
+            (0.5 * t_base, 0.5 * width, t_base, width),
+            (0.5 * (height + t_base), 0.5 * t_web, height - t_base, t_web),
+        ),
+        ((0.5 * t_base, width), corner, (height, 0.5 * t_web)),
+        ((0, 1, t_base), (1, 2, t_web)),
+    )
+
+
+def _z(flange: float, t_web: float, inside: float, height: float) -> SectionShape:
+    """The upper flange goes from the web towards -z, the lower one towards +z."""
+    t = 0.5 * (height - inside)
+    _need(t > 0.0)
+    y, z = 0.5 * (inside + t), 0.5 * t_web + flange
+    return _joined(
+        (
+            (y, -0.5 * flange, t, t_web + flange),
+            (0.0, 0.0, inside, t_web),
+            (-y, 0.5 * flange, t, t_web + flange),
+        ),
+        ((y, -z), (y, 0.0), (-y, 0.0), (-y, z)),
+        ((0, 1, t), (1, 2, t_web), (2, 3, t)),
+    )
+
+
+def _hat(height: float, t: float, top: float, brim: float) -> SectionShape:
+    """Open below; a brim stands out ``brim`` from each web."""
+    y, z, web = height - t, 0.5 * (top - t), height - 2.0 * t
+    _need(web > 0.0 and top > 2.0 * t)
+    feet = brim + t
+    return _joined(
+        (
+            (y, 0.0, t, top),
+            *((0.5 * y, side * z, web, t) for side in (1.0, -1.0)),
+            *((0.0, side * (z + 0.5 * brim), t, feet) for side in (1.0, -1.0)),
+        ),
+        ((0.0, -z - 0.5 * t - brim), (0.0, -z), (y, -z), (y, z), (0.0, z), (0.0, z + 0.5 * t + brim)),
+        tuple((k, k + 1, t) for k in range(5)),
+    )
+
+
+def _hexa(corner: float, width: float, height: float) -> SectionShape:
+    """A solid with points at -z and +z, each as long as ``corner``."""
+    flat = width - 2.0 * corner
+    _need(flat > 0.0)
+    outline = (
+        complex(0.5 * width, 0.0),
+        complex(0.5 * flat, 0.5 * height),
+        complex(-0.5 * flat, 0.5 * height),
+        complex(-0.5 * width, 0.0),
+        complex(-0.5 * flat, -0.5 * height),
+        complex(0.5 * flat, -0.5 * height),
+    )
+    i1 = height**3 * (flat / 12.0 + corner / 24.0)
+    i2 = height * (flat**3 / 12.0 + corner * (0.5 * flat + corner / 3.0) ** 2 + corner**3 / 18.0)
+    return SectionShape(height * (flat + corner), i1, i2, torsion_of_polygon(outline))
 
 
 def _cross(wings: float, t_vertical: float, height: float, t_wings: float) -> SectionShape:
@@ -217,6 +302,10 @@ SHAPES: dict[str, tuple[int, Callable[..., SectionShape]]] = {
     "BOX1": (6, _box1),
     "CROSS": (4, _cross),
     "H": (4, _h),
+    "L": (4, _l),
+    "Z": (4, _z),
+    "HAT": (4, _hat),
+    "HEXA": (3, _hexa),
 }
 
 

@@ -138,7 +138,7 @@ def _turns(
 ) -> list[np.ndarray]:
     """What each family turns the bodies ``at`` their places by; bending has the shifts first."""
     P = _polynomials(s, at, terms)
-    out = [np.einsum("bij,j,bt->bit", turning, turn, P).reshape(3 * len(at), -1) for turn in turns]
+    out = [np.einsum("bij,j,bt->bit", turning, turn, P).reshape(3 * len(at), terms) for turn in turns]
     return [*out[:2], *(np.hstack([0.0 * turned, turned]) for turned in out[2:])]
 
 

@@ -145,6 +145,15 @@ def member_energy(
     return _each_member(equilibrium, _pose_changes(equilibrium, shapes))
 
 
+def member_deformations(
+    equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, "element 6 mode"]:
+    """(stretch, y1, z1, y2, z2, twist) of each beam element in each mode."""
+    model, changes = equilibrium.model, _pose_changes(equilibrium, shapes)
+    _, slope = beam_deformations(model.beams, *element_poses(model, equilibrium.config))
+    return slope @ changes[model.element_ends].reshape(len(slope), 12, shapes.shape[1])
+
+
 def _each_member(equilibrium: Equilibrium, changes: np.ndarray) -> np.ndarray:
     model = equilibrium.model
     energy = np.zeros((len(model.structure.members), changes.shape[2]), changes.dtype)
