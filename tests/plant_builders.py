@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
+from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal import ModalSystem
@@ -41,3 +42,9 @@ def grouped_plant(dynamics, inputs, outputs, **groups) -> Plant:
     driven, read = (tuple(port.name for port in ports) for ports in (inputs, outputs))
     groups = {"w": driven, "u": driven, "z": read, "y": read} | groups
     return Plant(dynamics=dynamics, inputs=inputs, outputs=outputs, **groups)
+
+
+def unit_weights(disturbed, sensor, *, outputs=1, inputs=1, process=1.0) -> LQGWeights:
+    """Unit cost of outputs and inputs; noise of one intensity at each input that is disturbed."""
+    noise = {"process": process * np.eye(len(disturbed)), "sensor": np.atleast_1d(sensor)}
+    return LQGWeights(output=np.ones(outputs), input=np.ones(inputs), disturbed=disturbed, **noise)

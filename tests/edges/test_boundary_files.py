@@ -104,6 +104,7 @@ def test_other_verbs_take_one_too(
 
 
 @pytest.mark.filterwarnings("ignore:.*the mesh is coarse")
+@pytest.mark.filterwarnings("ignore:.*elements are bent by more")
 def test_plants_are_those_of_the_load_case(
     files: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

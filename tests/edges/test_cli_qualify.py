@@ -15,7 +15,6 @@ from middeck.control import qualification
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import LQGCompensator, design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.control.sampled.design import design_sampled_lqg
@@ -33,13 +32,13 @@ from middeck.signals.ports import Channel, Port
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.state_space.statespace import gain_system
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 from repeats import repeats
 
 Capture = pytest.CaptureFixture[str]
 TORQUE, ANGLE = Port("torque", "N m"), Port("angle", "rad", Channel(node="7"))
 GROUPS = {"w": ("torque",), "u": ("torque",), "z": ("angle",), "y": ("angle",)}
-WEIGHTS = LQGWeights(output=[1.0], input=[1.0], disturbed=("torque",), process=[[1e-4]], sensor=[4e-10])
+WEIGHTS = unit_weights(("torque",), 4e-10, process=1e-4)
 DEFAULTS = ("--angle-noise", 2e-5, "--disturbance", 1e-2)
 
 

@@ -15,6 +15,7 @@ from cli_runner import ROOT, detect_faults_once, middeck
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.structure.rest.equilibrium import node_rotations
+from plant_builders import unit_weights
 
 SIMPLE = ROOT / "articles/mace-simple.toml"
 DM = ROOT / "articles/mace-dm.toml"
@@ -195,13 +196,7 @@ def test_identify_then_design(tmp_path: Path, capfd: Capture) -> None:
     plant = md.approximate_delays(
         md.measured_plant(path, w=["piezo_1"], u=["piezo_1"], z=["position_1"], y=["position_1"]), 3
     )
-    weights = md.LQGWeights(
-        output=np.ones(1),
-        input=np.ones(1),
-        disturbed=("piezo_1",),
-        process=np.array([[0.01]]),
-        sensor=np.array([1e-14]),
-    )
+    weights = unit_weights(("piezo_1",), 1e-14, process=0.01)
     written = json.loads(law.read_text())
     assert written["schema"] == "middeck.compensator/1"
     assert (written["inputs"], written["outputs"]) == (

@@ -22,7 +22,6 @@ import scipy.sparse as sp
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, DataError, MissingExtraError
 from middeck.files.exchange import (
     as_compensator,
@@ -42,7 +41,7 @@ from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import tustin
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
-from plant_builders import grouped_plant
+from plant_builders import grouped_plant, unit_weights
 
 TORQUE, FORCE = Port("motor.z", "N m"), Port("shaker", "N", Channel(node="7", direction="+z", gain=2.0))
 ANGLE, RATE = Port("payload angle", "rad"), Port("payload_rate", "rad/s")
@@ -64,9 +63,7 @@ def plant() -> Plant:
 
 
 def law() -> Compensator:
-    weights = LQGWeights(
-        output=[1.0], input=[1.0], disturbed=("shaker",), process=[[1.0]], sensor=[1e-4, 1e-4]
-    )
+    weights = unit_weights(("shaker",), [1e-4, 1e-4])
     return design_lqg(plant(), weights, 10.0)
 
 

@@ -16,15 +16,13 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 
 MODES = sum_of_modes([3.0, 9.0], 0.01, [[1.0], [0.5]], [[1.0, 0.5]])
 GROUPS = {"w": ("u",), "u": ("u",), "z": ("y",), "y": ("y",)}
 PLANT = Plant(dynamics=MODES, inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), **GROUPS)
 LATE = md.delay_plant(PLANT, 0.02)
-WEIGHTS = md.LQGWeights(
-    output=np.ones(1), input=np.ones(1), disturbed=("u",), process=np.eye(1), sensor=np.array([1e-4])
-)
+WEIGHTS = unit_weights(("u",), 1e-4)
 LAW = md.design_lqg(PLANT, WEIGHTS, 10.0)
 SAMPLED = md.emulate(LAW, 0.05)
 BAND = md.Performance(np.ones(1), np.eye(1), (0.0, 5.0))

@@ -28,7 +28,7 @@ from matplotlib.colors import to_hex, to_rgb
 from middeck.files.studies.documents import load_study
 from middeck.files.studies.form import RigForm
 from middeck.plot.curves import keep_extremes, wrapped_phase_deg
-from middeck.plot.ports import port_words
+from middeck.plot.port_words import port_words
 from middeck.plot.svg import svg_text
 from middeck.report.build import StudyWriter
 from middeck.report.summary import came_out, claim_rows, does_not_hold, warned

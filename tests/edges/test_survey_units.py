@@ -20,7 +20,7 @@ from middeck.structure.correlation.measured_modes import (
     measure_modes,
     sensor_rows,
 )
-from middeck.structure.correlation.units import doubt_units
+from middeck.structure.correlation.unit_slips import doubt_units
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.updating.refinement.findings import findings

@@ -11,14 +11,12 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.control.lqg.weights import LQGWeights
 from middeck.systems.norms.rms import band_rms
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import unit_weights
 
 BAND = (0.05, 20.0)
-WEIGHTS = LQGWeights(
-    output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-4)
-)
+WEIGHTS = unit_weights(("a", "b"), np.full(2, 1e-4), outputs=2, inputs=2)
 
 
 @settings(max_examples=15, deadline=None)

@@ -10,7 +10,6 @@ from random_plants import random_plant
 
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.reduction.balanced import hankel_values, reduce_balanced
 from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.modal import reduce_modes
@@ -18,11 +17,10 @@ from middeck.control.reduction.plants import reduce_plant
 from middeck.control.reduction.weighted import reduce_weighted
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.state_space.statespace import StateSpace, poles
+from plant_builders import unit_weights
 
 SEEDS = st.integers(0, 10_000)
-WEIGHTS = LQGWeights(
-    output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-4)
-)
+WEIGHTS = unit_weights(("a", "b"), np.full(2, 1e-4), outputs=2, inputs=2)
 
 
 def random_system(seed, modes=5):

@@ -11,16 +11,14 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost, solve_gramian
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.law_form import arrange
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.search.blend import blend
 from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import unit_weights
 
-WEIGHTS = LQGWeights(
-    output=np.ones(2), input=np.ones(2), disturbed=("a", "b"), process=np.eye(2), sensor=np.full(2, 1e-3)
-)
+WEIGHTS = unit_weights(("a", "b"), np.full(2, 1e-3), outputs=2, inputs=2)
 
 
 def random_plant(seed, modes=3):

@@ -6,7 +6,7 @@ from middeck.control.law.uncertainty import ModeShift, Uncertainty
 from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
-from plant_builders import sum_of_modes
+from middeck.systems.state_space.modal import ModalSystem
 
 UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
 HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])
@@ -24,7 +24,14 @@ UNSEEN = Uncertainty(
 
 def reference_plant() -> Plant:
     phi = np.array([1.0, 0.6, 0.6, 0.8, 0.7])
-    modal = sum_of_modes(HZ / 3.0, 0.01, np.ones((5, 2)), np.stack([phi, phi]), names=NAMES)
+    modal = ModalSystem(
+        omega=HZ / 3.0,
+        zeta=np.full(5, 0.01),
+        psi=np.ones((5, 2)),
+        phi=np.stack([phi, phi]),
+        phi_rate=np.zeros((2, 5)),
+        names=NAMES,
+    )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
     late = 0.010 / UNIT_S

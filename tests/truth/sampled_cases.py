@@ -7,7 +7,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.statespace import StateSpace
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 
 UNIT = 2.0 * np.pi * 3.0  # the multi-model case counts time in units of 1/(2 pi 3 Hz)
 FREQUENCY_HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])
@@ -29,9 +29,7 @@ def late_gimbal():
 
 
 def gimbal_weights():
-    return LQGWeights(
-        output=[1.0], input=[1.0], disturbed=("torque",), process=[[1.0 / UNIT]], sensor=[1e-6 / UNIT]
-    )
+    return unit_weights(("torque",), 1e-6 / UNIT, process=1.0 / UNIT)
 
 
 def tangled():

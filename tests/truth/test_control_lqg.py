@@ -18,7 +18,6 @@ from middeck.control.loop.closed_loop import (
 )
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
@@ -26,7 +25,7 @@ from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, gain_system
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 
 INTENSITY = 2e-6
 
@@ -39,13 +38,7 @@ def scalar_plant(a):
 
 
 def scalar_weights(process, sensor):
-    return LQGWeights(
-        output=np.ones(1),
-        input=np.ones(1),
-        disturbed=("w",),
-        process=np.array([[process]]),
-        sensor=np.array([sensor]),
-    )
+    return unit_weights(("w",), sensor, process=process)
 
 
 @pytest.fixture(scope="module")
@@ -152,9 +145,7 @@ def test_weights_that_make_no_sense_are_refused():
         scalar_weights(1.0, 0.0)
     with pytest.raises(ConfigError, match="semidefinite"):
         scalar_weights(-1.0, 1.0)
-    weights = LQGWeights(
-        output=np.ones(2), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.ones(1)
-    )
+    weights = unit_weights(("w",), 1.0, outputs=2)
     with pytest.raises(ConfigError, match="2 output weights for 1"):
         design_lqg(scalar_plant(1.0), weights, 1.0)
     for authority in (0.0, -1.0, np.nan, np.inf):
@@ -269,9 +260,7 @@ def test_a_reachable_but_unmeasured_free_mode_is_named():
     modal = sum_of_modes(np.zeros(2), 0.0, np.eye(2), np.eye(2), names=("surge", "yaw"))
     ports = (Port("a", "N"), Port("b", "N")), (Port("a", "m"), Port("b", "m"))
     plant = grouped_plant(modal, ports[0], ports[1], w=("a",), y=("a",))
-    weights = LQGWeights(
-        output=np.ones(2), input=np.ones(2), disturbed=("a",), process=np.eye(1), sensor=np.ones(1)
-    )
+    weights = unit_weights(("a",), 1.0, outputs=2, inputs=2)
     with pytest.raises(NotStabilisableError, match=r"no measurement in y sees it.*yaw"):
         design_filter(plant, weights)
 

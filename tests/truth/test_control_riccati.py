@@ -13,10 +13,11 @@ from middeck.control.riccati import newton
 from middeck.control.riccati.continuous import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
-from middeck.systems.delay.delay import pade
 from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal import ModalSystem
+from plant_builders import unit_weights
 
 ROOT = Path(__file__).parents[2]
 DM, LAB = ROOT / "articles/mace-dm.toml", ROOT / "environments/lab.toml"
@@ -180,13 +181,7 @@ def test_a_newton_step_near_the_axis_is_judged_by_its_residual_without_a_warning
     modes = md.solve_modes(md.solve_equilibrium(*md.load_setup(DM, LAB)))
     u, y = ["pri_rel_z"], ["pri_in_z"]
     plant = md.build_plant(modes, inputs=u, outputs=y, count=12, w=u, u=u, z=y, y=y)
-    weights = md.LQGWeights(
-        output=np.ones(1),
-        input=np.ones(1),
-        disturbed=tuple(u),
-        process=np.array([[1e-4]]),
-        sensor=np.array([4e-10]),
-    )
+    weights = unit_weights(tuple(u), 4e-10, process=1e-4)
     regulator = md.design_lqg(plant, weights, 1e24).regulator
     assert regulator.residual < 1e-12  # rounding leaves 1e-15 to 1e-12
     assert regulator.poles.real.max() < 0.0

@@ -12,7 +12,6 @@ import scipy.signal
 from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.law.pd_loops import PDLoops
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError
@@ -32,6 +31,7 @@ from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, compile_law, ports, random_law
+from plant_builders import unit_weights
 from repeats import LONG
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -63,10 +63,7 @@ def observed_beam():
     )
     way, push = (Port("way", "m"),), (Port("push", "N"),)
     named = Plant(dynamics=plant, inputs=push, outputs=way, w=("push",), u=("push",), z=("way",), y=("way",))
-    weights = LQGWeights(
-        output=np.array([1.0]), input=np.array([1.0]), disturbed=("push",),
-        process=np.array([[1.0]]), sensor=np.array([1e-4]),
-    )  # fmt: skip
+    weights = unit_weights(("push",), 1e-4)  # fmt: skip
     return named, weights
 
 

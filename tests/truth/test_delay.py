@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.systems.delay.delay import evaluate_pade, pade
+from middeck.systems.delay.pade import evaluate_pade, pade
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.resolvent import by_solving
 

@@ -16,7 +16,6 @@ from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import NumericalError
 from middeck.files.documents import load_environment, load_structure
 from middeck.signals.ports import Port
@@ -29,7 +28,7 @@ from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
-from plant_builders import BODY, FORCE, RATE, WAY, gain, sum_of_modes
+from plant_builders import BODY, FORCE, RATE, WAY, gain, sum_of_modes, unit_weights
 from repeats import repeats
 
 ROOT = Path(__file__).parents[2]
@@ -124,13 +123,7 @@ def test_an_article_whose_law_estimates_modes_that_it_hardly_moves() -> None:
     hung, orbit = (
         gimbal_loop(load_environment(ROOT / "environments" / f"{e}.toml")) for e in ("lab", "orbit")
     )
-    weights = LQGWeights(
-        output=np.ones(1),
-        input=np.ones(1),
-        disturbed=("pri_rel_z",),
-        process=1e-4 * np.eye(1),
-        sensor=np.array([4e-10]),
-    )
+    weights = unit_weights(("pri_rel_z",), 4e-10, process=1e-4)
     law = design_lqg(approximate_delays(hung, 3), weights, 1e5)
     found = decide_stability(hung, law)
     assert found.stable

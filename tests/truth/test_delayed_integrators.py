@@ -11,18 +11,17 @@ from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.outcome import measure_sampled_loop
 from middeck.signals.ports import Port
-from middeck.systems.delay.delay import pade
 from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import gain_system
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 
 pytestmark = pytest.mark.kernels
 
@@ -108,9 +107,7 @@ def test_designs_hold_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -
     body = sum_of_modes([0.0], 0.0, [[1.0, 1.0]], [[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",))
     plant = grouped_plant(body, forces, (WAY, RATE), z=("way",))
     late = delay_plant(plant, np.array([[0.05, 0.3], [0.4, 0.1]]))
-    weights = LQGWeights(
-        output=[1.0], input=[1.0, 1.0], disturbed=("a", "b"), process=np.eye(2), sensor=[1e-2, 1e-2]
-    )
+    weights = unit_weights(("a", "b"), [1e-2, 1e-2], inputs=2)
     for order, error in ((3, 1e-4), (10, 1e-6)):
         law = design_lqg(approximate_delays(late, order), weights, 1.0)
         found = measure_noise_rms(late, law, weights)

@@ -8,7 +8,6 @@ import pytest
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
@@ -28,7 +27,7 @@ from middeck.systems.state_space.modal import (
     output_rows,
     select_modes,
 )
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 from rig_checks import run_through
 
 OMEGA = 2.0 * np.pi * np.array([0.3, 2.0, 11.0, 40.0, 90.0])
@@ -219,9 +218,7 @@ def test_residual_flexibility_is_a_mode_without_end(sensor, steps):
 
 
 def test_white_noise_straight_onto_the_cost_is_refused_by_name():
-    weights = LQGWeights(
-        output=np.ones(1), input=np.ones(1), disturbed=("u0",), process=np.eye(1), sensor=np.ones(1)
-    )
+    weights = unit_weights(("u0",), 1.0)
     with pytest.raises(ConfigError, match="infinite"):
         design_lqg(plant(system(hz=(0.3, 7.0))), weights, 1.0)
 
@@ -232,9 +229,7 @@ def test_lqg_with_direct_terms_keeps_the_separation_of_poles():
     quiet = np.array(modal.direct)
     quiet[0, 0] -= rows[0, 0]  # no white noise straight onto z
     design = plant(dataclasses.replace(modal, direct=quiet))
-    weights = LQGWeights(
-        output=np.ones(1), input=np.ones(1), disturbed=("u0",), process=np.eye(1), sensor=np.ones(1)
-    )
+    weights = unit_weights(("u0",), 1.0)
     law = design_lqg(design, weights, 10.0)
     got = np.sort_complex(close_loop(design, law).poles)
     expected = np.sort_complex(np.concatenate([law.regulator.poles, law.estimator.poles]))

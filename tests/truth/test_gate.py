@@ -9,7 +9,6 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.gate.gate import examine_package
@@ -24,6 +23,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, ports, random_law
+from plant_builders import unit_weights
 
 ANY = GateMargins(gain_db=0.0, phase_deg=0.0)
 
@@ -198,9 +198,7 @@ def unstable_lqg(applied=True):
     plant = StateSpace([[1.2, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     way, push = (Port("way", "m"),), (Port("push", "N"),)
     named = Plant(dynamics=plant, inputs=push, outputs=way, w=("push",), u=("push",), z=("way",), y=("way",))
-    weights = LQGWeights(
-        output=np.ones(1), input=np.ones(1), disturbed=("push",), process=np.eye(1), sensor=np.array([1e-2])
-    )
+    weights = unit_weights(("push",), 1e-2)
     law = design_sampled_lqg(named, weights, 1e3, 0.02)
     return named, law if applied else dataclasses.replace(law, applied=None)
 
@@ -250,13 +248,7 @@ def test_a_declared_unstable_compensator_passes_where_it_recovers_from_saturatio
     system = StateSpace(A, [[0.0], [1.0], [0.0], [0.7]], [[1.0, 0.0, -2.96, 0.0]], [[0.0]])
     way, push = (Port("way", "m"),), (Port("push", "N"),)
     plant = Plant(dynamics=system, inputs=push, outputs=way, w=("push",), u=("push",), z=("way",), y=("way",))
-    weights = LQGWeights(
-        output=np.ones(1),
-        input=np.ones(1),
-        disturbed=("push",),
-        process=np.eye(1),
-        sensor=np.array([3.57e-4]),
-    )
+    weights = unit_weights(("push",), 3.57e-4)
     law = design_sampled_lqg(plant, weights, 1.298e5, 0.04)
     assert np.abs(np.linalg.eigvals(law.sampled.A)).max() > 1.01
     package = package_law(law, "law", input_range=1.0, limit=1.0, unstable=True)

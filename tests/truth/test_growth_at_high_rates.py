@@ -5,6 +5,7 @@ import pytest
 
 import middeck as md
 from middeck.systems.state_space.statespace import gain_system
+from plant_builders import unit_weights
 
 
 def _plant(seed: int, rate_hz: float, damping: float) -> md.Plant:
@@ -27,9 +28,7 @@ def test_a_mode_on_the_axis_is_not_stable_at_any_rate(campaign, rate_hz, damping
     for seed in campaign(40):
         plant = _plant(seed, rate_hz, damping)
         idle = md.Compensator(gain_system(np.zeros((1, 1))), plant.outputs, plant.inputs)
-        weights = md.LQGWeights(
-            output=[1.0], input=[1.0], disturbed=("u1",), process=[[1e-4 / rate_hz]], sensor=[1e-6 / rate_hz]
-        )
+        weights = unit_weights(("u1",), 1e-6 / rate_hz, process=1e-4 / rate_hz)
         rows = md.qualify_compensator(idle, {"plant": plant}, weights, rates_hz=[rate_hz])
         assert [row.stable for row in rows] == [decays, decays]
         assert [bool(np.isfinite(row.rms)) for row in rows] == [decays, decays]
@@ -44,9 +43,7 @@ def test_an_undamped_mode_at_one_radian_a_second_has_its_rms_without_a_warning(d
     )  # fmt: skip
     k, process, sensor = 1e-3, 1e-4, 1e-6
     law = md.Compensator(gain_system(np.array([[-k]])), plant.outputs, plant.inputs)
-    weights = md.LQGWeights(
-        output=[1.0], input=[1.0], disturbed=("u1",), process=[[process]], sensor=[sensor]
-    )
+    weights = unit_weights(("u1",), sensor, process=process)
     (row,) = md.qualify_compensator(law, {"plant": plant}, weights)
     # The delay's lead in stiffness k * delay changes it by 1e-6 at most.
     assert row.rms == pytest.approx(np.sqrt((process + k**2 * sensor) / (2.0 * k)), rel=1e-5)

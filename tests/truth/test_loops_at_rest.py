@@ -23,7 +23,7 @@ from middeck.systems.poles.stability import growth_rates, is_stable
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 from repeats import LONG, repeats
 
 pytestmark = pytest.mark.kernels
@@ -108,7 +108,7 @@ def test_rms_from_zero_of_integrators_of_any_order(chain: int, tau: float) -> No
     plant = grouped_plant(system, (FORCE,), (WAY, SEEN), z=("way",), y=("seen",))
     law = design_lqg(
         plant,
-        LQGWeights(output=[1.0], input=[1.0], disturbed=("force",), process=np.eye(1), sensor=[1e-2]),
+        unit_weights(("force",), 1e-2),
         1.0,
     )
     rms = [

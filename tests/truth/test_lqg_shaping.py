@@ -19,7 +19,7 @@ from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace, gain_system
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 
 PORTS = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
 
@@ -84,7 +84,7 @@ def test_correlated_noise_of_a_scalar(cross):
     shaping = Shaping(cross=np.array([[cross]]))
     law = design_lqg(
         plant,
-        LQGWeights(output=[1.0], input=[1.0], disturbed=("w",), process=[[W]], sensor=[V]),
+        unit_weights(("w",), V, process=W),
         4.0,
         shaping=shaping,
     )

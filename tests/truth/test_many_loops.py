@@ -11,7 +11,6 @@ import scipy.linalg as sla
 from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.many_loops import close_many, decide_many, measure_many
 from middeck.control.robust.verification.single_loop import measure_one
 from middeck.errors import ConfigError
@@ -20,7 +19,7 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports
 from middeck.systems.poles.stability import is_stable
 from middeck.systems.state_space.statespace import StateSpace
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 from repeats import repeats
 
 
@@ -111,9 +110,7 @@ def test_loops_with_delays_are_not_decided_alone():
     """An approximated delay is far from normal: in fitting units the powers of its loop hardly grow."""
     force, place = Port("force", "N"), Port("place", "m")
     omega, shape = np.array([1.0, 3.0, 9.0, 30.0, 60.0]), np.array([[1.0, 0.6, 0.8, 0.7, 0.5]])
-    weights = LQGWeights(
-        output=np.ones(1), input=np.ones(1), disturbed=("force",), process=np.eye(1), sensor=np.array([1e-8])
-    )
+    weights = unit_weights(("force",), 1e-8)
     models = []
     for factor in 1.0 + 0.01 * np.random.default_rng(5).uniform(-1.0, 1.0, (6, 5)):
         modal = sum_of_modes(omega * factor, 0.01, shape.T, shape)

@@ -34,7 +34,7 @@ from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.state_space.statespace import StateSpace
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 from repeats import repeats
 
 
@@ -228,13 +228,7 @@ def test_decentralised_law_of_two_separate_plants_is_two_lqg_laws():
         z=("z1", "z2"),
         y=("y1", "y2"),
     )
-    weights = LQGWeights(
-        output=np.ones(2),
-        input=np.ones(2),
-        disturbed=("w1", "w2"),
-        process=np.eye(2),
-        sensor=np.full(2, 1e-3),
-    )
+    weights = unit_weights(("w1", "w2"), np.full(2, 1e-3), outputs=2, inputs=2)
     stations = Station(("y1",), ("u1",), 2), Station(("y2",), ("u2",), 2)
     law = design_multimodel(plant, weights, 4.0, uncertainty=(), form=LawForm(stations=stations))
     single = dataclasses.replace(WEIGHTS, sensor=np.array([1e-3]))

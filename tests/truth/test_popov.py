@@ -18,7 +18,6 @@ from middeck.control.law.uncertainty import (
     without_delays,
 )
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
@@ -28,7 +27,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import name_states
 from middeck.systems.state_space.modal import ModalSystem
-from plant_builders import grouped_plant
+from plant_builders import grouped_plant, unit_weights
 from repeats import repeats
 
 
@@ -163,9 +162,7 @@ def as_states(plant):
 
 ANGLES = two_modes(phi=[[0.6, 0.2], [0.6, 0.2]])
 RATES = two_modes(phi=[[0.6, 0.2], [0.0, 0.0]], phi_rate=[[0.0, 0.0], [0.6, 0.2]])
-PLAIN = LQGWeights(
-    output=np.ones(1), input=np.ones(1), disturbed=("u",), process=np.eye(1), sensor=np.ones(1)
-)
+PLAIN = unit_weights(("u",), 1.0)
 
 
 @pytest.mark.parametrize(

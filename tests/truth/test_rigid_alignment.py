@@ -16,6 +16,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.state_space.modal import ModalSystem
+from plant_builders import unit_weights
 from structure_builders import node, structure
 
 rng = np.random.default_rng(30)
@@ -25,7 +26,7 @@ AXIS = np.array([-0.5, 0.8, 0.3]) / np.linalg.norm([-0.5, 0.8, 0.3])
 OTHER = np.array([0.0, 0.6, -0.8])
 
 
-WEIGHTS = md.LQGWeights(output=[1.0], input=[1.0], disturbed=("torque",), process=[[1e-2]], sensor=[1e-6])
+WEIGHTS = unit_weights(("torque",), 1e-6, process=1e-2)
 
 
 def free_body(sensed: np.ndarray = AXIS) -> Plant:

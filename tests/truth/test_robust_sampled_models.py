@@ -9,7 +9,6 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_plants
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.designs.sampled_plant import plant_as_sampled
 from middeck.control.robust.designs.worst_of_many import design_for_worst
@@ -20,11 +19,9 @@ from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.state_space.statespace import StateSpace
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 
-WEIGHTS = LQGWeights(
-    output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-3])
-)
+WEIGHTS = unit_weights(("w",), 1e-3)
 NAMES = ("low", "high")
 PERIOD = 0.1  # twenty samples in a period of the faster mode
 

@@ -34,7 +34,6 @@ from middeck.control.law.uncertainty import (
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.comparison import compare_designs
 from middeck.control.robust.verification.exact_delay import exact_growth
@@ -45,8 +44,8 @@ from middeck.control.sampled.outcome import measure_sampled_loop
 from middeck.control.shaping.sections import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.delay.delay import pade
 from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.delay.pade import pade
 from middeck.systems.norms.rms import band_rms
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
@@ -55,7 +54,7 @@ from middeck.systems.sampling.delayed_sampling import sample_delayed
 from middeck.systems.sampling.sampling import tustin
 from middeck.systems.state_space.modal import modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 from repeats import repeats
 
 
@@ -210,9 +209,7 @@ def test_rms_with_a_delay_is_that_of_quadrature_with_the_exact_one():
     assert found.db[0] == pytest.approx(20.0 * np.log10(rms / open_rms), abs=1e-4)
 
 
-QUIET = LQGWeights(
-    output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-30])
-)
+QUIET = unit_weights(("w",), 1e-30)
 
 
 def fast_mode(hz, gain, delay_s=0.010):
@@ -397,9 +394,7 @@ def fast_and_slow():
     modal = sum_of_modes(2.0 * np.pi * np.array([1.0, 3.0]), 0.02, [[1.0, 0.5], [0.3, 1.0]], phi)
     ports = (Port("w", ""), Port("u", "")), (Port("y", ""), Port("x", ""))
     plant = grouped_plant(modal, ports[0], ports[1], w=("w",), u=("u",), z=("y",))
-    weights = LQGWeights(
-        output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.full(2, 1e-4)
-    )
+    weights = unit_weights(("w",), np.full(2, 1e-4))
     return plant, weights, design_lqg(approximate_delays(delay_plant(plant, 0.004), 3), weights, 3e2)
 
 
@@ -429,9 +424,7 @@ def test_a_fast_filter_before_the_sampler_does_no_harm(corner_hz):
 def test_a_plant_that_control_alone_holds_improves_without_bound():
     A = StateSpace([[0.5]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     plant = dataclasses.replace(integrator_loop(0.0, 1.0)[0], dynamics=A)
-    weights = LQGWeights(
-        output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([0.1])
-    )
+    weights = unit_weights(("w",), 0.1)
     found = outcomes_on([plant], design_lqg(plant, weights, 1.0), weights)[0]
     assert found.stable[0]
     assert found.db[0] == -np.inf

@@ -10,7 +10,6 @@ from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.aliases import find_aliases
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.comparison import compare_sampling
@@ -24,7 +23,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, name_states, remove
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace, poles
-from plant_builders import sum_of_modes
+from plant_builders import sum_of_modes, unit_weights
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +148,7 @@ def test_an_open_loop_without_end_is_no_obstacle():
     modal = ModalSystem(omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("rigid",))
     ports = (Port("t", "N m"),), (Port("a", "rad"),)
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("t",), u=("t",), z=("a",), y=("a",))
-    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1.0]], sensor=[1e-6])
+    weights = unit_weights(("t",), 1e-6)
     found = compare_sampling(plant, weights, 1.0, (20.0, 50.0), pade_order=2)
     assert found.open_metric == np.inf
     assert all(row.outcome.stable for row in found.rows)
@@ -194,7 +193,7 @@ def pointing_plant(share):
 
 def test_the_filter_takes_an_alias_out_of_the_loop():
     T, authority = 0.01, 1e6
-    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1e-4]], sensor=[1e-10])
+    weights = unit_weights(("t",), 1e-10, process=1e-4)
     whole = pointing_plant(400.0)
     rigid = dataclasses.replace(remove_delays(whole), dynamics=select_modes(whole.dynamics, np.array([0])))
     plain = delay_plant(rigid, whole.delay_s)
@@ -217,7 +216,7 @@ def test_the_filter_takes_an_alias_out_of_the_loop():
 def test_a_design_that_knows_the_mode_needs_no_filter():
     # Sampled exactly, a mode beyond half the rate is one like any other.
     T, authority = 0.01, 1e6
-    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1e-4]], sensor=[1e-10])
+    weights = unit_weights(("t",), 1e-10, process=1e-4)
     whole = pointing_plant(400.0)
     law = design_sampled_lqg(whole, weights, authority, T, "current")
     found = measure_sampled_loop(whole, law, weights, authority)
@@ -256,7 +255,7 @@ def test_filtered_noise_may_reach_a_measurement_directly():
         [6.0], 0.01, [[1.0]], [[1.0], [0.0]], names=("mode",), phi_acceleration=[[0.0], [1.0]]
     )
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("t",), u=("t",), z=("a",), y=("acc",))
-    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("t",), process=[[1e-2]], sensor=[1e-6])
+    weights = unit_weights(("t",), 1e-6, process=1e-2)
     with pytest.raises(ConfigError, match="filter_measurements"):
         design_sampled_lqg(plant, weights, 100.0, 0.01)
     filtered = filter_measurements(plant, roll_off(30.0, 2))

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.pd_loops import close_inner_loop
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.held_plant import hold_plant
 from middeck.control.sampled.integrals import spread_noise
@@ -28,7 +27,7 @@ from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.delayed_sampling import sample_delayed
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 
 FORMS = ("predictor", "current")
 
@@ -43,7 +42,7 @@ def walk():
 def test_random_walk_in_closed_form(T, rho):
     # x' = u + w: the mean of x^2 over a period is x^2 + T x u + T^2 u^2 / 3 + T / 2. The regulator's equation
     # becomes X^2 = rho / T^2 + 1/12; the filter's P^2 / (P + 1/T) = T for noise of unit intensities.
-    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("push",), process=[[1.0]], sensor=[1.0])
+    weights = unit_weights(("push",), 1.0)
     X, P = np.sqrt(rho / T**2 + 1.0 / 12.0), (T + np.sqrt(T**2 + 4.0)) / 2.0
     weight = rho + T**2 / 3.0 + T**2 * X
     K = T * (X + 0.5) / weight
@@ -361,7 +360,7 @@ def test_unstable_loop_is_a_value():
 
 
 def test_a_walk_that_nothing_holds_has_no_rms():
-    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("push",), process=[[1.0]], sensor=[1.0])
+    weights = unit_weights(("push",), 1.0)
     law = design_sampled_lqg(walk(), weights, 1.0, 0.1)
     still = dataclasses.replace(law.sampled, C=0.0 * law.sampled.C)
     found = measure_sampled_loop(
@@ -427,9 +426,7 @@ def test_any_plant_with_any_delays(seed, late_in, late_out, form):
     )
     delay_s = T * (np.array([*late_in, 0.0]) + np.array(late_out)[:, None])
     delayed = delay_plant(plant, delay_s)
-    weights = LQGWeights(
-        output=[1.0, 1.0], input=[1.0, 1.0], disturbed=("w1",), process=[[1.0]], sensor=[0.1, 0.1]
-    )
+    weights = unit_weights(("w1",), [0.1, 0.1], outputs=2, inputs=2)
     omega = np.array([0.1, 1.0, 10.0])
     mine = statespace_response(hold_plant(delayed, weights, T).system, omega)
     control = StateSpace(A, system.B[:, :2], system.C, np.zeros((2, 2)))
@@ -445,7 +442,7 @@ def test_a_walk_under_a_gain_is_a_closed_form_at_the_samples_and_between_them():
     T, k, r = 0.4, 1.5, 0.3
     law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-k]], period_s=T)
     plant = walk()
-    weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("push",), process=[[1.0]], sensor=[r])
+    weights = unit_weights(("push",), r)
     held = Compensator(law, plant.outputs, plant.inputs, method="gain")
     found = measure_sampled_loop(plant, held, weights, 1.0)
     at_samples = (T + k**2 * T * r) / (1.0 - (1.0 - k * T) ** 2)
@@ -461,9 +458,7 @@ def test_single_late_paths_keep_the_phase_of_a_fast_mode():
     modal = sum_of_modes([250.0], 0.01, [[1.0, 0.5]], [[1.0], [0.7]], names=("fast",))
     plant = grouped_plant(modal, ports[0], ports[1], w=("u1",), z=("y1",))
     delay_s, T = np.array([[0.0, 0.0], [0.0, 0.05]]), 0.002
-    weights = LQGWeights(
-        output=[1.0], input=[1.0, 1.0], disturbed=("u1",), process=[[1.0]], sensor=[1.0, 1.0]
-    )
+    weights = unit_weights(("u1",), [1.0, 1.0], inputs=2)
     omega = np.array([240.0, 250.0, 260.0])
     mine = statespace_response(hold_plant(delay_plant(plant, delay_s), weights, T).system, omega)
     theirs = statespace_response(sample_delayed(plant.system, T, delay_s), omega)

@@ -19,7 +19,6 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation, find_participations
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.emulation import emulate
 from middeck.control.shaping.sections import second_order_section
 from middeck.errors import ConfigError
@@ -30,7 +29,7 @@ from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.state_space.modal import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
-from plant_builders import grouped_plant, sum_of_modes
+from plant_builders import grouped_plant, sum_of_modes, unit_weights
 
 FORCE, WAY, SEEN = Port("force", "N"), Port("way", "m"), Port("seen", "m")
 # The multi-model reference case: five modes, y 10 ms late, in units of 1/(2 pi 3 Hz).
@@ -44,9 +43,7 @@ PLANT = grouped_plant(
     y=("seen",),
 )
 LATE = delay_plant(PLANT, np.array([[0.0], [0.010 * 2.0 * np.pi * 3.0]]))
-WEIGHTS = LQGWeights(
-    output=np.ones(1), input=np.ones(1), disturbed=("force",), process=np.eye(1), sensor=np.array([1e-6])
-)
+WEIGHTS = unit_weights(("force",), 1e-6)
 LAW = design_lqg(approximate_delays(LATE, 3), WEIGHTS, 100.0)
 
 

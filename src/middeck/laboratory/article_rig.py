@@ -149,11 +149,11 @@ def _sensor(structure: Structure, name: str, settings: RigSettings, gains: Mappi
     gain = gains.get(name.removesuffix(RATE), 1.0)
     known = {s.name: s for s in structure.sensors}
     own = known.get(name, known.get(name.removesuffix(RATE)))
-    if own is not None and own.kind is SensorKind.DISPLACEMENT:
+    if own is None:
+        raise ConfigError(f"no sensor {name!r}", hint=f"one of {', '.join(known)}")
+    if own.kind is SensorKind.DISPLACEMENT:
         what = f"sensor {own.name!r} reads a displacement, and the rig has gyros and encoders alone"
         raise ConfigError(what, hint="leave it out of the rig; plants and their designs have it")
-    if name not in known and name.removesuffix(RATE) in known:
-        return dataclasses.replace(settings.gyro, gain=gain, summed=False)
     if name not in known:
-        raise ConfigError(f"no sensor {name!r}", hint=f"one of {', '.join(known)}")
-    return dataclasses.replace(settings.encoder if known[name].axis is None else settings.gyro, gain=gain)
+        return dataclasses.replace(settings.gyro, gain=gain, summed=False)
+    return dataclasses.replace(settings.encoder if own.axis is None else settings.gyro, gain=gain)

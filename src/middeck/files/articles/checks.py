@@ -26,7 +26,7 @@ from middeck.files.articles.names import (
     named_tables,
     node_names,
 )
-from middeck.files.articles.parts import unconnected
+from middeck.files.articles.unconnected import unconnected
 from middeck.files.toml.faults import Finding, finding, nearest, show
 from middeck.files.toml.form import inertia_matrix, keys_of
 from middeck.files.toml.lines import Path

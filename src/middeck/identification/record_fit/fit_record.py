@@ -46,7 +46,7 @@ from middeck.identification.search.fit_warnings import causal_delay, doubts_of_d
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of
-from middeck.signals.excitation.driven import driven_band
+from middeck.signals.excitation.driven_band import driven_band
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_inputs

@@ -145,15 +145,7 @@ def run_closed_loop(
     )
     y = remove_ramps(measured, rig.readout.summed)
     given = np.broadcast_to(u, (periods, *u.shape))
-    record = Record(
-        sample_hz=rig.sample_hz,
-        u=given[None],
-        y=y[None],
-        inputs=rig.inputs,
-        outputs=rig.outputs,
-        periodic=True,
-        held=True,
-    )
+    record = _record(rig, given[None], y[None], periodic=True)
     return Run(record=record, control=control, torque=torque, events=taken.counter.total())
 
 
@@ -223,16 +215,12 @@ class _Taken:
             return None
         measured = self.joined()[0]
         given = np.resize(u, (1, 1, len(measured), u.shape[1]))
-        rig = self.rig
-        return Record(
-            sample_hz=rig.sample_hz,
-            u=given,
-            y=measured[None, None],
-            inputs=rig.inputs,
-            outputs=rig.outputs,
-            periodic=False,
-            held=True,
-        )
+        return _record(self.rig, given, measured[None, None], periodic=False)
+
+
+def _record(rig: Rig, u: np.ndarray, y: np.ndarray, *, periodic: bool) -> Record:
+    hz, inputs, outputs = rig.sample_hz, rig.inputs, rig.outputs
+    return Record(sample_hz=hz, u=u, y=y, inputs=inputs, outputs=outputs, periodic=periodic, held=True)
 
 
 def _explain(loop: SampledStateSpace) -> str:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.signals.excitation.classification import name_kind
-from middeck.signals.excitation.driven import driven_band
+from middeck.signals.excitation.driven_band import driven_band
 from middeck.signals.excitation.repetition import Repetition, blocks_of, find_repetition
 from middeck.signals.excitation.signal import line_power
 from middeck.signals.record import Record

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from middeck.structure.assembly.inside import Within
+from middeck.structure.assembly.carried_elements import Within
 from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import At, poses_at

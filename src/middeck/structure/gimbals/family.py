@@ -254,7 +254,7 @@ def _solve(structure: Structure, environment: Environment, count: int) -> _Membe
     try:
         modes = solve_modes(rest, count + SPARE)
     except UnstableEquilibriumError:
-        spectrum = _spectrum_at(rest.model, rest.config, rest.loads, count)
+        spectrum = spectrum_at(rest.model, rest.config, rest.loads, count)
         return _Member(rest, None, spectrum, _growth(rest, spectrum))
     return _Member(rest, modes, spectrum_of(modes), "")
 
@@ -264,10 +264,6 @@ def _growth(rest: Equilibrium, spectrum: Spectrum) -> str:
     worst = int(np.argmin(spectrum.lam))
     name, rate = _name(rest, spectrum, worst), np.sqrt(-spectrum.lam[worst])
     return f"the rest state is not stable: mode {name!r} grows at {rate:.4g} rad/s"
-
-
-def _spectrum_at(model: Model, config: Configuration, loads: Loads, count: int) -> Spectrum:
-    return spectrum_at(model, config, loads, count)
 
 
 def _attempt(solve: Callable[[np.ndarray], _Member], here: np.ndarray) -> _Member | str:
@@ -347,7 +343,7 @@ def _middle(model: Model, start: _Place, end: _Place, count: int) -> _Place | No
     loads = dataclasses.replace(a, anchor=0.5 * (a.anchor + b.anchor), law=law, mass=0.5 * (a.mass + b.mass))
     angle = 0.5 * (start.config.angle + end.config.angle)
     near = rest_near(model, dataclasses.replace(start.config, angle=angle), loads)
-    return near and _Place(near[0], loads, _spectrum_at(model, near[0], loads, count))
+    return near and _Place(near[0], loads, spectrum_at(model, near[0], loads, count))
 
 
 def _limits(

@@ -9,8 +9,8 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
-from middeck.systems.delay.delay import evaluate_pade, pade
 from middeck.systems.delay.delayed_integrators import approximate_delayed_integrators
+from middeck.systems.delay.pade import evaluate_pade, pade
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.inert_modes import inert_modes, silence_inert
 from middeck.systems.poles.integrators import part_integrators

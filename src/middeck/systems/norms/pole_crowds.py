@@ -14,7 +14,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 from scipy.sparse.csgraph import connected_components
 
-from middeck.systems.poles.components import strong_components
+from middeck.systems.poles.strong_components import strong_components
 from middeck.values import record
 
 ROUNDINGS = 10.0

@@ -1,6 +1,6 @@
 """Separation of the integrators of a system from its other poles, in any coordinates, with fewest states.
 
-See `middeck.systems.poles.chains` for how they are found.
+See `middeck.systems.poles.integrator_chains` for how they are found.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float, Int
 
-from middeck.systems.poles.chains import integrating_chains, strictly_upper
+from middeck.systems.poles.integrator_chains import integrating_chains, strictly_upper
 from middeck.systems.poles.resolvent import balance_states
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, output_rows, select_modes

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.systems.poles.components import component_schur
 from middeck.systems.poles.refined_poles import PoleForm, refine_poles
+from middeck.systems.poles.strong_components import component_schur
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.second_order import sum_second_order
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace

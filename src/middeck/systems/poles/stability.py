@@ -15,8 +15,8 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 from scipy.sparse.csgraph import connected_components
 
-from middeck.systems.poles.chains import integrating_chains
-from middeck.systems.poles.components import component_poles
+from middeck.systems.poles.integrator_chains import integrating_chains
+from middeck.systems.poles.strong_components import component_poles
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 

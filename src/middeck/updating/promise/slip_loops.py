@@ -11,7 +11,7 @@ from jaxtyping import Bool, Complex, Float
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.robust.verification.many_loops import decide_many
 from middeck.control.robust.verification.monte_carlo import same_shapes
-from middeck.systems.delay.delay import pade
+from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.feedback import feedback

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from middeck.structure.correlation.units import doubt_survey_units
+from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.own_errors import sorts_of
 from middeck.updating.refinement.refine import MODAL, SORTS, Refined
 from middeck.updating.residuals.surveys import Compared, left_open

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from middeck.errors import DataError
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes
-from middeck.structure.correlation.units import doubt_frequencies_of_shapes
+from middeck.structure.correlation.unit_slips import doubt_frequencies_of_shapes
 from middeck.updating.residuals.surveys import WINDOW, pair_shapes
 from middeck.values import record
 

@@ -18,7 +18,7 @@ from middeck.structure.correlation.measured_modes import (
     sort_rms,
     straight_channels,
 )
-from middeck.structure.correlation.units import doubt_survey_units
+from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes

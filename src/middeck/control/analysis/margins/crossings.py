@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 from scipy.optimize import elementwise, minimize_scalar
 
-from middeck.control.analysis.loop.lines import WIDEST
+from middeck.control.analysis.loop.frequency_lines import WIDEST
 from middeck.values import record
 
 SKEW = 1.07

@@ -21,7 +21,7 @@ import scipy.optimize as opt
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import At, FeedbackLoop, loop_path
-from middeck.control.analysis.loop.lines import refine_lines
+from middeck.control.analysis.loop.frequency_lines import refine_lines
 from middeck.control.analysis.margins.crossings import Crossings, circle_crossings
 from middeck.control.analysis.margins.delayed_channel import DelayedChannel, delayed_channels
 from middeck.control.law.compensator import Compensator

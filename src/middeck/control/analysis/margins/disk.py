@@ -23,7 +23,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     go_round,
     moved_part,
 )
-from middeck.control.analysis.loop.lines import add_ends, place_lines, refine_lines
+from middeck.control.analysis.loop.frequency_lines import add_ends, place_lines, refine_lines
 from middeck.control.analysis.margins.crossings import find_peaks
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.margins.scaling import scaled_norms

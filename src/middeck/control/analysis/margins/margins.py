@@ -16,7 +16,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     form_loop,
     moved_part,
 )
-from middeck.control.analysis.loop.lines import WIDEST, add_ends, place_lines, refine_lines
+from middeck.control.analysis.loop.frequency_lines import WIDEST, add_ends, place_lines, refine_lines
 from middeck.control.analysis.margins.crossings import (
     Crossings,
     Ratio,
@@ -26,7 +26,7 @@ from middeck.control.analysis.margins.crossings import (
 )
 from middeck.control.analysis.margins.delay_limit import sampled_delay_limits
 from middeck.control.analysis.margins.disk import DiskMargin, disk_from_peak
-from middeck.control.analysis.margins.ends import Ends, find_ends
+from middeck.control.analysis.margins.end_points import Ends, find_ends
 from middeck.control.analysis.margins.neutral import bears_no_delay
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.stability.stability import LoopStability, decide_loop

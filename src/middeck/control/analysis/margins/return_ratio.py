@@ -19,7 +19,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     form_loop,
     go_round,
 )
-from middeck.control.analysis.loop.lines import place_lines, refine_lines
+from middeck.control.analysis.loop.frequency_lines import place_lines, refine_lines
 from middeck.control.analysis.margins.shared_gain import TRUSTED, closed_ratio, is_short, spread_rounding
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plants.plant import Plant

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, Halves
-from middeck.control.analysis.loop.lines import HALF_WIDTHS, MOST_DELAY_LINES, PER_DECADE
+from middeck.control.analysis.loop.frequency_lines import HALF_WIDTHS, MOST_DELAY_LINES, PER_DECADE
 from middeck.control.analysis.stability.delayed_roots import find_open_poles
 from middeck.errors import NumericalError
 from middeck.systems.delay.delay_approximation import evaluate_approximation

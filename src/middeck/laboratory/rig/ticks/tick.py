@@ -12,7 +12,7 @@ import numpy as np
 from middeck.joints.attachment import only_friction
 from middeck.joints.balance import Balance
 from middeck.laboratory.rig.parts.motors import EXACT, WHOLE, LimitedMotors
-from middeck.laboratory.rig.parts.sensor_bank import Readout
+from middeck.laboratory.rig.parts.readout import Readout
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.ticks.products import blas_sums, column_sums

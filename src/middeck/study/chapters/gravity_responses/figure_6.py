@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import bode_figure, draw_bode, wrapped_phase_deg
-from middeck.plot.ports import port_words
+from middeck.plot.port_words import port_words
 from middeck.plot.style import COLOUR, DASHES, LABEL, styled
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import bode_figure, decibels, draw_bode
-from middeck.plot.ports import path_words
+from middeck.plot.port_words import path_words
 from middeck.plot.style import COLOUR, FITTED, note, styled
 from middeck.study.chapters.measured_control.computation import MeasuredControl
 from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops

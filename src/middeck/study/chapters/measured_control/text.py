@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from middeck.plot.ports import port_words
+from middeck.plot.port_words import port_words
 from middeck.study.measured_loop.text import (
     changed,
     decibels,

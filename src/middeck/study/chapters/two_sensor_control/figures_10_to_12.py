@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.curves import bode_figure, decibels, draw_bode
-from middeck.plot.ports import path_words, port_words
+from middeck.plot.port_words import path_words, port_words
 from middeck.plot.style import COLOUR, FITTED, note, styled
 from middeck.study.chapters.two_sensor_control.computation import FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors
