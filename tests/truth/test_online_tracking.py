@@ -11,6 +11,7 @@ import pytest
 from middeck.errors import ConfigError, DataError
 from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
 from middeck.identification.tracking.follow import FIRST_GAIN
+from middeck.identification.tracking.lag import SCORE, add, behind, mean_lag, no_lag, unexplained
 from middeck.identification.tracking.recovery import (
     BLOCK,
     BLOCKS,
@@ -298,6 +299,65 @@ def test_a_mode_that_went_too_far_for_one_opening_is_found_by_the_next():
     found = track_modes(state, taken, block=2560)
     assert [r.opening for r in found.state.restarts[:2]] == [0.01, 0.02]
     assert np.abs(np.sort(found.natural_hz[-1]) / np.sort(hz[-1]) - 1.0).max() < 2e-3
+
+
+def scalar_filter(errors, noise, q, information, T):
+    """Sums of the lag of a steady filter of one random walk, whose error before each sample is given."""
+    # P of P - P^2 I T / (1 + P I T) + q^2 T = P, before a sample.
+    variance = 0.5 * q * (q * T + np.sqrt((q * T) ** 2 + 4.0 / information))
+    gain = variance * information * T / (1.0 + variance * information * T)
+    sums = no_lag(errors.shape[1])
+    for error, chance in zip(errors, noise, strict=True):
+        news = error + chance / np.sqrt(information * T)
+        add(sums, gain * news, np.full(len(news), gain * variance), np.full(len(news), variance), T)
+    return sums, gain, variance
+
+
+def test_the_lag_behind_a_ramp_is_that_of_the_theory():
+    """r / (q sqrt(I)) of a random walk's filter under a ramp: seen as it is, and beyond chance."""
+    q, information, T, ramp = 3e-5, 1e7, 0.01, 4e-4
+    lag = ramp / (q * np.sqrt(information))
+    sums, gain, variance = scalar_filter(np.full((8000, 1), lag), np.zeros((8000, 1)), q, information, T)
+    assert gain * lag == pytest.approx(ramp * T, rel=1e-3)  # it moves as the ramp does
+    assert mean_lag(sums)[0] == pytest.approx(lag, rel=1e-9)
+    assert lag > 40.0 * np.sqrt(variance)
+    assert behind(sums, 1.0).tolist() == [0]
+    assert np.sqrt(unexplained(sums)[0]) == pytest.approx(lag, rel=0.01)
+
+
+def test_chance_is_no_lag():
+    """Errors of a filter whose random walk is as stated: the score has the deviation that it is told."""
+    rng, q, information, T = np.random.default_rng(0), 3e-5, 1e7, 0.01
+    runs, samples = 400, 4000
+    _, gain, variance = scalar_filter(np.zeros((1, 1)), np.zeros((1, 1)), q, information, T)
+    errors, noise = np.empty((samples, runs)), rng.standard_normal((samples, runs))
+    error = np.sqrt(variance) * rng.standard_normal(runs)
+    for k in range(samples):
+        errors[k] = error
+        error = (1.0 - gain) * error - gain * noise[k] / np.sqrt(information * T)
+        error = error + q * np.sqrt(T) * rng.standard_normal(runs)
+    sums, _, _ = scalar_filter(errors, noise, q, information, T)
+    # 400 draws: the deviation of the score to 3.5 %, four of these.
+    assert np.std(sums[SCORE] / np.sqrt(sums[2])) == pytest.approx(1.0, abs=0.14)
+    assert len(behind(sums, 1.0)) <= 2
+    # Of a twentieth of the runs, by less than a deviation.
+    assert np.mean(unexplained(sums) > 0.0) < 0.1
+    assert np.mean(np.sqrt(unexplained(sums))) < 0.1 * np.sqrt(variance)
+
+
+def test_a_ramp_is_followed_within_its_deviation_once_it_is_noticed():
+    """1.2 Hz rising by 0.1 % a second: 10 to 75 deviations behind until the drift was taken for faster."""
+    seconds = 13.0
+    t = np.arange(round(seconds * RATE)) / RATE
+    hz = np.tile(MODES, (len(t), 1))
+    hz[:, 0] *= np.exp(1e-3 * np.clip(t - 4.0, 0.0, 12.0))
+    taken, noise = moving_gimbal.record(2, seconds, hz=hz)
+    state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
+    found = track_modes(state, taken)
+    late = found.time_s >= 9.0
+    true = hz[np.round(found.time_s[late] * RATE).astype(int) - 1]
+    assert np.abs((found.natural_hz[late] - true) / found.frequency_std_hz[late]).max() < 4.0
+    assert np.all(found.frequency_std_hz[late, 0] < 2e-3 * MODES[0])
 
 
 def test_more_noise_is_no_loss():

@@ -121,13 +121,17 @@ def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constan
     return "complex" if sample_hz is not None or any(is_rate(p) for p in outputs) else "real"
 
 
-# The end of a unit in lower case: over seconds, once or twice, by a stroke or by a negative power.
+# What moves, in lower case: a length, an angle or a strain. Forces, powers and flows over seconds are none.
+LENGTH = r"([kcdmμun]|milli|micro|centi|kilo)?m(et(er|re)s?)?|in(ch(es)?)?|ft|feet|foot|mils?|yd"
+ANGLE = r"([mμun]|milli|micro)?(rad(ian)?s?|deg(ree)?s?)|°|arc[ -]?(sec|min)|rev(olution)?s?|turns?|r"
+MOTION = rf"({LENGTH}|{ANGLE}|(micro)?strain|μ?ε|μ?m/m|1|)[\s·*.]*"
+# The end of its unit: over seconds, once or twice, by a stroke or by a negative power.
 SECOND = r"s(ec(ond)?s?)?\s*"
 TWICE = rf"((\^|\*\*)?\s*\{{?2\}}?|²|[/*·]\s*{SECOND})?"
-OVER = rf"/\s*({SECOND}{TWICE}|\(\s*{SECOND}{TWICE}\s*\))$"
-POWER = rf"\b(m|mm|cm)?{SECOND}((\^|\*\*)?[({{]?-\s*[12][)}}]*|⁻[¹²])$"
-RATE = re.compile(f"{OVER}|{POWER}")
-GRAVITIES = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug")
+OVER = rf"/\s*({SECOND}{TWICE}|\(\s*{SECOND}{TWICE}\s*\))"
+POWER = rf"{SECOND}((\^|\*\*)?[({{]?-\s*[12][)}}]*|⁻[¹²])"
+RATE = re.compile(rf"{MOTION}({OVER}|{POWER})")
+BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug", "rpm")
 
 
 def is_rate(port: Port) -> bool:
@@ -137,13 +141,17 @@ def is_rate(port: Port) -> bool:
 
     >>> [is_rate(Port("tip", u)) for u in ("M/S2", "m/s**2", "m/s/s", "(m s^-2)", "ms⁻²", "in/sec^2", "G")]
     [True, True, True, True, True, True, True]
-    >>> [is_rate(Port("tip", u)) for u in ("m/(s^2)", "meter / second ** 2", "m/s^{2}", "m s^{-2}", "mg")]
+    >>> [is_rate(Port("tip", u)) for u in ("m/(s^2)", "meter / second ** 2", "m/s^{2}", "m s^{-2}", "°/s")]
     [True, True, True, True, True]
     >>> [is_rate(Port("tip", u)) for u in ("m", "N", "g/N", "V", "ms", "m/s^3", "", "V/(m/s)")]
     [False, False, False, False, False, False, False, False]
+    >>> [is_rate(Port("cell", u)) for u in ("N m/s", "Nm/s", "N/s", "kg m/s^2", "m^3/s", "counts/s")]
+    [False, False, False, False, False, False]
     """
-    unit = re.sub(r"^[(\[{]([^()\[\]]*)[)\]}]$", r"\1", port.unit.strip()).strip().casefold()
-    return unit in GRAVITIES or bool(RATE.search(unit))
+    unit = re.sub(r"^[(\[{]([^()\[\]]*)[)\]}]$", r"\1", port.unit.strip()).strip()
+    # Nanometres have a small n.
+    unit = re.sub("N(?=[mM])", "N ", unit).casefold()
+    return unit in BY_NAME or bool(RATE.fullmatch(unit))
 
 
 def _check_sampled(measured: FrequencyResponse, asked: FitOptions) -> None:

@@ -1,7 +1,9 @@
 """Weights of a fit: the measured variance, and what the model cannot follow.
 
 A variance per line estimated from few periods has few degrees of freedom: used as it is, lines that look
-quiet by chance would rule the fit. It is averaged over neighbouring lines first, and is no less than that.
+quiet by chance would rule the fit. It is averaged over neighbouring lines first, and is no less than that;
+it is more where fewer lines say so beyond chance: the noise of a measured input, and the motion that a
+disturbance makes, peak where the response does, and an average there is a fifteenth of what it should be.
 
 A model of limited order, or a real structure that is not quite linear, leaves more than the variance says.
 That excess is taken as one more variance e P, with one share e for all lines and outputs, solved from
@@ -23,6 +25,7 @@ from typing import Any
 
 import numpy as np
 import scipy.optimize
+import scipy.stats
 from jaxtyping import Complex, Float
 
 from middeck.systems.plants.response import FrequencyResponse
@@ -30,6 +33,10 @@ from middeck.values import record
 
 # Half width of the average over lines.
 NEIGHBOURS = 10
+# Half widths tried after it: noise that an article filters peaks where it does, within a line or two.
+NARROWER = (3, 1, 0)
+# Probability that a line's own variance is taken by chance.
+BY_CHANCE = 1e-3
 # Share of the variance that still weighs lines of a model that leaves more than it: the quietest lines would
 # otherwise rule what the model follows, and where a structure is loudest its distortion is, too.
 EVEN = 0.1
@@ -91,15 +98,26 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
 def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input"]:
     if measured.variance is None:
         return np.zeros(by_output(measured.H).shape)
-    v = by_output(measured.variance)
-    half = min(NEIGHBOURS, v.shape[1] - 1)
+    v, degrees = by_output(measured.variance), line_degrees(measured)
+    smooth = wide = _mean_of_lines(v, NEIGHBOURS)
+    for half in (h for h in NARROWER if degrees < np.inf):
+        # Gamma variates: what fewer lines say, where it is more than chance.
+        chance = float(scipy.stats.gamma.isf(BY_CHANCE, degrees * (2 * half + 1))) / (
+            degrees * (2 * half + 1)
+        )
+        near = _mean_of_lines(v, half)
+        smooth = np.where(near > chance * wide, np.maximum(near, smooth), smooth)
+    # A variance as well known on each line stands where it is more, as that of a local model is at a peak.
+    return np.maximum(smooth, v) if degrees >= 2 * NEIGHBOURS + 1 else smooth
+
+
+def _mean_of_lines(v: Float[np.ndarray, "output line input"], half: int) -> np.ndarray:
+    half = min(half, v.shape[1] - 1)
     padded = np.pad(v, ((0, 0), (half, half), (0, 0)), mode="reflect")
     total: np.ndarray = np.cumsum(np.pad(padded, ((0, 0), (1, 0), (0, 0))), axis=1)
     width = 2 * half + 1
     # Differences of sums can round below zero.
-    smooth = np.maximum(total[:, width:] - total[:, :-width], 0.0) / width
-    # A variance as well known on each line stands where it is more, as that of a local model is at a peak.
-    return np.maximum(smooth, v) if line_degrees(measured) >= width else smooth
+    return np.maximum(total[:, width:] - total[:, :-width], 0.0) / width
 
 
 def line_degrees(measured: FrequencyResponse) -> float:

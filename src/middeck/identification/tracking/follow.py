@@ -7,6 +7,7 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.tracking.lag import Sums, no_lag, unexplained
 from middeck.identification.tracking.recovery import WATCHED, Recovery, Restart, first_recovery, is_trusted
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.values import record
@@ -82,6 +83,7 @@ class Tracking:
         past: Inputs on their way through the delays, latest first.
         corrections, chance: Weighted sum of late corrections of log frequency and log damping, and its
             variance by chance.
+        lag: Sums by which a parameter that runs behind is told (`lag`).
         products: Weighted means of the products of normalised innovations, lags zero and on.
         late: Latest normalised innovations, latest first.
         weight: Weight of what the means have seen, up to one.
@@ -96,6 +98,7 @@ class Tracking:
     past: Float[np.ndarray, "age input"]
     corrections: Float[np.ndarray, " parameter"]
     chance: Float[np.ndarray, " parameter"]
+    lag: Sums
     products: Float[np.ndarray, " lag"]
     late: Float[np.ndarray, "age2 output"]
     weight: float
@@ -148,7 +151,8 @@ class Tracking:
         return is_trusted(self.products, self.weight, len(self.followed.noise_rms))
 
     def _deviation(self, places: np.ndarray) -> np.ndarray:
-        return np.sqrt(np.maximum(np.diag(self.covariance)[places], 0.0))
+        behind = unexplained(self.lag)[places - self._log[0, 0]]
+        return np.sqrt(np.maximum(np.diag(self.covariance)[places], 0.0) + behind)
 
 
 def log_places(followed: Followed) -> np.ndarray:
@@ -206,6 +210,7 @@ def start_tracking(
         past=np.zeros((int(followed.whole.max()) + 2, len(model.inputs))),
         corrections=np.zeros(2 * modes),
         chance=np.zeros(2 * modes),
+        lag=no_lag(2 * modes),
         products=np.zeros(WATCHED + 1),
         late=np.zeros((WATCHED, outputs)),
         weight=0.0,

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.identification.tracking import recovery
+from middeck.identification.tracking import lag, recovery
 from middeck.identification.tracking.follow import Followed, Tracking, log_places, motion_deviation
 from middeck.identification.tracking.recovery import poles_at, step_modes
 
@@ -59,6 +59,7 @@ def update_tracking(
         work.predict()
         if (state.samples + k) % LOOK == 0:
             work.look_for_jumps()
+            work.look_for_lag()
             work.look_for_loss(state.samples + k + 1)
     return work.frozen(state, len(u))
 
@@ -73,6 +74,7 @@ class _Work:
         self.x, self.cov = state.mean.copy(), state.covariance.copy()
         self.past = state.past.copy()
         self.sums, self.chance = state.corrections.copy(), state.chance.copy()
+        self.lag = state.lag.copy()
         self.products, self.late = state.products.copy(), state.late.copy()
         self.weight, self.jumps = state.weight, state.jumps.copy()
         self.recovery = state.recovery
@@ -141,6 +143,7 @@ class _Work:
         if followed.direct.any():
             foreseen = foreseen + np.sum(followed.direct * self.past[self.now[followed.group]], axis=1)
         PH = self.cov @ H.T
+        before = self.cov[self.diagonal[self.logs], self.diagonal[self.logs]]
         spread = H @ PH + self.R
         # Of one output by a root: what LAPACK is called with takes longer than all it does.
         whiten = 1.0 / np.sqrt(spread) if self.outputs == 1 else np.linalg.inv(np.linalg.cholesky(spread))
@@ -150,11 +153,13 @@ class _Work:
         move = W @ news
         self.x += move
         self.cov -= W @ W.T
-        self._watch(news, move[self.logs], W[self.logs])
+        removed = np.sum(W[self.logs] ** 2, axis=1)
+        lag.add(self.lag, move[self.logs], removed, before, followed.T)
+        self._watch(news, move[self.logs], removed)
 
-    def _watch(self, news: np.ndarray, move: np.ndarray, W: np.ndarray) -> None:
+    def _watch(self, news: np.ndarray, move: np.ndarray, removed: np.ndarray) -> None:
         self.sums = self.forget * self.sums + move
-        self.chance = self.forget**2 * self.chance + np.sum(W * W, axis=1)
+        self.chance = self.forget**2 * self.chance + removed
         product = np.concatenate([[news @ news], self.late @ news]) / self.outputs
         self.products += (product - self.products) / recovery.MEMORY
         self.weight += (1.0 - self.weight) / recovery.MEMORY
@@ -194,6 +199,7 @@ class _Work:
         self.x[:n], self.x[n : 2 * n] = np.real(after).ravel(), np.imag(after).ravel()
         P = F @ self.cov @ F.T
         P[self.diagonal, self.diagonal] += self.Q
+        P[self.diagonal[self.logs], self.diagonal[self.logs]] += self.followed.T * self.lag[lag.DRIFT]
         # Rounding alone makes it uneven; half the sum keeps it from growing.
         self.cov = 0.5 * (P + P.T)
 
@@ -210,6 +216,32 @@ class _Work:
         for m in np.flatnonzero(near[:, away & ~still].any(axis=1) & ~still):
             self._open(int(m), logs[:, m])
 
+    def look_for_lag(self) -> None:
+        """Widen the deviation of what runs behind by its lag, and all that goes with it."""
+        self.lag[lag.DRIFT] *= np.exp(-LOOK * self.followed.T / lag.FORGOTTEN_S)
+        if self._is_astray():
+            self.lag[:] = 0.0
+            return
+        size = self.brief[0] / max(self.brief_weight, np.finfo(float).tiny)
+        open_ = self._is_open(log_places(self.followed))
+        for m in (k for k in lag.behind(self.lag[:, : self.modes], size) if not open_[k]):
+            at = self.logs.start + m
+            by = min(abs(lag.mean_lag(self.lag)[m]), self.followed.drift.frequency_jump)
+            along = self.cov[:, at] / self.cov[at, at] * by
+            self.cov += np.outer(along, along)
+            self._take_lag_as_drift(m)
+
+    def _take_lag_as_drift(self, m: int) -> None:
+        """Of the frequency: what its lag asks for, the damping's corrections are full of."""
+        most = 0.0 if self._is_astray() else self.followed.drift.frequency_jump
+        lag.take_as_drift(self.lag, m, most)
+        self.lag[:, self.modes + m] = 0.0
+
+    def _is_astray(self) -> bool:
+        """Whether innovations are those of lost modes, or not yet well again: then they tell no lag."""
+        large = self.brief[0] > recovery.TOO_LARGE * self.brief_weight
+        return bool(large or self.recovery.lost or self.recovery.tries)
+
     def _is_open(self, logs: np.ndarray) -> np.ndarray:
         drift = self.followed.drift
         wide = np.array([[drift.frequency_jump**2], [drift.damping_jump**2]])
@@ -221,6 +253,7 @@ class _Work:
         self._open_motion(m)
         self.sums[[m, self.modes + m]] = 0.0
         self.chance[[m, self.modes + m]] = 0.0
+        self._take_lag_as_drift(m)
         self.jumps[m] += 1
 
     def _open_motion(self, m: int) -> None:
@@ -265,6 +298,7 @@ class _Work:
         self.x, self.poles = np.concatenate([np.zeros(2 * n), kept.mean[0]]), None
         self.cov = np.diag(np.concatenate([moving, variance]))
         self.sums[:], self.chance[:], self.brief[:], self.brief_weight = 0.0, 0.0, 0.0, 0.0
+        self.lag[:] = 0.0
         self.blocks, self.seen = recovery.no_blocks()
         event = recovery.Restart(samples * T, float(kept.taken[0]) * T, opened)
         self.recovery = dataclasses.replace(
@@ -280,6 +314,7 @@ class _Work:
             past=self.past,
             corrections=self.sums,
             chance=self.chance,
+            lag=self.lag,
             products=self.products,
             late=self.late,
             weight=self.weight,

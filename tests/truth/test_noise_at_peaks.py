@@ -1,0 +1,69 @@
+"""Noise that peaks where the article does: of a measured input, or of a disturbance that moves it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import middeck as md
+from middeck.identification.spectra.weights import spread_of
+from middeck.systems.plants.response import FrequencyResponse
+
+HZ, ZETA = np.array([9.0, 17.0]), np.array([3e-3, 4e-3])
+LINES = np.arange(1.0, 40.0, 0.125)
+PERIODS = 4
+
+
+def response() -> np.ndarray:
+    s, w = 2j * np.pi * LINES[:, None], 2.0 * np.pi * HZ
+    return np.sum(w**2 * [1.0, -0.7] / (s**2 + 2.0 * ZETA * w * s + w**2), axis=1)
+
+
+def measured(of_input: float, of_output: float, seed: int) -> tuple[FrequencyResponse, np.ndarray]:
+    """H with the noise of its input and of its output, its variance from four periods, and the true one."""
+    rng, H = np.random.default_rng(seed), response()
+    true = of_input**2 * np.abs(H) ** 2 + of_output**2 * np.mean(np.abs(H) ** 2)
+    noise = np.sqrt(0.5 * true) * (rng.standard_normal(len(H)) + 1j * rng.standard_normal(len(H)))
+    degrees = PERIODS - 1
+    known = true * rng.gamma(degrees, 1.0 / degrees, len(H))
+    taken = FrequencyResponse(
+        frequency_hz=LINES,
+        H=(H + noise)[:, None, None],
+        inputs=(md.Port("force", "N"),),
+        outputs=(md.Port("tip", "m"),),
+        variance=known[:, None, None],
+    )
+    return taken, true
+
+
+def test_the_variance_of_a_peak_is_not_that_of_its_neighbours() -> None:
+    """The mean of 21 lines is a fifteenth of it on the middle one."""
+    peaks = np.searchsorted(LINES, HZ)
+    ratios = []
+    for seed in range(50):
+        taken, true = measured(0.05, 1e-4, seed)
+        assert np.mean(true[peaks[0] - 10 : peaks[0] + 11]) < 0.2 * true[peaks[0]]
+        ratios.append((spread_of(taken, relative=False).variance[0, :, 0] / true)[peaks])
+    # Three degrees of freedom: a mean of one, and none that is a tenth.
+    assert 0.7 < np.mean(ratios) < 1.3
+    assert np.mean(np.array(ratios) < 0.2) < 0.1
+
+
+def test_the_variance_of_white_noise_is_still_an_average() -> None:
+    raised = []
+    for seed in range(20):
+        taken, true = measured(0.0, 1e-2, seed)
+        raised.append(spread_of(taken, relative=False).variance[0, :, 0] > 2.0 * true)
+    # Three widths at one in a thousand, a line wide or three or seven.
+    assert np.mean(raised) < 0.01
+
+
+def test_a_fit_through_noise_that_peaks_asks_for_no_more_modes() -> None:
+    """Frequencies within their deviations, which were half of what they should be."""
+    off = []
+    for seed in range(4):
+        found = md.fit_response(measured(0.05, 1e-4, seed)[0])
+        assert len(found.model.poles) == 2, found.order_reason
+        hz = np.abs(found.model.poles) / (2.0 * np.pi)
+        off.append((hz - HZ) / found.uncertainty.natural_hz)
+    # Eight draws; three degrees of freedom on the line that says most.
+    assert np.abs(off).max() < 4.5
