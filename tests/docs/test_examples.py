@@ -74,7 +74,7 @@ def first_steps(names: Names) -> None:
     assert np.all(in_lab > 20.0 * np.log10(pd["1-g"] / pd["0-g"]))  # no better than the PD loops
     assert np.all(np.isinf(in_lab[-6:]))
     assert hung.kind[hung.name.index(names["first"].mode_name)] == "suspension"
-    assert not names["fit"].warnings
+    assert ["is no noise" in text for text in names["fit"].warnings] == [True]
     assert names["fit"].model.delay_s[0] == pytest.approx(0.008, rel=0.05)
     assert len(names["fitted"].system.A) == 13
     assert names["measured_rms"] == pytest.approx(names["predicted"]["closed"], rel=0.1)
@@ -136,7 +136,7 @@ def your_own_record(names: Names) -> None:
 def from_a_record_to_a_plant(names: Names) -> None:
     """What was simulated comes back within its intervals, and only the mode that moved is said to have."""
     assert names["faults"] == ()
-    assert ["is no noise" in text for text in names["fit"].warnings] == [True]
+    assert not names["fit"].warnings
     truth = [3.2, 9.35, 0.01, 0.01]
     # Five deviations: the seeds are fixed, other machines round otherwise.
     np.testing.assert_array_less(
