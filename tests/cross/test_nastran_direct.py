@@ -44,14 +44,14 @@ def half(bars: int) -> tuple[np.ndarray, np.ndarray]:
     return K, M
 
 
-def punch(name: str, matrix: np.ndarray, points: list[tuple[int, int]]) -> str:
+def punch(name: str, matrix: np.ndarray, points: list[tuple[int, int]], form: str = "16.9E") -> str:
     """One triangle, large fields."""
     lines = [f"DMIG    {name:8}{0:8d}{6:8d}{2:8d}{0:8d}"]
     for j, (g, c) in enumerate(points):
         rows = [(i, *points[i]) for i in range(j, len(points)) if matrix[i, j]]
         if rows:
             lines.append(f"DMIG*   {name:16}{g:16d}{c:16d}")
-            lines += [f"*       {p:16d}{d:16d}{matrix[i, j]:16.9E}" for i, p, d in rows]
+            lines += [f"*       {p:16d}{d:16d}{matrix[i, j]:{form}}" for i, p, d in rows]
     return "\n".join(lines) + "\n"
 
 
@@ -111,6 +111,79 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
     assert said in ended.err
     assert not list(tmp_path.glob("*.toml"))
     assert not list(tmp_path.glob("*.npz"))
+
+
+def stiffly_tied(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
+    """Stiffness of about 1e9 N/m between two bodies, their masses, the places, and cards without the tie."""
+
+    def arm(x: float, y: float, z: float) -> np.ndarray:
+        return np.block([[np.eye(3), np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])],
+                         [np.zeros((3, 3)), np.eye(3)]])  # fmt: skip
+
+    at = np.round(rng.uniform(-1.5, 1.5, (2, 3)), 4)
+    turn = np.kron(np.eye(2), np.linalg.qr(rng.standard_normal((3, 3)))[0])
+    middle = 0.3 * at[0] + 0.7 * at[1]
+    between = np.hstack([-arm(*(middle - at[0])), arm(*(middle - at[1]))])
+    k = 10.0 ** rng.uniform([8.7] * 3 + [7.0] * 3, [9.3] * 3 + [8.0] * 3)
+    masses = np.diag([40.0] * 3 + [6.0, 5.0, 4.0] + [10.0] * 3 + [0.5, 0.4, 0.6])
+    cards = "".join("GRID,{},,{},{},{}\n".format(n, *map(float, p)) for n, p in enumerate(at, 1))
+    cards += "CONM2,51,1,,40.\n,6.,,5.,,,4.\nCONM2,52,2,,10.\n,.5,,.4,,,.6\n"
+    return between.T @ turn @ np.diag(k) @ turn.T @ between, masses, at, cards
+
+
+HOLD = "PBUSH,9,K,200.,200.,200.,100.,100.,100.\nCBUSH,9,9,1,,,,,0\n"
+SOFT = np.diag([200.0] * 3 + [100.0] * 3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("within", [False, True])
+def test_a_soft_hold_of_what_is_tied_stiffly_is_all_that_holds_it(tmp_path, capfd, seed, within):
+    """Ten digits tell 200 N/m beside 1e9: no spring to the ground comes of roundings, none is lost."""
+    K, M, _, cards = stiffly_tied(np.random.default_rng(seed))
+    held = K + np.pad(SOFT, (0, 6))
+    cards += "" if within else HOLD
+    bulk = cards + punch("KTIED", held if within else K, POINTS)
+    around = tmp_path / "soft-held.toml"
+    ended = converted(tmp_path, capfd, "soft", "K2GG = KTIED\n", bulk, "--environment", around)
+    assert ended.code == 0, ended.err
+    assert around.read_text().count("[[bushing]]") == 1
+    expected = np.sqrt(scipy.linalg.eigh(held, M, eigvals_only=True)[:6]) / (2.0 * np.pi)
+    np.testing.assert_allclose(frequencies(tmp_path, "soft")[:6], expected, rtol=RTOL[within])
+
+
+RTOL = {False: 1e-4, True: 2e-2}  # roundings of the printed matrix: 0.5 N/m of 200
+POINTS = [(g, c) for g in (1, 2) for c in range(1, 7)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("form", ["16.7E", "16.6E", "16.5E"])
+@pytest.mark.parametrize("hold", ["", HOLD])
+def test_digits_that_cannot_tell_a_spring_to_the_ground_are_told(tmp_path, capfd, seed, form, hold):
+    """Refused with the cause, or converted with nothing else to the ground: never held by roundings."""
+    K, _, _, cards = stiffly_tied(np.random.default_rng(seed))
+    around = tmp_path / "few-held.toml"
+    bulk = cards + hold + punch("KTIED", K, POINTS, form)
+    ended = converted(tmp_path, capfd, "few", "K2GG = KTIED\n", bulk, "--environment", around)
+    if ended.code == 0:
+        assert form == "16.7E"
+        assert around.read_text().count("[[bushing]]") == bool(hold)
+    else:
+        assert f"too few digits, {int(form[3]) + 1} here" in ended.err
+        assert "16.9E" in ended.err
+        assert "SPC" not in ended.err
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_places_of_fewer_digits_than_the_matrix_hold_nothing(tmp_path, capfd, seed):
+    """Grids as a field of eight columns has them, seven digits, beside a matrix of the exact places."""
+    rng = np.random.default_rng(seed)
+    K, _, at, cards = stiffly_tied(rng)
+    moved = at + rng.uniform(-5e-8, 5e-8, at.shape)
+    for old, new in zip(at.ravel(), moved.ravel(), strict=True):
+        cards = cards.replace(f",{float(old)}", f",{float(new)!r}", 1)
+    ended = converted(tmp_path, capfd, "free", "K2GG = KTIED\n", cards + punch("KTIED", K, POINTS))
+    assert ended.code == 0 or "those of the grids' places" in ended.err
+    assert "SPC" not in ended.err
 
 
 def carried(x: float) -> np.ndarray:

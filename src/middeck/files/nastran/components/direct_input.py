@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -19,15 +20,20 @@ READ = {"K2GG": "stiffness", "M2GG": "mass"}
 NAME = "direct"
 # Parameters that scale such matrices; WTMASS does not.
 SCALES = ("CK2", "CM2", "CK1", "CM1")
+MANTISSA = re.compile(r"[+-]?(\d*)\.(\d*)")
 
 
 class Lone(NamedTuple):
-    """A matrix that stands alone: what it is, its first card, its grids, six rows of each in basic axes."""
+    """A matrix that stands alone: what it is, its first card, its grids, six rows of each in basic axes.
+
+    ``digits`` are the most that one of its numbers has: by half of the last each may be wrong.
+    """
 
     what: str
     entry: Entry
     grids: tuple[int, ...]
     matrix: np.ndarray
+    digits: int
 
     def block(self, row: int, column: int) -> np.ndarray:
         """What the coordinates of one grid have with those of another, by their places in the list."""
@@ -59,7 +65,13 @@ def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
         what = f"scalar point {scalars[0]} in a matrix that stands alone: not converted yet"
         faults.append(entry.fault(what, hint="K2GG and M2GG"))
         return None
-    return Lone(READ[alone[0]], entry, grids, matrix)
+    return Lone(READ[alone[0]], entry, grids, matrix, max(map(_digits, columns)))
+
+
+def _digits(column: Entry) -> int:
+    """The most digits of a number on a card, zeros at its end counted."""
+    numbers = filter(None, (MANTISSA.match(text) for text in column.card.fields))
+    return max((len("".join(number.groups()).lstrip("0")) for number in numbers), default=1)
 
 
 def _cards(deck: Deck) -> list[Card]:

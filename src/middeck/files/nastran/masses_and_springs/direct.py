@@ -1,7 +1,8 @@
 """A matrix by direct input that stands alone: a stiffness (K2GG) as bushings, a mass (M2GG) as bodies.
 
 A stiffness between grids is a sum of bushings where each pair of them has one: the block between two grids
-says which, and what is left of each grid's own block goes to the ground. A mass is bodies where its blocks
+says which, and what is left of each grid's own block goes to the ground, but for what the printed digits
+leave of nothing. A mass is bodies where its blocks
 between grids are zero.
 """
 
@@ -20,14 +21,18 @@ from middeck.files.toml.faults import Fault
 
 # Of the roots of two diagonals: printed digits of matrices that others assembled.
 UNEQUAL = 1e-6
-# The same of what may be left of a grid's own block where nothing holds it to the ground.
+# The same of what is left of a grid's own block and may be nothing: a spring of more must be told from it.
 LEFT = 1e-7
+# What is left below zero comes of digits too, as those of the grids' places: so many times that is noise.
+NOISE = 10.0
 
 
 def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
     """Bushings of a stiffness that stands alone; appends to ``faults`` one that is no sum of such."""
-    grids, own = lone.grids, [lone.block(k, k) for k in range(len(lone.grids))]
-    own = [block.copy() for block in own]
+    grids, count = lone.grids, len(lone.grids)
+    own = [lone.block(k, k).copy() for k in range(count)]
+    half = 0.5 * 10.0 ** (1 - lone.digits)
+    doubt = [half * _sizes(lone, places, k, k) for k in range(count)]
     found: list[Tie] = []
     for i, a in enumerate(grids):
         for j, b in enumerate(grids[i + 1 :], i + 1):
@@ -36,21 +41,56 @@ def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
                 continue
             carried = _carried(places.grids[b] - places.grids[a])
             K = -np.linalg.solve(carried.T, coupling)
+            known = half * _sizes(lone, places, i, j)
+            about = np.abs(np.linalg.inv(carried)).T @ known
             if not _is_stiffness(K, lone.size(j)):
-                faults.append(_no_sum(lone, f"what grids {a} and {b} do to each other is no stiffness"))
+                refusal = _few if _is_noise(K, about) else _no_sum
+                faults.append(refusal(lone, f"what grids {a} and {b} do to each other"))
                 return []
             own[i] -= carried.T @ K @ carried
             own[j] -= K
+            doubt[i] += known @ np.abs(carried)
+            doubt[j] += about
             found.append(_tie(lone, (a, b), (places.grids[b],) * 2, K))
     for k, grid in enumerate(grids):
-        size = lone.size(k)
-        if np.all(np.abs(own[k]) <= LEFT * np.outer(size, size)):
-            continue
-        if not _is_stiffness(own[k], size):
-            faults.append(_no_sum(lone, f"what holds grid {grid} is no stiffness"))
+        ground, lowest = _told(own[k], doubt[k])
+        size = np.outer(lone.size(k), lone.size(k))
+        if np.any(np.abs(own[k] - ground) > LEFT * size):
+            few = lowest >= -1.0 or _is_stiffness(own[k], lone.size(k))
+            faults.append((_few if few else _no_sum)(lone, f"what holds grid {grid}"))
             return []
-        found.append(_tie(lone, (grid,), (places.grids[grid],), own[k]))
+        if np.any(ground):
+            found.append(_tie(lone, (grid,), (places.grids[grid],), ground))
     return found
+
+
+def _sizes(lone: Lone, places: Places, row: int, column: int) -> np.ndarray:
+    """Bounds of what numbers of size one in the printed axes of a block are in its basic ones."""
+    left, right = (np.kron(np.eye(2), places.displacement_axes(lone.grids[k])) for k in (row, column))
+    return np.abs(left) @ np.abs(left.T @ lone.block(row, column) @ right) @ np.abs(right.T)
+
+
+def _told(rest: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, float]:
+    """The part of ``rest`` that is a stiffness beyond ``doubt``, and its lowest value over that."""
+    values, vectors, noise = _over(rest, doubt)
+    kept = np.where(values > max(1.0, -NOISE * values[0]), values, 0.0)
+    return (noise * vectors * kept) @ (noise * vectors).T, float(values[0])
+
+
+def _is_noise(K: np.ndarray, doubt: np.ndarray) -> bool:
+    """Whether ``K`` is a stiffness but for what its digits leave in doubt."""
+    return bool(np.all(np.abs(K - K.T) <= doubt + doubt.T)) and _over(K, doubt)[0][0] >= -1.0
+
+
+def _over(K: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues and vectors of ``K`` in units of the ``doubt`` of its entries, and that unit by row."""
+    doubt = 0.5 * (doubt + doubt.T)
+    unit = np.sqrt(np.diagonal(doubt))
+    over = np.divide(1.0, unit, out=np.zeros(6), where=unit > 0.0)
+    most = np.linalg.norm(over[:, None] * doubt * over, 2)
+    noise = np.sqrt(most) * unit[:, None]
+    values, vectors = np.linalg.eigh(0.5 * (K + K.T) * np.outer(over, over) / (most or 1.0))
+    return values, vectors, noise
 
 
 def direct_masses(lone: Lone, places: Places, weight: float, faults: list[Fault]) -> Iterator[Mass]:
@@ -94,4 +134,12 @@ def _tie(lone: Lone, grids: tuple[int, ...], points: tuple[np.ndarray, ...], K: 
 
 def _no_sum(lone: Lone, what: str) -> Fault:
     hint = "M2GG beside it, or the matrix of a part that is no reduction"
-    return lone.entry.fault(f"a stiffness without a mass is converted as bushings, and {what}", hint=hint)
+    said = f"a stiffness without a mass is converted as bushings, and {what} is no stiffness"
+    return lone.entry.fault(said, hint=hint)
+
+
+def _few(lone: Lone, what: str) -> Fault:
+    """For what could be roundings or a spring."""
+    hint = "print it as 16.9E or more, and it and the grids in large fields"
+    said = f"too few digits, {lone.digits} here, or those of the grids' places, to tell {what}"
+    return lone.entry.fault(said, hint=hint)
