@@ -115,6 +115,38 @@ def test_lines_may_be_numbered_in_columns_73_to_80():
     lines[4] = lines[4][:72]
     assert "11 errors" in (said := refused("\n".join(lines)))
     assert "a number, 00000010, where the mark of a continuation stands" in said
+    assert "numbers of lines must stand on all without commas, and rise" in said
+
+
+@pytest.mark.parametrize("tail", ["+1", "1", "*1", "00000010"])
+@pytest.mark.parametrize("head", ["", "+"])
+def test_what_stands_before_a_continuation_without_a_name_is_its_mark(tail, head):
+    first = f"{'PBAR           1       2      3.      4.      5.      6.':72}{tail}\n"
+    (found,) = entries(f"{first}{head:<8}\n{head:<8}      .5      .6").of("PBAR")
+    assert (found["j"], found["k1"], found["k2"]) == (6.0, 0.5, 0.6)
+
+
+@pytest.mark.parametrize("numbers", [range(2), range(10, 100, 10), range(7, 16)])
+def test_few_lines_may_be_numbered_too(numbers):
+    lines = [f"{f'GRID    {n:<8}        {n}.':72}{n:08d}" for n in numbers if n]
+    lines += [f"{'PBAR           1       2      3.      4.      5.      6.':72}{100:08d}"]
+    lines += [f"{'':72}{101:08d}", f"{'              .5      .6':72}{102:08d}"]
+    (found,) = entries("\n".join(lines)).of("PBAR")
+    assert (found["j"], found["k1"], found["k2"]) == (6.0, 0.5, 0.6)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "RBE2,20,1,123456,5,6,7,8,9,10\n,11",
+        f"{'GRID    1               1.':72}10\n{'GRID    2               2.':72}10",
+        f"{'GRID    1               1.':72}20\n{'GRID    2               2.':72}10",
+        f"{'GRID    1               1.':72}20\nGRID,2,,2.,,,,,,30\n{'GRID    3               2.':72}40",
+        f"{'PBAR           1       2      3.':72}1.5\n+              .5",
+    ],
+)
+def test_a_number_that_may_be_a_field_too_many_is_told(text):
+    assert "where the mark of a continuation stands" in refused(text)
 
 
 def test_a_fixed_field_reaches_to_the_next_one():
@@ -136,6 +168,7 @@ CONTINUED = {
     "any column 73": "PBAR           1       2      3.      4.      5.      6.                KA\n"
                      "+A                                                                      LB\n"
                      "+B            .5      .6",
+    "plus and number": "PBAR,1,2,3.,4.,5.,6.,,,+1\n+1,,,,,,,,,2\n+2,.5,.6",
     "comments between": "PBAR,1,2,3.,4.,5.,6.\n,\n,.5,.6",
 }  # fmt: skip
 

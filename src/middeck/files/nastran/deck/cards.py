@@ -31,7 +31,7 @@ NARROW = [_columns(8, count) for count in range(ROW + 1)]
 WIDE = [_columns(16, count) for count in range(ROW // 2 + 1)]
 MARKS = "+*"
 BREAK = "break it with a continuation"
-COUNTED = 10  # lines with a number each in columns 73 to 80 that may be those of the lines
+SEQUENCE = "numbers of lines must stand on all without commas, and rise"
 
 
 class Card(NamedTuple):
@@ -147,18 +147,20 @@ def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[Fault]:
 def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
     """Marks of continuations that are nowhere: those of a last row that announce one, and lone numbers.
 
-    A number that no continuation names is a field too many, but where the lines of the deck are ``counted``.
+    A number that no continuation names is a field too many, but where the lines of the deck are ``counted``,
+    and where it is whole and a continuation without a name follows: Nastran too passes over it.
     """
     faults: list[Fault] = []
     for row, after in zip(group, [*group[1:], None], strict=True):
-        tail = row[TAIL]
+        tail, is_free = row[TAIL], "," in row[LINE][0]
         if not tail or (after is not None and _mark(after[HEAD])):
             continue
-        if tail[0] in MARKS and _mark(tail) and after is None:
-            hint = "is the deck whole? if the card ends here, clear its tenth field"
-            faults.append(_fault(row[LINE], f"the continuation {_mark(tail)!r} is missing", hint))
-        elif not counted and _is_number(tail):
-            faults.append(_no_mark(row[LINE], tail))
+        if tail[0] in MARKS:
+            if _mark(tail) and after is None:
+                hint = "is the deck whole? if the card ends here, clear its tenth field"
+                faults.append(_fault(row[LINE], f"the continuation {_mark(tail)!r} is missing", hint))
+        elif is_free or not (counted or (after is not None and integer(tail) is not None)):
+            faults += [_no_mark(row[LINE], tail)] if _is_number(tail) else []
     return faults
 
 
@@ -167,7 +169,7 @@ def _is_number(text: str) -> bool:
 
 
 def _no_mark(line: Line, tail: str) -> Fault:
-    return _fault(line, f"a number, {tail}, where the mark of a continuation stands", BREAK)
+    return _fault(line, f"a number, {tail}, where the mark of a continuation stands", f"{BREAK}; {SEQUENCE}")
 
 
 def _are_counted(groups: list[list[Row]]) -> bool:
@@ -176,7 +178,7 @@ def _are_counted(groups: list[list[Row]]) -> bool:
     numbers = [integer(tail) for tail in tails]
     known = [number for number in numbers if number is not None]
     rise = all(a < b for a, b in pairwise(known))
-    return len(tails) >= COUNTED and len(known) == len(tails) and rise
+    return 2 <= len(known) == len(tails) and rise
 
 
 def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
@@ -231,6 +233,4 @@ def _cut_free(text: str, line: Line) -> Row | Fault:
     if any(fields[room + 1 :]):
         return _fault(line, f"more than {room} fields in one line", BREAK)
     tail = fields[room] if len(fields) > room else ""
-    if tail and _is_number(tail):
-        return _no_mark(line, tail)
     return _large(head) if large else head or "+", tuple(fields[:room]), tail, large, line
