@@ -277,8 +277,18 @@ def test_frequencies_alone_in_another_unit_are_told(factor: float, unit: str) ->
 
 
 def test_what_a_universal_file_cannot_hold_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="data sets 2411 and 58 are not written"):
-        md.files.write_measured_modes(tmp_path / "m.unv", virtual(), sets=(2411, 58))
+    for sets, told in (
+        ((2411, 58), "2411 and 58"),
+        ((15,), "15"),
+        ((15, 55, 82), "15 and 55"),
+        ((), "of none"),
+    ):
+        with pytest.raises(ConfigError, match=f"data sets {told}.* are not written") as error:
+            md.files.write_measured_modes(tmp_path / "m.unv", virtual(), sets=sets)  # ty: ignore[invalid-argument-type]
+        assert "nodes as 2411 or 15, shapes as 55 or 2414" in str(error.value.hint)
+    with pytest.raises(ConfigError, match="JSON, which has no data sets"):
+        md.files.write_measured_modes(tmp_path / "m.json", virtual(), sets=(2411, 55))
+    assert not (tmp_path / "m.json").exists()
     joints = md.structure.measure_modes(hung(), [("pri_x", "angle"), ("n1", "x")], chosen=[10])
     for what, says in (
         (joints, "angle"),
@@ -287,6 +297,8 @@ def test_what_a_universal_file_cannot_hold_is_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(DataError, match=says):
             md.files.write_measured_modes(tmp_path / "m.unv", what)
+    with pytest.raises(DataError, match="data set 2414 has no place for the angle of a joint"):
+        md.files.write_measured_modes(tmp_path / "m.unv", joints, sets=(15, 2414))
     assert not (tmp_path / "m.unv").exists()
 
 

@@ -73,18 +73,23 @@ def write_measured_modes(
     path: str | Path,
     measured: MeasuredModes,
     structure: Structure | None = None,
-    sets: tuple[int, int] = (2411, 55),
+    sets: tuple[int, int] | None = None,
 ) -> None:
     """Write ``measured`` whole or not at all: as a universal file (.unv, .uff), else as JSON.
 
     JSON has a real shape as rows of numbers, a complex one as re and im. A universal file has nodes, shapes
     with six digits, and the members of ``structure`` as trace lines; ``sets`` are those of its nodes (2411 or
-    15) and shapes (55 or 2414). See `write_uff` for what it cannot hold.
+    15) and shapes (55 or 2414), 2411 and 55 unless said. See `write_uff` for what it cannot hold.
+
+    Raises `ConfigError` for ``sets`` that are not written, or with JSON, which has none.
     """
     if Path(path).suffix.lower() in UFF:
-        from middeck.files.measured.survey_uff_write import write_uff
+        from middeck.files.measured.survey_uff_write import SETS, write_uff
 
-        return write_uff(Path(path), measured, structure, sets)
+        return write_uff(Path(path), measured, structure, SETS if sets is None else sets)
+    if sets is not None:
+        hint = f"a path that ends in {' or '.join(UFF)}"
+        raise ConfigError(f"{path} is JSON, which has no data sets", where="sets", hint=hint)
     shape = np.real(measured.shape) if measured.is_real else measured.shape
     stated = {k: v for k in OPTIONAL if (v := getattr(measured, k)) is not None}
     required = {k: getattr(measured, k) for k in REQUIRED} | {"shape": shape}

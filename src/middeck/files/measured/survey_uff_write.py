@@ -20,6 +20,7 @@ from middeck.structure.model.article import Structure
 NONE = "NONE"
 DISPLACEMENT, REAL, COMPLEX = 8, 2, 5
 SETS = (2411, 55)
+CHOICES = {(nodes, shapes) for nodes in (2411, 15) for shapes in (55, 2414)}
 
 
 def write_uff(
@@ -39,14 +40,15 @@ def write_uff(
     that is not stated, complex modes of a ratio of 1 or more, nodes without number and place.
     """
     where = str(path)
-    if sets[0] not in (2411, 15) or sets[1] not in (55, 2414):
-        hint = "nodes as 2411 or 15, shapes as 55 or 2414"
-        raise ConfigError(f"data sets {sets[0]} and {sets[1]} are not written", where="sets", hint=hint)
+    if tuple(sets) not in CHOICES:
+        hint = "two: nodes as 2411 or 15, shapes as 55 or 2414"
+        said = f"data sets {' and '.join(map(str, sets)) or 'of none'} are not written"
+        raise ConfigError(said, where="sets", hint=hint)
     odd = sorted({d for d in measured.direction if d not in AXES})
     if odd or not measured.node:
         what = f"the {odd[0]} of a joint" if odd else "frequencies without shapes"
         hint = "measure_modes(modes, at=[(node, direction), ...]) of x ... rz, or write .json"
-        raise DataError(f"data set 55 has no place for {what}", where=where, hint=hint)
+        raise DataError(f"data set {sets[1]} has no place for {what}", where=where, hint=hint)
     if np.isnan(measured.damping).any():
         hint = "state it, or write .json"
         raise DataError("a damping is not stated, and zero would be read", where=where, hint=hint)
