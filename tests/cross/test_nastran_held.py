@@ -64,7 +64,7 @@ def held_deck(deck: RandomDeck, seed: int) -> Held:
             turn, point = turned(rng), rng.uniform(-0.5, 0.5, 3)
             points = [deck.places[a], deck.places[a] + turn[:, 2], deck.places[a] + turn[:, 0]]
             lines += card(rng, "CORD2R", 90 + k, 0, *np.concatenate(points))
-            shown += [s, 90 + k, *(turn.T @ point)]
+            shown += [s + k, 90 + k, *(turn.T @ point)]  # S means nothing beside it, whatever it is
         else:
             shown += [None if ground else s]
         lines += card(rng, "CBUSH", 700 + k, 40 + k, a, None if ground else b, *shown)

@@ -128,7 +128,7 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
     grids = (entry["ga"], entry["gb"])
     if grids[0] == grids[1]:
         raise ValueError("it joins a grid to itself")
-    if not 0.0 <= entry["s"] <= 1.0:
+    if entry["ocid"] == -1 and not 0.0 <= entry["s"] <= 1.0:
         raise ValueError(f"S is {entry['s']:g}; must be 0 to 1, a place on the line between its grids")
     point = a + entry["s"] * (b - a) if entry["ocid"] == -1 else _offset(entry, a, places)
     return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), np.diag(stiffness))
