@@ -186,6 +186,30 @@ def test_places_of_fewer_digits_than_the_matrix_hold_nothing(tmp_path, capfd, se
     assert "SPC" not in ended.err
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("form", ["16.9E", "16.8E", "16.7E"])
+def test_what_slides_freely_between_two_grids_is_not_held_by_digits(tmp_path, capfd, seed, form):
+    """A tie without stiffness one way, skew to all axes: seven motions of no stiffness, or told."""
+    rng = np.random.default_rng(seed)
+    _, M, at, cards = stiffly_tied(rng)
+    x, y, z = at[1] - at[0]
+    lever = np.eye(6)
+    lever[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    between, axes = np.hstack([-lever, np.eye(6)]), np.linalg.qr(rng.standard_normal((6, 6)))[0]
+    K = between.T @ axes @ np.diag([0.0, 1e7, 1e8, 1e9, 1e8, 1e7]) @ axes.T @ between
+    around = tmp_path / "loose-held.toml"
+    bulk = cards + punch("KLOOSE", K, POINTS, form)
+    ended = converted(tmp_path, capfd, "loose", "K2GG = KLOOSE\n", bulk, "--environment", around)
+    if ended.code:
+        assert form == "16.7E"
+        assert "too few digits, 8 here" in ended.err
+        return
+    found = frequencies(tmp_path, "loose")
+    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[7]) / (2.0 * np.pi)
+    np.testing.assert_allclose(found[7], expected, rtol=1e-5)
+    assert found[6] <= 1e-5 * expected
+
+
 def carried(x: float) -> np.ndarray:
     """Motion at ``x`` along the beam of one that moves as a rigid body about its start."""
     T = np.eye(6)

@@ -2,7 +2,7 @@
 
 A stiffness between grids is a sum of bushings where each pair of them has one: the block between two grids
 says which, and what is left of each grid's own block goes to the ground, but for what the printed digits
-leave of nothing. A mass is bodies where its blocks
+leave of nothing; so between grids, where a direction is loose. A mass is bodies where its blocks
 between grids are zero.
 """
 
@@ -21,7 +21,7 @@ from middeck.files.toml.faults import Fault
 
 # Of the roots of two diagonals: printed digits of matrices that others assembled.
 UNEQUAL = 1e-6
-# The same of what is left of a grid's own block and may be nothing: a spring of more must be told from it.
+# The same of what digits leave and may be nothing: a spring of more must be told from it.
 LEFT = 1e-7
 # What is left below zero comes of digits too, as those of the grids' places: so many times that is noise.
 NOISE = 10.0
@@ -47,11 +47,15 @@ def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
                 refusal = _few if _is_noise(K, about) else _no_sum
                 faults.append(refusal(lone, f"what grids {a} and {b} do to each other"))
                 return []
+            told = _told(K, about)[0]
+            if np.any(np.abs(0.5 * (K + K.T) - told) > LEFT * np.outer(lone.size(j), lone.size(j))):
+                faults.append(_few(lone, f"what grids {a} and {b} do to each other"))
+                return []
             own[i] -= carried.T @ K @ carried
             own[j] -= K
             doubt[i] += known @ np.abs(carried)
             doubt[j] += about
-            found.append(_tie(lone, (a, b), (places.grids[b],) * 2, K))
+            found.append(_tie(lone, (a, b), (places.grids[b],) * 2, told))
     for k, grid in enumerate(grids):
         ground, lowest = _told(own[k], doubt[k])
         size = np.outer(lone.size(k), lone.size(k))
@@ -128,8 +132,7 @@ def _is_stiffness(K: np.ndarray, size: np.ndarray) -> bool:
 def _tie(lone: Lone, grids: tuple[int, ...], points: tuple[np.ndarray, ...], K: np.ndarray) -> Tie:
     entry = lone.entry
     named = Entry(entry.name, (f"{entry.id}_{'_'.join(map(str, grids))}", *entry.values[1:]), entry.card)
-    values, vectors = np.linalg.eigh(0.5 * (K + K.T))
-    return Tie(named, grids, points, np.eye(3), (vectors * np.maximum(values, 0.0)) @ vectors.T)
+    return Tie(named, grids, points, np.eye(3), K)
 
 
 def _no_sum(lone: Lone, what: str) -> Fault:
