@@ -186,6 +186,25 @@ def test_places_of_fewer_digits_than_the_matrix_hold_nothing(tmp_path, capfd, se
     assert "SPC" not in ended.err
 
 
+@pytest.mark.parametrize(("tie", "ground"), [(1e6, 1e6), (3e5, 2e4), (1000.0, 1.0)])
+@pytest.mark.parametrize("form", ["#16.0f", "16.3E", "16.9E"])
+def test_numbers_written_by_hand_are_exact(tmp_path, capfd, tie, ground, form):
+    """Two masses in one place, tied and grounded alike in all directions: 2 by 2 by hand."""
+    cards = (
+        "GRID,1,,0.,0.,0.\nGRID,2,,0.,0.,0.\nCONM2,51,1,,40.\n,6.,,6.,,,6.\nCONM2,52,2,,10.\n,.5,,.5,,,.5\n"
+    )
+    K = np.kron([[tie + ground, -tie], [-tie, tie]], np.eye(6))
+    bulk = cards + punch("KHAND", K, POINTS, form)
+    around = tmp_path / "hand-held.toml"
+    ended = converted(tmp_path, capfd, "hand", "K2GG = KHAND\n", bulk, "--environment", around)
+    assert ended.code == 0, ended.err
+    structure, environment = md.load_setup(tmp_path / "hand.toml", around)
+    found = md.solve_modes(md.solve_equilibrium(structure, environment)).frequency_hz
+    pairs = [np.linalg.eigvals(K[::6, ::6] / np.array([[a], [b]])) for a, b in ((40.0, 10.0), (6.0, 0.5))]
+    expected = np.sort(np.sqrt(np.repeat(np.concatenate(pairs), 3))) / (2.0 * np.pi)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("form", ["16.9E", "16.8E", "16.7E"])
 def test_what_slides_freely_between_two_grids_is_not_held_by_digits(tmp_path, capfd, seed, form):

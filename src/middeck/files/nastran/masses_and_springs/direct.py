@@ -25,13 +25,15 @@ UNEQUAL = 1e-6
 LEFT = 1e-7
 # What is left below zero comes of digits too, as those of the grids' places: so many times that is noise.
 NOISE = 10.0
+# Numbers of fewer digits are written by hand, and exact: the narrowest field prints as many.
+PRINTED, EXACT = 5, 1e-15
 
 
 def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
     """Bushings of a stiffness that stands alone; appends to ``faults`` one that is no sum of such."""
     grids, count = lone.grids, len(lone.grids)
     own = [lone.block(k, k).copy() for k in range(count)]
-    half = 0.5 * 10.0 ** (1 - lone.digits)
+    half = max(EXACT, 0.5 * 10.0 ** (1 - lone.digits)) if lone.digits >= PRINTED else EXACT
     doubt = [half * _sizes(lone, places, k, k) for k in range(count)]
     found: list[Tie] = []
     for i, a in enumerate(grids):
@@ -55,7 +57,8 @@ def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
             own[j] -= K
             doubt[i] += known @ np.abs(carried)
             doubt[j] += about
-            found.append(_tie(lone, (a, b), (places.grids[b],) * 2, told))
+            if np.any(told):
+                found.append(_tie(lone, (a, b), (places.grids[b],) * 2, told))
     for k, grid in enumerate(grids):
         ground, lowest = _told(own[k], doubt[k])
         size = np.outer(lone.size(k), lone.size(k))
