@@ -122,8 +122,8 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
     shown, std = refined.shear
     if -shown > ABOVE * std:
         yield (
-            f"the modes show {shown:.2g} +- {std:.2g} of what the model lacks in shear and elements, which is "
-            "less than nothing: another error falls on all modes with one sign"
+            f"the modes show {shown:.2g} +- {std:.2g} of what the model lacks in shear and elements, which "
+            "is less than nothing: another error falls on all modes with one sign"
         )
     if shown > ABOVE * std:
         yield (
