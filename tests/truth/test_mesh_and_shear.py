@@ -140,3 +140,16 @@ def test_a_plate_is_not_as_soft_in_shear_as_it_is_in_torsion():
     plate = dataclasses.replace(article, members=(dataclasses.replace(member, section=section),))
     found = add_shear(plate, 1.0).members[0].section
     assert found.GA_y == found.GA_z == pytest.approx(TUBE_SHEAR * E / 2.6 * wide * thick, rel=0.2)
+
+
+def test_a_cross_of_two_plates_has_the_shear_of_its_area():
+    """60 x 3 mm each: equal bending stiffnesses, hardly any torsion, k G A about half of G A."""
+    E, width, t = 7e10, 0.06, 0.003
+    area, second = width * t * 2.0 - t * t, (t * width**3 + (width - t) * t**3) / 12.0
+    section = Section(EA=E * area, GJ=E / 2.6 * 2.0 * width * t**3 / 3.0, EI_y=E * second, EI_z=E * second,
+                      rho_A=2700.0 * area, rho_I_y=0.0, rho_I_z=0.0)  # fmt: skip
+    nodes = [build.node("foot", (0, 0, 0)), build.node("top", (0, 1, 0))]
+    cross = build.structure(nodes, [build.member("foot", "top", section, 2, up=(0.0, 0.0, 1.0))])
+    found = add_shear(cross, 1.0).members[0].section
+    assert 0.3 < found.GA_y / (E / 2.6 * area) < 0.7
+    assert found.GA_y == found.GA_z

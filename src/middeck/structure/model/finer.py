@@ -13,9 +13,7 @@ TUBE_SHEAR = 0.62
 """Cowper's (1966) shear coefficient of a tube of the sheet's proportions, bore half of the diameter, nu 0.37:
 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2) with m = 0.512."""
 
-# Of both bending stiffnesses together: those of a section that is not round differ by more.
-ROUND = 0.05
-# Of E: the shear modulus of an isotropic material that keeps its volume.
+# Of E: the shear modulus of an isotropic material that keeps its volume, which no other has less of.
 LEAST_G = 1.0 / 3.0
 
 
@@ -45,15 +43,12 @@ def add_shear(structure: Structure, part: float) -> Structure:
 def _in_shear(section: Section, coefficient: float | None) -> Section:
     """k G A of a section from its other stiffnesses: of a round one GJ = 2 G I, so that G A = GJ EA / (2 EI).
 
-    Others twist more easily than that: G is no less than a third of E.
+    Others, crosses and slit tubes among them, twist more easily than that: G is no less than a third of E.
     """
     bending = section.EI_y + section.EI_z
     if coefficient is None or not (section.GJ > 0.0 and bending > 0.0):
         return section  # a rod has no shear to speak of
-    G_over_E = section.GJ / bending
-    if abs(section.EI_y - section.EI_z) > ROUND * bending:
-        G_over_E = max(G_over_E, LEAST_G)
-    stiff = coefficient * G_over_E * section.EA
+    stiff = coefficient * max(section.GJ / bending, LEAST_G) * section.EA
     GA_y = section.GA_y if np.isfinite(section.GA_y) else stiff
     GA_z = section.GA_z if np.isfinite(section.GA_z) else stiff
     return dataclasses.replace(section, GA_y=GA_y, GA_z=GA_z)

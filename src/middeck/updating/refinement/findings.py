@@ -120,7 +120,12 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
                     "predicted"
                 )
     shown, std = refined.shear
-    if abs(shown) > ABOVE * std:
+    if -shown > ABOVE * std:
+        yield (
+            f"the modes show {shown:.2g} +- {std:.2g} of what the model lacks in shear and elements, which "
+            "is less than nothing: another error falls on all modes with one sign"
+        )
+    if shown > ABOVE * std:
         yield (
             f"the modes show {shown:.2g} +- {std:.2g} of what the model lacks in shear and elements (1 is "
             "the shear of tubes and an endless mesh): carried into what is predicted; a shear stiffness with "
