@@ -91,6 +91,7 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     H = by_output(measured.H)
     power = np.broadcast_to(np.mean(np.abs(H) ** 2, axis=(1, 2), keepdims=True), H.shape)
     variance = _smooth(measured) + ROUNDING * power
+    # |r|^2 / E |r|^2 scatters by one, and v, a gamma variate, by one over the root of its degrees.
     chance = np.sqrt((1.0 + 1.0 / line_degrees(measured)) / H.size)
     return Spread(variance, np.abs(H) ** 2 if relative else power, relative, float(chance))
 

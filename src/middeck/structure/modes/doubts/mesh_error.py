@@ -62,8 +62,10 @@ def estimate_mesh_error(modes: Modes, count: int | None = None) -> Float[np.ndar
     pull = inner_forces(rest.model, rest.config, rest.loads).beam[:, STRETCH]
     lost = np.zeros(count)
     beyond = np.zeros(count, dtype=bool)
-    parts = _parts(*_principal(rest.model.beams, _end_moves(modes, count)), pull)
-    for ends, inertia, pulled, own, critical in parts:
+    beams, turn = _principal(rest.model.beams)
+    moves = _end_moves(modes, count)
+    moves[..., 1, :], moves[..., 2, :] = _turned(moves[..., 1, :], moves[..., 2, :], turn)
+    for ends, inertia, pulled, own, critical in _parts(beams, moves, pull):
         near = omega**2 / own[:, None] - (pull / critical)[:, None]
         load = omega * (inertia @ ends) + (pulled @ ends) * _over(np.ones(count), omega)
         lost += np.sum(np.sum(load**2, axis=1) / np.maximum(1.0 - near, 1.0 - BEYOND), axis=0)
@@ -74,9 +76,8 @@ def estimate_mesh_error(modes: Modes, count: int | None = None) -> Float[np.ndar
 def rest_angles(rest: Equilibrium) -> Float[np.ndarray, " element"]:
     """The larger angle [rad] of either end of each element with its chord, by which gravity has bent it."""
     beams, force = rest.model.beams, inner_forces(rest.model, rest.config, rest.loads).beam
-    moments = force[:, [[Y1, Z1], [Y2, Z2]]][:, :, None]  # of one load
-    beams, moments = _principal(beams, np.pad(moments, ((0, 0), (0, 0), (0, 0), (1, 0)))[..., None])
-    first, last = moments[:, 0, 0, 1:, 0], moments[:, 1, 0, 1:, 0]
+    beams, turn = _principal(beams)
+    first, last = (np.stack(_turned(force[:, y], force[:, z], turn), axis=1) for y, z in ((Y1, Z1), (Y2, Z2)))
     flexibility = np.column_stack([_over(beams.length, 6.0 * EI) for EI in (beams.EI_y, beams.EI_z)])
     angles = flexibility[:, None] * np.stack([2.0 * first - last, 2.0 * last - first], axis=1)
     return np.linalg.norm(angles, axis=2).max(axis=1, initial=0.0)
@@ -135,34 +136,37 @@ def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mod
     return np.einsum("eij,enbim->enbjm", axes, moves)
 
 
-def _principal(
-    beams: BeamProperties, vectors: Float[np.ndarray, "element 2 n 3 mode"]
-) -> tuple[BeamProperties, Float[np.ndarray, "element 2 n 3 mode"]]:
-    """Both in axes across each element in which its bendings are apart, where a section couples them.
+def _principal(beams: BeamProperties) -> tuple[BeamProperties, Float[np.ndarray, " element"]]:
+    """In axes across each element in which its bendings are apart, and their angle [rad] from its own.
 
-    Ends that turn alike and oppositely leave the constant bending, whose stiffness 2 D / L has no shear.
+    Zero but where a section couples them. Ends that turn alike and oppositely leave the constant bending,
+    whose stiffness 2 D / L has no shear.
     """
     K = beams.stiffness
     near, far = (K[:, [[Y1], [Z1]], [last]] for last in ([Y1, Z1], [Y2, Z2]))
     D = 0.5 * beams.length[:, None, None] * (near - far)
-    apart = np.abs(D[:, 0, 1]) <= UNCOUPLED * np.trace(D, axis1=1, axis2=2)
-    if apart.all():
-        return beams, vectors
-    turn = np.where(apart, 0.0, 0.5 * np.arctan2(2.0 * D[:, 0, 1], D[:, 0, 0] - D[:, 1, 1]))
-    c, s = np.cos(turn), np.sin(turn)
-    y, z = vectors[..., 1, :], vectors[..., 2, :]
-    C, S = c[:, None, None, None], s[:, None, None, None]
-    turned = np.stack([vectors[..., 0, :], C * y + S * z, C * z - S * y], axis=3)
+    y, z, both = D[:, 0, 0], D[:, 1, 1], D[:, 0, 1]
+    coupled = np.abs(both) > UNCOUPLED * (y + z)
+    turn = np.where(coupled, 0.5 * np.arctan2(2.0 * both, y - z), 0.0)
+    c2, s2, twice = np.cos(turn) ** 2, np.sin(turn) ** 2, np.sin(2.0 * turn) * both
+    I_y, I_z = beams.rho_I_y, beams.rho_I_z
+    phi_y, phi_z = beams.shear_y, beams.shear_z
+    turned = dataclasses.replace(
+        beams,
+        EI_y=np.where(coupled, c2 * y + s2 * z + twice, beams.EI_y),
+        EI_z=np.where(coupled, s2 * y + c2 * z - twice, beams.EI_z),
+        rho_I_y=c2 * I_y + s2 * I_z,
+        rho_I_z=s2 * I_y + c2 * I_z,
+        shear_y=c2 * phi_y + s2 * phi_z,
+        shear_z=s2 * phi_y + c2 * phi_z,
+    )
+    return turned, turn
 
-    def mixed(of_y: np.ndarray, of_z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return c**2 * of_y + s**2 * of_z, s**2 * of_y + c**2 * of_z
 
-    EI_y, EI_z = mixed(D[:, 0, 0], D[:, 1, 1])
-    twice = 2.0 * c * s * D[:, 0, 1]
-    rho_I_y, rho_I_z = mixed(beams.rho_I_y, beams.rho_I_z)
-    shear_y, shear_z = mixed(beams.shear_y, beams.shear_z)
-    axes = {"rho_I_y": rho_I_y, "rho_I_z": rho_I_z, "shear_y": shear_y, "shear_z": shear_z}
-    return dataclasses.replace(beams, EI_y=EI_y + twice, EI_z=EI_z - twice, **axes), turned
+def _turned(y: np.ndarray, z: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Components of vectors across elements (first axis) in axes that are turned about each."""
+    c, s = (f(turn).reshape(-1, *[1] * (y.ndim - 1)) for f in (np.cos, np.sin))
+    return c * y + s * z, c * z - s * y
 
 
 class _Part(NamedTuple):
