@@ -49,12 +49,8 @@ from middeck.control.robust.designs.worst_of_many import design_for_worst
 from middeck.control.robust.verification.comparison import compare_designs
 from middeck.control.robust.verification.monte_carlo import verify_robustness, worst_db
 from middeck.files.studies.documents import load_study
-from middeck.study.chapters.zero_g_control.computation import (
-    _disturbance_psd,
-    _performance,
-    control_plant,
-    design_weights,
-)
+from middeck.study.chapters.zero_g_control.computation import _disturbance_psd, _performance, control_plant
+from middeck.study.chapters.zero_g_control.disturbance import design_weights
 from middeck.study.shared import find_modes
 from middeck.systems.plants.plant import remove_delays
 

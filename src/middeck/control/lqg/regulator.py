@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.lqg.effort_weight import weigh_effort
 from middeck.control.lqg.problem import LQGProblem, require_finite_cost
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.values import record
@@ -26,14 +27,12 @@ def design_regulator(
     """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals; ``start``: see `solve_riccati`."""
     require_finite_cost(model)
     A, B = append_integrals(model.A, model.control, model.C2, model.D22, model.integral)
-    effort = 1.0 / np.sqrt(authority)
-    C = np.vstack([model.C1, effort * model.shaped])
-    D = np.vstack([model.D12, effort * model.shaped_through])
+    C, D, plain = weigh_effort(model, authority)
     n, count = len(model.A), len(model.integral)
     Q, S = np.zeros((n + count, n + count)), np.zeros((n + count, B.shape[1]))
     Q[:n, :n], S[:n] = C.T @ C, C.T @ D
     Q[n:, n:] = np.diag(model.integral_weight**2)
-    R = D.T @ D + np.diag(model.plain) / authority
+    R = D.T @ D + np.diag(plain)
     solution = solve_riccati(
         A,
         B,
