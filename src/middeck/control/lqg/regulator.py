@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float
 
 from middeck.control.lqg.effort_weight import weigh_effort
+from middeck.control.lqg.integrals import append_integrals
 from middeck.control.lqg.problem import LQGProblem, require_finite_cost
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.values import record
@@ -44,16 +43,3 @@ def design_regulator(
         start=start,
     )
     return Regulator(solution, R)
-
-
-def append_integrals(
-    A: Float[np.ndarray, "x x"],
-    B: Float[np.ndarray, "x u"],
-    C: Float[np.ndarray, "y x"],
-    D: Float[np.ndarray, "y u"],
-    integral: Sequence[int],
-) -> tuple[np.ndarray, np.ndarray]:
-    """A and B with the integrals of some rows of y as last states."""
-    rows, count = list(integral), len(integral)
-    longer = np.block([[A, np.zeros((len(A), count))], [C[rows], np.zeros((count, count))]])
-    return longer, np.vstack([B, D[rows]])
