@@ -36,7 +36,7 @@ from middeck.identification.search.fit_warnings import doubts_of_deviations, dou
 from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.polish import Polished, logarithmic_polish, settle
-from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
+from middeck.identification.spectra.weights import Spread, by_output, excess_share, line_degrees, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
@@ -234,7 +234,7 @@ def _searched(
     if cost == "logarithmic":
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
-        best, followed = likelihood_polish(data, best, measured.covariance), spread
+        best, followed = likelihood_polish(data, best, measured.covariance, line_degrees(measured)), spread
     return _Searched(
         measured=measured,
         data=data,

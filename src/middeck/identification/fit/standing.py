@@ -153,7 +153,7 @@ def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: floa
     return [
         f"poles at {places}: no modes, they stand for a delay of about {delay_s * 1e3:.3g} ms, which this "
         "kind of model does not have; a continuous model has one (--continuous, sampled=False; of rates and "
-        "accelerations with --delay output --relative-degree 1)"
+        "accelerations with --delay output)"
     ]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
+from middeck.identification.model.fit_options import is_velocity
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -124,21 +125,28 @@ def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance
 
 def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> dict[int, str]:
     """Outputs whose delay is not known as its deviation says, and why."""
-    at = covariance.at
+    at, structure = covariance.at, covariance.structure
     found: dict[int, str] = {}
     standing = _stands_for_phase(measured, covariance.model)
     unknown = np.isinf(uncertainty_of(covariance).delay_s)
     for o in np.flatnonzero(at.delay >= 0):
-        name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
+        port, inflation = covariance.model.outputs[o], covariance.inflation[at.delay[o]]
+        name, delay_ms = port.name, 1e3 * covariance.model.delay_s[o]
         if unknown[o] or inflation > CONFOUNDED:
             loose = f"its deviation is {np.sqrt(inflation):.0f} times what it would be if they were known"
             found[int(o)] = (
                 f"output {name}: the delay is confounded with the residues, only their sum is certain: "
                 f"{f'it {UNDETERMINED}' if unknown[o] else loose}; fit real constants, or no delay"
             )
+        elif structure.with_direct and not structure.real_constants and is_velocity(port):
+            found[int(o)] = (
+                f"output {name}: the delay of {delay_ms:.4g} ms is not known as its deviation says: the "
+                "constant term alone tells it from the residues, and modes outside the band leave one, too; fit "
+                "velocities apart, with --delay output --relative-degree 1"
+            )
         elif standing:
             found[int(o)] = (
-                f"output {name}: the delay of {covariance.model.delay_s[o] * 1e3:.4g} ms is not known as its "
+                f"output {name}: the delay of {delay_ms:.4g} ms is not known as its "
                 "deviation says: the band is narrow, and poles outside it that are no modes stand for phase, "
                 "too; take a wider band"
             )
