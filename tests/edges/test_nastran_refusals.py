@@ -84,7 +84,11 @@ def test_the_deck_is_sound(tmp_path):
         ("MAT1,2,7.+10,.33,2.7+3\nPBAR,2,2,1.\nCBAR,21,2,1,4,0.,1.,0.", "MAT1 2 has Poisson's ratio 2700.0"),
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
-        ("PBARL,2,1,,DBOX\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape DBOX is not converted yet"),
+        ("PBARL,2,1,,TUBE3\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape TUBE3 is not converted yet"),
+        (
+            "PBARL,2,1,,DBOX\n,.2,.1,.1,.01,.01,.01,.01,.02\n,.02,.01\nCBAR,21,2,1,4,0.,1.,0.",
+            "programs may draw its sides otherwise",
+        ),
         ("PBEAML,2,1,,ROD\n,1.,,NO,.5,1.\nCBEAM,21,2,1,4,0.,1.,0.", "no station at end B, X/XB = 1.0"),
         (
             "PBEAML,2,1,,ROD\n,1.,,2.,1.,1.\nCBEAM,21,2,1,4,0.,1.,0.",
