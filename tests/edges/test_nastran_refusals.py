@@ -112,6 +112,11 @@ def test_the_deck_is_sound(tmp_path):
         ("CBUSH,20,2,1,4", "there is no PBUSH 2"),
         ("PBUSH,2,K,RIGID\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has K"),
         ("PBUSH,2,K,1.\n,,M,2.\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has M"),
+        (
+            "PBUSH,2,K,1.\n,B,2.\nCBUSH,20,2,1,4,,,,0",
+            "PBUSH 2 has B in field 2 of a continuation: its place is",
+        ),
+        ("PBUSH,2,K,1.\n,B\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has B in field 2 of a continuation: its place is"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "only K1 and K4"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "there is no coordinate system 5 (OCID)"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,0,.1", "by OCID is measured from its origin by some"),
