@@ -1,5 +1,7 @@
 """Numbers, fields, continuations, coordinate systems and sections of a Nastran deck."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,13 @@ def test_a_column_of_many_cards_is_read_as_its_texts_are_one_by_one(blank):
         else:
             found = [entry["x1"] for entry in entries(deck).of("GRID")]
             assert found == [*map(float, good), value, *([0.0] if blank else [])]
+
+
+@pytest.mark.parametrize("texts", [*itertools.product(("", "0", "00", "7"), repeat=2), ("", "0", "", "12")])
+def test_few_integers_among_blanks_are_read_one_by_one(texts):
+    deck = entries("\n".join(f"CONM2,{i},1,{x},1.\nGRID,{i},{x}" for i, x in enumerate(texts, 1)))
+    assert [entry["cid"] for entry in deck.of("CONM2")] == [int(x or 0) for x in texts]
+    assert [entry["cp"] for entry in deck.of("GRID")] == [int(x) if x else None for x in texts]
 
 
 GRID = ("12", "", "1.5", "-2.5+1", "", "3")
