@@ -113,7 +113,7 @@ def _experiments(path: str | Path, columns: Columns | None) -> list[Record]:
 def load_response(path: str | Path) -> FrequencyResponse:
     """The frequency responses (function type 4) of a universal file.
 
-    Outputs are the response ends, inputs the reference ends.
+    Outputs are the response ends, inputs the reference ends. A line at 0 Hz is left out, with a warning.
 
     Raises `DataError` if there are none, if one is missing between an input and an output, or if their
     frequencies differ.
