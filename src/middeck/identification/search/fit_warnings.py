@@ -141,8 +141,8 @@ def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) 
         elif structure.with_direct and not structure.real_constants and is_velocity(port):
             found[int(o)] = (
                 f"output {name}: the delay of {delay_ms:.4g} ms is not known as its deviation says: the "
-                "constant term alone tells it from the residues, and modes outside the band leave one, too; fit "
-                "velocities apart, with --delay output --relative-degree 1"
+                "constant term alone tells it from the residues, and modes outside the band leave one, too; "
+                "fit velocities apart, with --delay output --relative-degree 1"
             )
         elif standing:
             found[int(o)] = (
