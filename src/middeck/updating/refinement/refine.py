@@ -20,6 +20,7 @@ from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.own_errors import OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import KNOWN, USUAL, Estimate, Linear, estimate, unseen_deviations
 from middeck.updating.residuals.gauges import Gauge
+from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.statics import (
     ComparedStatic,
@@ -37,7 +38,6 @@ from middeck.updating.residuals.surveys import (
     Survey,
     compare,
     compare_measured_response,
-    pair,
     set_up,
 )
 from middeck.updating.unknowns.loop_unknowns import LOOP, loop_slopes
