@@ -6,7 +6,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, MiddeckError
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
@@ -37,6 +37,69 @@ PBUSH,5,K,1.+5,2.+5,3.+5,4.+2
 CBUSH,21,5,2,4,0.,0.,1.
 CELAS2,22,250.,3,5
 FORCE,6,4,5,2.,.5,-1.
+ENDDATA
+"""
+# Other cards: what is left after a slip is converted, or refused where it stands.
+OTHERS = """\
+SOL 103
+CEND
+MPC = 9
+SPC = 3
+LOAD = 30
+K2GG = KAB
+BEGIN BULK
+MAT1,1,7.+10,,.3,2700.
+PBARL          1       1             BOX
+             .04     .03    .002    .003      .1
+PBEAM,2,1,3.-4,4.-8,5.-8,,6.-8,.1,+B
++B,,,,,,,,,+C
++C,NO,1.,2.-4,3.-8,4.-8,,5.-8,.1,+D
++D,0.,0.
+CORD2C,3,,1.,2.,3.,1.,2.,4.
+,2.,2.,3.
+CORD1R,4,1,2,3
+GRDSET,,,,,,0
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.,3
+GRID,3,3,.5,30.,1.
+GRID,4,4,.2,.4,1.,3,4
+GRID,5,,1.,1.,1.
+GRID,6,,1.,1.,1.5
+CBAR,1,1,1,2,0.,1.,0.
+,5,4
+CBAR*,2,1,2,3
+*,5
+CBEAM,3,2,3,4,.3,1.,0.,GGG
+,,,.01,0.,.02
+CBAR,4,1,4,5,1.,.2,0.
+CONM1,11,3,,2.,,2.
+,2.,,,,.1
+,,.1,,,,,,.1
+CONM2,12,1,0,1.
+CONM2,13,2,,1.
+SPOINT,501,THRU,502
+CELAS2,21,300.,501,0,2,3
+CELAS4,22,200.,501,502
+CMASS2,23,.5,501
+CMASS4,24,.25,502
+RBE3,31,,6,123,1.,123,3,4,+E
++E,5,.5,12,2
+CONM2,32,6,,.3
+SPC1,3,456,6
+RBAR,33,2,5,123456,,,123
+MPC,9,501,,1.,3,2,-.5
+SPCADD,3,4,5
+SPC1,4,12,1
+SPC,5,1,3,0.
+GRAV,21,4,9.81,0.,0.,-1.
+FORCE,22,4,3,2.,1.
+MOMENT,22,5,0,.3,0.,1.
+LOAD,30,1.,1.,21,.5,22
+DMIG,KAB,0,6,2,0
+DMIG*,KAB,1,1
+*,1,1,1000.
+CBUSH,41,42,1,5,,,,0
+PBUSH,42,K,1.+4,2.+4,,1.+2
 ENDDATA
 """
 REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?$", re.ASCII)
@@ -139,6 +202,23 @@ def agrees(deck, made, text):
 SI = parse_units("m-kg-s-N")
 
 
+def refused_or_whole(path, text):
+    path.write_text(text, newline="")
+    try:
+        made = convert_deck(read_deck(path), SI, "consistent", "a")
+    except MiddeckError as error:
+        located = "a.dat" in str(error)
+    else:
+        return is_finite(made)
+    assert located
+    return False
+
+
+def is_finite(made):
+    assert all(np.all(np.isfinite(v)) for node in made.document["node"] for v in list(node.values())[1:])
+    return True
+
+
 def test_mutated_decks(tmp_path, campaign):
     path = tmp_path / "a.dat"
     assert check(path, DECK)
@@ -146,3 +226,11 @@ def test_mutated_decks(tmp_path, campaign):
     converted = sum(check(path, mutated(seed, DECK)) for seed in seeds)
     # Comments, blanks and digits leave a deck whole; most slips do not.
     assert 0.1 < converted / len(seeds) < 0.7
+
+
+def test_mutated_decks_of_other_cards(tmp_path, campaign):
+    path = tmp_path / "a.dat"
+    assert refused_or_whole(path, OTHERS)
+    seeds = campaign(20_000, share=200)
+    converted = sum(refused_or_whole(path, mutated(seed, OTHERS)) for seed in seeds)
+    assert 0.05 < converted / len(seeds) < 0.7

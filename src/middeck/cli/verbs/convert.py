@@ -193,6 +193,7 @@ def _written(
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import write_text
     from middeck.files.documents import load_setup
+    from middeck.structure.assembly.mesh import mesh_structure
     from middeck.structure.summary.summary import summarise
 
     head = (
@@ -210,7 +211,10 @@ def _written(
         held = Path(folder) / "environment.toml"
         held.write_text(around, encoding="utf-8")
         with reading(source.path):
-            summary = summarise(load_setup(trial, held)[0])
+            article, _ = load_setup(trial, held)
+            summary = summarise(article)
+            if made.components:  # their grids stand where the deck has them
+                mesh_structure(article)
         for name in made.components if target else ():
             shutil.copyfile(Path(folder) / name, Path(target or "").parent / name)
     for path, content in ((target, text), (held_target, around)):

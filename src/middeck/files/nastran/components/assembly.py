@@ -25,6 +25,7 @@ from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import raise_some, read_entries
 from middeck.files.nastran.deck.formats import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.sections import cut_off
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
@@ -58,6 +59,8 @@ def read_assembly(
     that SECONCT joins to none.
     """
     bulk = read_bulk([path])
+    if bulk.head and bulk.cut:
+        cut_off(bulk.cut, "ENDDATA")
     places = geometry_of(bulk.main)
     files = _assigned(bulk, Path(path).parent)
     raise_some([*_unread(bulk)])

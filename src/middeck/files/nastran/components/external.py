@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,16 @@ from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import Places, place_grids
 from middeck.files.nastran.deck.entries import read_entries
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.sections import Line
+from middeck.files.nastran.deck.sections import (
+    ENDDATA,
+    Line,
+    absent,
+    counts,
+    file_beside,
+    included,
+    no_end,
+    text_of,
+)
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
 from middeck.files.toml.faults import Fault, raise_fault, raise_faults
@@ -37,20 +46,22 @@ NAMES = {
 }
 GEOMETRY = ("GRID", "GRDSET", "CORD1R", "CORD2R", "CORD1C", "CORD2C", "CORD1S", "CORD2S")
 ALL = "123456"
-_SUPER = re.compile(r"\s*BEGIN\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNORECASE)
+_SUPER = re.compile(r"\s*BEGIN(?:\s+BULK)?\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNORECASE)
 _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
-_ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
-_INCLUDE = re.compile(r"\s*INCLUDE\s*=?\s*['\"]?([^'\"$]+?)['\"]?\s*$", re.IGNORECASE)
 DEPTH = 32
 
 
 class Bulk(NamedTuple):
-    """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK."""
+    """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK.
+
+    ``missing`` names includes there that are not found; ``cut`` is the last line of what lacks an ENDDATA.
+    """
 
     head: list[Line]
     main: list[Card]
     supers: dict[int, list[Card]]
     missing: list[str]
+    cut: Line | None
 
 
 def read_bulk(paths: Sequence[str | Path]) -> Bulk:
@@ -63,8 +74,10 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     main: list[Line] = []
     supers: dict[int, list[Line]] = {}
     missing: list[str] = []
+    cut: Line | None = None
     for path in paths:
-        lines = _lines(Path(path), Path(path).parent, missing, 0)
+        lines = _lines(Path(path), Path(path), missing, 0)
+        cut = lines[-1] if lines and not ENDDATA.match(lines[-1][0]) else None
         begun = not any(_BULK.match(line[0]) for line in lines)
         into = main if begun else head
         for line in lines:
@@ -73,49 +86,49 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
                 into = supers.setdefault(int(found[1]), [])
             elif _BULK.match(line[0]):
                 into = main
-            elif _ENDDATA.match(line[0]):
+            elif ENDDATA.match(line[0]):
                 break
             else:
                 into.append(line)
-    return Bulk(head, join_cards(main), {n: join_cards(found) for n, found in supers.items()}, missing)
+    return Bulk(head, join_cards(main), {n: join_cards(found) for n, found in supers.items()}, missing, cut)
 
 
 def has_card(path: str | Path, name: str) -> bool:
     """Whether any line of a deck and its includes begins with ``name``; no card is cut up for that."""
-    lines = _lines(Path(path), Path(path).parent, [], 0)
+    lines = _lines(Path(path), Path(path), [], 0)
     return any(line[0].lstrip().upper().startswith(name) for line in lines)
 
 
-def _lines(path: Path, folder: Path, missing: list[str], depth: int) -> list[Line]:
-    if depth > DEPTH:
-        _refuse(path, "includes itself")
-    try:
-        text = path.read_bytes().decode("latin-1")
-    except OSError as error:
-        _refuse(path, f"cannot be read: {error.strerror}")
-    if "\0" in text:
-        _refuse(path, "a binary file", "a file of cards is text")
+def _lines(path: Path, deck: Path, missing: list[str], depth: int) -> list[Line]:
+    """Lines of a file and of what it includes, up to ENDDATA."""
+    file, number, texts = str(path), 0, text_of(path).split("\n")
     out: list[Line] = []
     begun = False
-    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
-        include = _INCLUDE.match(line)
-        bare = line if include else line.split("$")[0]
-        begun = begun or bool(_BULK.match(bare))
-        if include:
-            named = folder / include[1].replace("\\", "/")
-            if named.is_file():
-                out += _lines(named, folder, missing, depth + 1)
-            elif begun:
-                _refuse(path, f"includes {include[1]!r}, which is not there", line=number)
-            else:
-                missing.append(f"{include[1]} ({path}:{number})")
-        elif bare.strip():
-            out.append((bare, str(path), number))
+    while number < len(texts):
+        text, number = texts[number], number + 1
+        include = included(text, texts, number)
+        if include is None:
+            bare = text.split("$")[0]
+            begun = begun or bool(_BULK.match(bare))
+            out += [(bare, file, number)] if bare.strip() else []
+            if ENDDATA.match(bare):
+                break
+            continue
+        named, number = include
+        line, found = (text, file, number), file_beside(named, path, deck)
+        if found is not None and depth == DEPTH:
+            raise_fault(Fault(file=file, line=number, key="INCLUDE", message="includes itself", value=named))
+        if found is not None:
+            out += _lines(found, deck, missing, depth + 1)
+        elif begun:
+            raise_fault(absent(named, line, path))
+        else:
+            missing.append(f"{named} ({file}:{number})")
+        if out and ENDDATA.match(out[-1][0]):
+            if any(map(counts, texts[number:])):
+                no_end(line)
+            break
     return out
-
-
-def _refuse(path: Path, message: str, hint: str = "check the path", line: int = 0) -> NoReturn:
-    raise_fault(Fault(file=str(path), line=line, key="", message=message, hint=hint))
 
 
 class Boundary(NamedTuple):
@@ -177,7 +190,7 @@ def component_of(
     places = geometry_of(cards)
     punched = read_dmig([card for card in cards if card.name == "DMIG"])
     boundary = _boundary(cards, punched.pairs(names), places, where)
-    found = _op4_matrices(matrices) if matrices is not None else punched.matrices(boundary)
+    found = _op4_matrices(matrices) if matrices is not None else punched.matrices(boundary, where)
     source = where if matrices is None else str(matrices)
     K, M, B, K4 = (_pick(found, names.get(what, ()), what, boundary.size, source) for what in NAMES)
     if K is None or M is None:
@@ -230,7 +243,7 @@ def basic_matrix(
     places = geometry_of(cards)
     punched = read_dmig([card for card in cards if card.name == "DMIG"])
     boundary = _boundary(cards, punched.pairs({"stiffness": (name,), "mass": ()}), places, where)
-    matrix = _pick(punched.matrices(boundary), (name,), what, boundary.size, where)
+    matrix = _pick(punched.matrices(boundary, where), (name,), what, boundary.size, where)
     if matrix is None:
         raise DataError(f"{name} is zero", where=where)
     if np.abs(matrix - matrix.T).max() > UNEQUAL * np.abs(matrix).max():
@@ -367,7 +380,7 @@ class Punched(NamedTuple):
         ]
         return [pair for pair in found if pair[1]] + [pair for pair in found if not pair[1]]
 
-    def matrices(self, boundary: Boundary) -> dict[str, np.ndarray]:
+    def matrices(self, boundary: Boundary, where: str) -> dict[str, np.ndarray]:
         """As arrays in the order of ``boundary``."""
         rows = [
             (g, int(c)) for g, comps in zip(boundary.grids, boundary.components, strict=True) for c in comps
@@ -379,9 +392,10 @@ class Punched(NamedTuple):
             for (a, b), value in entries.items():
                 if a not in place or b not in place:
                     lost = a if a not in place else b
-                    raise DataError(
+                    what = (
                         f"DMIG {name} names point {lost[0]} component {lost[1]}, which is not on the boundary"
                     )
+                    raise DataError(what, where=where)
                 matrix[place[a], place[b]] = value
                 if self.symmetric[name]:
                     matrix[place[b], place[a]] = value

@@ -259,9 +259,7 @@ def _plain(texts: Sequence[str], kind: str, blank: Any) -> list[Any] | None:
             numbers = None if math.inf in numbers or -math.inf in numbers else numbers
     if kind in "ni" and whole.isascii() and whole.replace(",", "").isdecimal():
         numbers = [int(text) if text else blank for text in texts]
-        given = (
-            [number for text, number in zip(texts, numbers, strict=True) if text] if "" in texts else numbers
-        )
+        given = [int(text) for text in texts if text] if "" in texts else numbers
         numbers = None if max(given) >= LARGEST or (kind == "n" and min(given) <= 0) else numbers
     return numbers
 

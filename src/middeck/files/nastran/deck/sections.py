@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from middeck.files.toml.faults import Fault, raise_fault
 
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*=?\s*(.*)", re.IGNORECASE | re.DOTALL)
 _BEGIN = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK|\s+SUPER|\s*$)", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
-_ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
+ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 # A path in quotes may go on over so many lines.
 PATH_LINES = 8
 DEPTH = 32
@@ -43,18 +43,19 @@ def read_sections(path: str | Path) -> Sections:
     cend = next((i for i, line in enumerate(head) if _CEND.match(line[0])), None)
     if not reader.begun:
         if cend is not None:
-            _cut_off(head[-1], "BEGIN BULK")
+            cut_off(head[-1], "BEGIN BULK")
         if reader.absent:
             raise_fault(reader.absent[0])
         return Sections((), (), tuple(head), ())
     if not reader.ended:
-        _cut_off(bulk[-1] if bulk else head[-1], "ENDDATA")
+        cut_off(bulk[-1] if bulk else head[-1], "ENDDATA")
     missing = tuple(f"{fault.value} ({fault.place})" for fault in reader.absent)
     at = -1 if cend is None else cend
     return Sections(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), missing)
 
 
-def _cut_off(last: Line, end: str) -> None:
+def cut_off(last: Line, end: str) -> NoReturn:
+    """Refuse a deck whose ``last`` line is not its ``end``."""
     raise_fault(
         Fault(
             file=last[1],
@@ -66,11 +67,13 @@ def _cut_off(last: Line, end: str) -> None:
     )
 
 
-def _counts(text: str) -> bool:
-    return bool(text.split("$")[0].strip()) and not _ENDDATA.match(text)
+def counts(text: str) -> bool:
+    """Whether a line is part of a card, no comment and no ENDDATA."""
+    return bool(text.split("$")[0].strip()) and not ENDDATA.match(text)
 
 
-def _no_end(line: Line) -> None:
+def no_end(line: Line) -> NoReturn:
+    """Refuse an INCLUDE of a file with ENDDATA, behind which cards would not count."""
     message = "this file has an ENDDATA, and cards follow here, which would not count"
     raise_fault(
         Fault(file=line[1], line=line[2], key="INCLUDE", message=message, hint="take that ENDDATA out")
@@ -89,7 +92,7 @@ class _Reader:
 
     def read(self, path: Path, within: tuple[Path, ...]) -> None:
         """Append the lines of ``path`` and of what it includes."""
-        file, number, texts = str(path), 0, _text(path).split("\n")
+        file, number, texts = str(path), 0, text_of(path).split("\n")
         lines = self.bulk if self.begun else self.head
         while number < len(texts) and not self.ended:
             text = texts[number]
@@ -100,19 +103,19 @@ class _Reader:
             if not bare:
                 continue
             if bare[0] in "IiBbEe":  # what may steer the reader
-                include = _INCLUDE.match(text)
+                include = included(text, texts, number)
                 if include:
-                    named, number = _quoted(include.group(1), texts, number)
+                    named, number = include
                     self._include(named, (text, file, number), path, within)
                     lines = self.bulk if self.begun else self.head
-                    if self.ended and any(map(_counts, texts[number:])):
-                        _no_end((text, file, number))
+                    if self.ended and any(map(counts, texts[number:])):
+                        no_end((text, file, number))
                     continue
                 if _BEGIN.match(text):
                     self._begin((text, file, number))
                     lines = self.bulk
                     continue
-                if _ENDDATA.match(text):
+                if ENDDATA.match(text):
                     self.ended = True
                     continue
             lines.append((text, file, number))
@@ -131,17 +134,8 @@ class _Reader:
         self.begun = True
 
     def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
-        given = Path(named.replace("\\", "/"))
-        places = list(dict.fromkeys((path.parent / given, self.deck.parent / given)))
-        found = next((place for place in places if place.is_file()), None)
-        fault = Fault(
-            file=line[1],
-            line=line[2],
-            key="INCLUDE",
-            message="there is no such file",
-            value=named,
-            hint=f"put it beside {path.name}",
-        )
+        found = file_beside(named, path, self.deck)
+        fault = absent(named, line, path)
         if found is None:
             if self.begun:
                 raise_fault(fault)
@@ -155,7 +149,7 @@ class _Reader:
         self.read(found, chain)
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
     """The file's text; a byte that is no ASCII is one character, so that columns stay."""
     try:
         text = path.read_bytes().decode("latin-1")
@@ -174,6 +168,33 @@ def _text(path: Path) -> str:
             Fault(file=str(path), line=0, key="", message="a binary file", hint="a Nastran deck is text")
         )
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def included(text: str, texts: list[str], number: int) -> tuple[str, int] | None:
+    """The path that an INCLUDE names, and the number of its last line; None for a line that is none.
+
+    ``texts`` are all of its file, ``number`` that of the line, counted from one.
+    """
+    found = _INCLUDE.match(text)
+    return _quoted(found.group(1), texts, number) if found else None
+
+
+def file_beside(named: str, path: Path, deck: Path) -> Path | None:
+    """The file that ``path`` includes, beside it or else beside the deck; None where neither is there."""
+    given = Path(named.replace("\\", "/"))
+    return next((place for place in (path.parent / given, deck.parent / given) if place.is_file()), None)
+
+
+def absent(named: str, line: Line, path: Path) -> Fault:
+    """What is wrong with an INCLUDE of a file that is not there."""
+    return Fault(
+        file=line[1],
+        line=line[2],
+        key="INCLUDE",
+        message="there is no such file",
+        value=named,
+        hint=f"put it beside {path.name}",
+    )
 
 
 def _quoted(rest: str, texts: list[str], number: int) -> tuple[str, int]:

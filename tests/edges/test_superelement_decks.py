@@ -1,0 +1,87 @@
+"""Decks that join superelements, written otherwise or damaged: the same components, or a refusal."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli_runner import ROOT, middeck
+from middeck.errors import ConfigError
+from middeck.files.nastran.components.assembly import read_assembly
+from middeck.files.nastran.deck.units import parse_units
+
+FOLDER, MAIN = ROOT / "data" / "nastran-superelement", "assemble.dat"
+UNITS = parse_units("mm-kg-s-mN")
+OUTER = "INCLUDE 'outboard.pch'"
+POINTS = "SPOINT   1995017"
+PAIRS = "       3       3      11      11"
+
+
+def copied(folder: Path, *edits: tuple[str, str, str]) -> Path:
+    shutil.copytree(FOLDER, folder, dirs_exist_ok=True)
+    for file, old, new in edits:
+        text = (folder / file).read_text()
+        assert old in text
+        (folder / file).write_text(text.replace(old, new, 1))
+    return folder / MAIN
+
+
+def in_a_folder(folder: Path) -> Path:
+    """The second file lies in another folder, with the one that includes it by its own name."""
+    main = copied(folder, (MAIN, OUTER, "INCLUDE 'parts/all.blk'"))
+    (folder / "parts").mkdir()
+    (folder / "outboard.pch").rename(folder / "parts" / "outboard.pch")
+    (folder / "parts" / "all.blk").write_text(OUTER + "\n")
+    return main
+
+
+ALIKE: dict[str, Callable[[Path], Path]] = {
+    "BEGIN BULK SUPER": lambda f: copied(f, ("outboard.pch", "\nBEGIN SUPER  ", "\nBEGIN BULK SUPER = ")),
+    "a path over two lines": lambda f: copied(f, (MAIN, OUTER, "INCLUDE 'out\n   board.pch' $ here")),
+    "no quotes, a comment": lambda f: copied(f, (MAIN, OUTER, "include outboard.pch $ here")),
+    "beside the file that includes it": in_a_folder,
+}
+
+
+@pytest.mark.parametrize("name", ALIKE)
+def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
+    deck, parts = read_assembly(ALIKE[name](tmp_path / "a"), UNITS, "a")
+    told, known = read_assembly(copied(tmp_path / "b"), UNITS, "a")
+    assert deck.cards == told.cards
+    for file, part in known.items():
+        np.testing.assert_array_equal(parts[file].stiffness, part.stiffness)
+        assert parts[file].frames == part.frames
+
+
+@pytest.mark.parametrize(
+    ("edits", "said"),
+    [
+        ([(MAIN, "\nENDDATA", "")], r"inboard\.pch:130: the deck ends here without ENDDATA"),
+        ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA", "")], r"outboard\.pch:\d+: the deck ends here without"),
+        ([(MAIN, OUTER, "INCLUDE 'gone.pch'")], r"assemble\.dat:\d+: INCLUDE = gone\.pch: there is no such"),
+        ([("outboard.pch", POINTS, f"ENDDATA\n{POINTS}")], "this file has an ENDDATA, and cards"),
+        ([("outboard.pch", POINTS, f"{OUTER}\n{POINTS}")], "includes itself"),
+    ],
+)  # fmt: skip
+def test_a_deck_that_is_not_whole_is_refused(
+    edits: list[tuple[str, str, str]], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match=said):
+        read_assembly(copied(tmp_path / "a", *edits), UNITS, "a")
+
+
+def test_grids_that_are_joined_elsewhere_write_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    crossed = "       3      11      11       3"
+    main = copied(tmp_path / "a", ("outboard.asm", PAIRS, crossed))
+    target = tmp_path / "a" / "made.toml"
+    ended = middeck(capfd, "convert", main, "--units", "mm-kg-s-mN", "-o", target)
+    assert ended.code == 2
+    assert "grid 11 stands 0.6 m from frame 'g3'" in ended.err
+    assert not target.exists()
+    assert not list(tmp_path.glob("**/made*"))
