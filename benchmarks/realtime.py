@@ -1,8 +1,10 @@
 """Controller packages: bits, steps beside NumPy, single precision, small processors; the engine.
 
-    python benchmarks/realtime.py [--only CASES] [--made DATE]
+    python benchmarks/realtime.py [--only CASES] [--made DATE] [--ledgers FOLDER] [--workers N]
 
-Needs a C compiler; the case "small" also arm-none-eabi-gcc and qemu-system-arm (packages of Debian).
+The cases "guards" and "gated" take hours: with a folder they keep each outcome there, and go on where they
+were cut off; a folder holds for one state of the code. Needs a C compiler; the case "small" also
+arm-none-eabi-gcc and qemu-system-arm (packages of Debian).
 Each case is a module of the folder packaged, with a function rows(options). Times are medians.
 """
 
@@ -27,7 +29,10 @@ def _case(name: str, options: Any) -> Any:
 
 def main() -> None:
     cases = {name: functools.partial(_case, name) for name in CASES}
-    write_rows("realtime", "python benchmarks/realtime.py", cases, options_of(__doc__, cases).parse_args())
+    parser = options_of(__doc__, cases)
+    parser.add_argument("--ledgers", type=Path)
+    parser.add_argument("--workers", type=int, default=1)
+    write_rows("realtime", "python benchmarks/realtime.py", cases, parser.parse_args())
 
 
 if __name__ == "__main__":

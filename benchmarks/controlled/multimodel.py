@@ -49,11 +49,11 @@ from middeck.control.robust.designs.worst_of_many import design_for_worst
 from middeck.control.robust.verification.comparison import compare_designs
 from middeck.control.robust.verification.monte_carlo import verify_robustness, worst_db
 from middeck.files.studies.documents import load_study
-from middeck.study.chapters.zero_g_control.computation import (
-    _disturbance_psd,
-    _performance,
-    control_plant,
+from middeck.study.chapters.zero_g_control.computation import control_plant
+from middeck.study.chapters.zero_g_control.disturbance import (
     design_weights,
+    disturbance_psd,
+    performance_under,
 )
 from middeck.study.shared import find_modes
 from middeck.systems.plants.plant import remove_delays
@@ -227,8 +227,8 @@ def _simple() -> list[dict[str, Any]]:
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
     bare = control_plant(modes, control)
     plant = close_inner_loop(bare, pd)
-    psd = _disturbance_psd(plant, control)
-    weights, performance = design_weights(control, psd), _performance(control, psd)
+    psd = disturbance_psd(plant, control)
+    weights, performance = design_weights(control, psd), performance_under(control, psd)
     box = Uncertainty(
         shifts=tuple(ModeShift((name,), 0.01) for name in SIMPLE_MODES),
         finish=partial(close_inner_loop, pd=pd),

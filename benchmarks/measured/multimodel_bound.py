@@ -13,7 +13,7 @@ import numpy as np
 from measured.rows import row
 from middeck.control.law.uncertainty import finished_plants
 from middeck.control.robust.designs.multimodel import design_multimodel
-from middeck.updating.promise.bound import bound_worst
+from middeck.updating.promise.performance_bound import bound_worst
 
 # The frozen case is shared with the tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))

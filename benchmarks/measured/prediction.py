@@ -18,7 +18,8 @@ from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import refine
-from middeck.updating.residuals.surveys import Survey, pair
+from middeck.updating.residuals.pairing import pair
+from middeck.updating.residuals.surveys import Survey
 
 # The frozen case is shared with the tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))

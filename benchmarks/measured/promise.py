@@ -20,8 +20,8 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.plant import Plant
-from middeck.updating.promise.bound import Bound
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
+from middeck.updating.promise.performance_bound import Bound
 from middeck.updating.promise.plan import Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise
 

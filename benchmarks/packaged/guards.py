@@ -6,6 +6,7 @@ which takes about two hours.
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -16,27 +17,45 @@ from engine_destabilising import SLOW_S, Outcome, draw, judge
 from engine_faults import ARTICLE, KINDS, STATES, play
 from engine_rigs import nominal_article, nominal_package, settings_of, wait_for_hold
 from measured.rows import row
+from middeck.campaign.cases import Case
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import with_faults
+from packaged.kept import kept
 
 CASE, WHOLE, SEEDS, HOURS = "guards", 1000, 25, 24
 RIGS = (("dm", "lab"), ("simple", "lab"), ("simple", "orbit"), ("dm", "orbit"))
 
 
 def rows(options: Any) -> list[dict]:
+    halves = 2 * HOURS
     return [
-        *fault_rows([(kind, state, play(kind, state, seed).why)
-                     for kind in KINDS for state in STATES for seed in range(SEEDS)]),
-        *destabilised_rows("random, past the gate", [_judged(seed, 4, False) for seed in range(WHOLE)]),
-        *destabilised_rows("stable on the model", [_judged(WHOLE + seed, 2, True) for seed in range(WHOLE)]),
-        normal_row(["dm", "simple"], HOURS),
-        engaging_row(range(SEEDS)),
-    ]  # fmt: skip
+        *fault_rows(kept(fault_ending, len(KINDS) * len(STATES) * SEEDS, options)),
+        *destabilised_rows("random, past the gate", _outcomes(random_outcome, options)),
+        *destabilised_rows("stable on the model", _outcomes(shifted_outcome, options)),
+        *(normal_row(article, kept(trips, halves, options)) for article, trips in NORMAL.items()),
+        engaging_row(kept(engaging_step, SEEDS, options)),
+    ]
 
 
-def _judged(seed: int, rigs: int, on_board_stable: bool) -> Outcome:
-    rig = RIGS[seed % rigs]
-    return judge(draw(seed, *rig, on_board_stable=on_board_stable), *rig)
+def _outcomes(judged: Any, options: Any) -> list[Outcome]:
+    return [Outcome(**one) for one in kept(judged, WHOLE, options)]
+
+
+def fault_ending(case: Case, _: Any) -> tuple[str, str, str]:
+    """Kind, state and complaint of one run."""
+    seed, rest = divmod(case.index, len(KINDS) * len(STATES))
+    kind, state = KINDS[rest // len(STATES)], STATES[rest % len(STATES)]
+    return kind, state, play(kind, state, seed).why
+
+
+def random_outcome(case: Case, _: Any) -> dict[str, Any]:
+    rig = RIGS[case.index % 4]
+    return dataclasses.asdict(judge(draw(case.index, *rig), *rig))
+
+
+def shifted_outcome(case: Case, _: Any) -> dict[str, Any]:
+    rig = RIGS[case.index % 2]
+    return dataclasses.asdict(judge(draw(WHOLE + case.index, *rig, on_board_stable=True), *rig))
 
 
 def fault_rows(endings: Sequence[tuple[str, str, str]]) -> list[dict]:
@@ -71,42 +90,63 @@ def _counted(outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def normal_row(articles: Sequence[str], hours: int) -> dict:
-    """Trips in normal operation under control, each article for its share of the hours."""
-    trips, each = 0, hours / len(articles)
-    for article in articles:
-        settings = settings_of(article)
-        for piece in range(int(2 * each)):
-            with Supervisor(settings, with_faults(nominal_article(article), seed=1000 + piece)) as engine:
-                engine.load(nominal_package(article))
-                engine.run(5000, keep=False)
-                engine.reset()
-                engine.run(5000, keep=False)
-                wait_for_hold(engine)
-                engine.command("engage", values=[1.0])
-                for _ in range(60):
-                    engine.run(settings.samples(30.0), keep=False)
-                trips += engine.state != "control"
-    return row(CASE, f"false trips in {hours} simulated hours", "", trips, 0.0, note=", ".join(articles))
+def one_axis_trips(case: Case, _: Any) -> bool:
+    return _trips("dm", case.index)
 
 
-def engaging_row(seeds: Sequence[int]) -> dict:
-    settings, worst = settings_of(*ARTICLE), -np.inf
+def five_motor_trips(case: Case, _: Any) -> bool:
+    return _trips("simple", case.index)
+
+
+NORMAL = {"one axis": one_axis_trips, "five motors": five_motor_trips}
+
+
+def _trips(article: str, seed: int) -> bool:
+    """Whether half an hour under control ends otherwise."""
+    settings = settings_of(article)
+    with Supervisor(settings, with_faults(nominal_article(article), seed=1000 + seed)) as engine:
+        engine.load(nominal_package(article))
+        engine.run(5000, keep=False)
+        engine.reset()
+        engine.run(5000, keep=False)
+        wait_for_hold(engine)
+        engine.command("engage", values=[1.0])
+        for _ in range(60):
+            engine.run(settings.samples(30.0), keep=False)
+        return engine.state != "control"
+
+
+def normal_row(article: str, trips: Sequence[bool]) -> dict:
+    return row(
+        CASE, f"{article}: false trips in {len(trips) / 2:g} simulated hours", "", sum(trips), 0.0,
+        note="a seed for each half hour, under control",
+    )  # fmt: skip
+
+
+def engaging_step(case: Case, _: Any) -> float:
+    """The largest step while engaging and disengaging beyond a normal one, over the limit."""
+    settings = settings_of(*ARTICLE)
     limits = np.array([drive.upper for drive in settings.drives])
     ramp = settings.samples(settings.ramp_s)
-    for seed in seeds:
-        with Supervisor(settings, with_faults(nominal_article(*ARTICLE), seed=seed)) as engine:
-            engine.load(nominal_package(*ARTICLE))
-            engine.reset()
-            engine.run(2 * ramp, keep=False)
-            wait_for_hold(engine)
-            engine.command("engage", values=[1.0])
-            on = engine.run(ramp)["u"]
-            normal = np.abs(np.diff(engine.run(4 * ramp)["u"], axis=0)).max(axis=0)
-            engine.command("disengage")
-            off = engine.run(ramp)["u"]
-        for part in (on, off):
-            worst = max(worst, float(((np.abs(np.diff(part, axis=0)).max(axis=0) - normal) / limits).max()))
+    with Supervisor(settings, with_faults(nominal_article(*ARTICLE), seed=case.index)) as engine:
+        engine.load(nominal_package(*ARTICLE))
+        engine.reset()
+        engine.run(2 * ramp, keep=False)
+        wait_for_hold(engine)
+        engine.command("engage", values=[1.0])
+        on = engine.run(ramp)["u"]
+        normal = np.abs(np.diff(engine.run(4 * ramp)["u"], axis=0)).max(axis=0)
+        engine.command("disengage")
+        off = engine.run(ramp)["u"]
+    steps = [np.abs(np.diff(part, axis=0)).max(axis=0) for part in (on, off)]
+    return max(float(((step - normal) / limits).max()) for step in steps)
+
+
+def engaging_row(steps: Sequence[float]) -> dict:
     return row(
-        CASE, "engaging and disengaging: largest step beyond a normal one, over the limit", "", worst, 0.01
+        CASE,
+        "engaging and disengaging: largest step beyond a normal one, over the limit",
+        "",
+        max(steps),
+        0.01,
     )

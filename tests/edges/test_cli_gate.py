@@ -17,6 +17,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
 from middeck.files.laws.blacklists import load_blacklist, write_blacklist
 from middeck.files.laws.packages import write_package
+from middeck.files.laws.verdicts import load_verdicts
 from middeck.files.measured.models import write_model
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.realtime.engine.rigs.article import linear_article
@@ -173,3 +174,41 @@ def test_a_hold_is_closed_beside_the_package(files, capfd):
     wrong = middeck(capfd, "gate", *files, "--hold", "nose", "push", "1")
     assert wrong.code == 2
     assert "no sensor 'nose'" in wrong.err
+
+
+@pytest.mark.usefixtures("compiler")
+def test_only_a_verdict_that_holds_every_step_admits(files, capfd):
+    """On paper, without a rig, refused, changed, beside two holds: each is said, none admits in silence."""
+    law, model, *_ = files
+    paper, dry, whole = (f"{name}.json" for name in ("paper", "dry", "whole"))
+    assert middeck(capfd, "gate", *files, "--paper", "-o", paper).code == 0
+    assert middeck(capfd, "gate", *files, "-o", dry).code == 0
+    with served(1.0) as rig:
+        assert middeck(capfd, "gate", *files, "--rig-port", rig.port, "-o", whole).code == 0
+    document = json.loads(Path(whole).read_text())
+    admitted = {document["package"]: document["hold"]}
+    assert load_verdicts([whole]) == load_verdicts([]) | admitted
+    rigless = ("shadow run", "engagement")
+    assert (
+        load_verdicts([dry], without=rigless)
+        == load_verdicts([paper], without=("dry run", *rigless))
+        == admitted
+    )
+    for path, without, said in (
+        (paper, (), "without dry run, engagement, shadow run"),
+        (paper, rigless, "without dry run"),
+        (dry, (), "without engagement, shadow run"),
+        (dry, ("dry run",), "without engagement, shadow run"),
+    ):
+        with pytest.raises(DataError, match=said):
+            load_verdicts([whole, path], without=without)
+    assert middeck(capfd, "gate", law, model, "--gain-db", "80", "--paper", "-o", paper).code == 1
+    with pytest.raises(DataError, match="law did not pass"):
+        load_verdicts([paper], without=("dry run", *rigless))
+    assert middeck(capfd, "gate", *files, "--hold", "way", "push", "-0.01", "--paper", "-o", paper).code == 0
+    with pytest.raises(DataError, match="beside another hold"):
+        load_verdicts([whole, paper], without=("dry run", *rigless))
+    Path(dry).write_text(Path(dry).read_text().replace('"shadow run", ', "").replace('"shadow run",', ""))
+    for broken in (dry, law, "nowhere.json"):
+        with pytest.raises(DataError):
+            load_verdicts([broken], without=rigless)

@@ -15,7 +15,8 @@ from middeck.cli import figures, options
 from middeck.cli.app import VERBS, app
 from middeck.files.exchange import load_mat
 from middeck.files.measured.models import load_model
-from middeck.files.records import SUFFIXES, load_record, write_record
+from middeck.files.records import load_record, write_record
+from middeck.files.records.formats import SUFFIXES
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.plant import Plant

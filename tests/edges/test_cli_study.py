@@ -129,7 +129,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         return iter([(name, lambda name=name: f"outcome of {name}") for name in NAMES])
 
     monkeypatch.setattr("middeck.study.mission.run_chapters", chapters)
-    monkeypatch.setattr("middeck.report.build.StudyWriter", FakeWriter)
+    monkeypatch.setattr("middeck.report.results_folder.StudyWriter", FakeWriter)
 
 
 @pytest.mark.usefixtures("quick")

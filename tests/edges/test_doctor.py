@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from cli_runner import middeck
+from middeck.realtime.engine.trials.timing import summarise
 
 SMALL = ("--realtime", "--seconds", "1", "--states", "6", "--inputs", "2", "--outputs", "1")
 
@@ -30,3 +32,15 @@ def test_without_a_question_it_says_what_it_can_be_asked(capfd):
     done = middeck(capfd, "doctor")
     assert done.code == 2
     assert "--realtime" in done.err
+
+
+def test_what_is_later_than_a_period_is_an_overrun():
+    """Of a thousand samples in any order: seven beyond a period, three of exactly one, which are none."""
+    period = 2_000_000
+    late = np.concatenate([np.arange(990), np.full(3, period), period + 1 + np.arange(7)])
+    late, step = np.random.default_rng(1).permutation(late), np.arange(1000)[::-1]
+    found = summarise(late, step, 1e-9 * period)
+    assert (found["samples"], found["overruns"]) == (1000, 7)
+    assert found["step_s"] == pytest.approx([499.5e-9, 989.01e-9, 998.001e-9, 999e-9], rel=1e-12)
+    assert found["late_s"][0] == pytest.approx(499.5e-9, rel=1e-12)
+    assert found["late_s"][-1] == pytest.approx(1e-9 * (period + 7), rel=1e-12)

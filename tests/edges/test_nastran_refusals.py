@@ -84,7 +84,11 @@ def test_the_deck_is_sound(tmp_path):
         ("MAT1,2,7.+10,.33,2.7+3\nPBAR,2,2,1.\nCBAR,21,2,1,4,0.,1.,0.", "MAT1 2 has Poisson's ratio 2700.0"),
         ("PBAR,2,1\nCBAR,21,2,1,4,0.,1.,0.", "without area"),
         ("PBAR,2,1,1.,1.,1.,1.\n,\n,,,2.\nCBAR,21,2,1,4,0.,1.,0.", "I1 I2 > I12^2"),
-        ("PBARL,2,1,,DBOX\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape DBOX is not converted yet"),
+        ("PBARL,2,1,,TUBE3\n,1.,1.\nCBAR,21,2,1,4,0.,1.,0.", "shape TUBE3 is not converted yet"),
+        (
+            "PBARL,2,1,,DBOX\n,.2,.1,.1,.01,.01,.01,.01,.02\n,.02,.01\nCBAR,21,2,1,4,0.,1.,0.",
+            "programs may draw its sides otherwise",
+        ),
         ("PBEAML,2,1,,ROD\n,1.,,NO,.5,1.\nCBEAM,21,2,1,4,0.,1.,0.", "no station at end B, X/XB = 1.0"),
         (
             "PBEAML,2,1,,ROD\n,1.,,2.,1.,1.\nCBEAM,21,2,1,4,0.,1.,0.",
@@ -108,6 +112,11 @@ def test_the_deck_is_sound(tmp_path):
         ("CBUSH,20,2,1,4", "there is no PBUSH 2"),
         ("PBUSH,2,K,RIGID\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has K"),
         ("PBUSH,2,K,1.\n,,M,2.\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has M"),
+        (
+            "PBUSH,2,K,1.\n,B,2.\nCBUSH,20,2,1,4,,,,0",
+            "PBUSH 2 has B in field 2 of a continuation: its place is",
+        ),
+        ("PBUSH,2,K,1.\n,B\nCBUSH,20,2,1,4,,,,0", "PBUSH 2 has B in field 2 of a continuation: its place is"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "only K1 and K4"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,5", "there is no coordinate system 5 (OCID)"),
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,2,3,,,,0\n,.5,0,.1", "by OCID is measured from its origin by some"),

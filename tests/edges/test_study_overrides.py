@@ -20,7 +20,7 @@ from test_numbers import ends
 from middeck.errors import ConfigError
 from middeck.files.json.output import json_text
 from middeck.files.studies.documents import load_study
-from middeck.report.build import StudyWriter
+from middeck.report.results_folder import StudyWriter
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
 from middeck.study.chapters.zero_g_control.numbers import figure_7_claims

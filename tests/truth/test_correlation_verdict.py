@@ -35,7 +35,7 @@ from middeck.structure.correlation.reduction import Reduction
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.updating.residuals.surveys import pair
+from middeck.updating.residuals.pairing import pair
 from repeats import LONG, repeats
 from structure_builders import straight_beam
 

@@ -24,7 +24,8 @@ from middeck.structure.modes.solve import Modes
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.fitted_survey import survey_from_fit
-from middeck.updating.residuals.surveys import Survey, pair
+from middeck.updating.residuals.pairing import pair
+from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
 
 SEED = 0

@@ -14,13 +14,16 @@ from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.gate import cross_fade
 from middeck.realtime.gate.cross_fade import check_cross_fade, fade_points
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import sum_of_laws
 from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps import GateMargins
+from middeck.realtime.gate.trials import GateTrials
 from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.reference import fade_at
 from middeck.realtime.package.section import LoopPath, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
@@ -226,8 +229,27 @@ def test_what_does_not_run_beside_it_is_refused(changes, said):
 
 
 @pytest.mark.usefixtures("compiler")
+def test_with_trials_the_way_to_their_share_is_tried_too(monkeypatch):
+    """And on paper the one to full authority alone."""
+    tried, plain = [], cross_fade.check_loops
+
+    def look(name, plant, laws, least):
+        tried.append({one.where.partition(", ")[2] for one in laws})
+        return plain(name, plant, laws, least)
+
+    monkeypatch.setattr(cross_fade, "check_loops", look)
+    old, new = cross("old", 0, 1, 0.3), cross("new", 1, 0, 0.3)
+    for trials in (None, GateTrials(dry_s=0.1, share=0.25)):
+        examine_package(new, LAGS, ANY, engaged=old, trials=trials)
+    paper, run = tried
+    assert run - paper == {f"new at {fade_at(0.25):.3g}"}
+    assert run > paper
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("share", [1.0, 0.25])
 @pytest.mark.parametrize("ramps", [(0.0, 0.0), (0.9, 0.0), (0.0, 0.7), (9.0, 0.5)])
-def test_the_points_lie_on_the_way_of_the_engine(ramps):
+def test_the_points_lie_on_the_way_of_the_engine(ramps, share):
     """Sensors that stand still: what each law adds is its fade times one number."""
     settings = plain_settings(leave_s=0.8)
     gain = np.zeros((OUTPUTS, SENSORS))
@@ -239,11 +261,11 @@ def test_the_points_lie_on_the_way_of_the_engine(ramps):
         assert engine.reset().done
         engine.command("engage", slot=0, values=[1.0])
         engine.run(settings.samples(max(ramps) + 1.0), keep=False)
-        engine.command("engage", slot=1, values=[1.0])
+        engine.command("engage", slot=1, values=[share])
         records = engine.run(settings.samples(2.0))
     way = np.column_stack([records["added_0"][:, 0], records["added_1"][:, 0]]) / 0.1
-    points = np.array(fade_points(old.ramp, new.ramp, settings))
+    points = np.array(fade_points(old.ramp, new.ramp, settings, share))
     assert len(points) >= 11
-    assert np.allclose(points[[0, -1]], [[1.0, 0.0], [0.0, 1.0]])
+    assert np.allclose(points[[0, -1]], [[1.0, 0.0], [0.0, fade_at(share)]])
     nearest = [np.abs(way - point).max(axis=1).min() for point in points]
     assert max(nearest) < 0.011  # the steepest step is 1.5 over 150 samples

@@ -72,3 +72,45 @@ def test_a_lacking_mode_is_no_delay():
 def test_a_fit_that_follows_to_the_noise_says_nothing(delay_s):
     fitted = fit_response(rates(delay_s, noise=0.01), integrators=1)
     assert not hints(fitted)
+
+
+def driven_point(power, unit, *, noise=3e-3):
+    """Three modes in the band and one above it, by a force: a velocity (1) or an acceleration (2)."""
+    s = 2j * np.pi * (f := np.arange(2.0, 30.0, 0.05))
+    H = np.zeros(len(f), complex)
+    for hz, size in zip((6.0, 11.0, 19.0, 60.0), (0.8, -0.6, 0.9, -0.5), strict=True):
+        w = 2.0 * np.pi * hz
+        H += size * w ** (1 - power) * s**power / (s**2 + 0.02 * w * s + w**2)
+    H *= np.exp(-s * DELAY)
+    size = noise * np.sqrt(np.mean(np.abs(H) ** 2))
+    re, im = np.random.default_rng(4).standard_normal((2, len(f))) / np.sqrt(2.0)
+    return FrequencyResponse(
+        frequency_hz=f,
+        H=(H + size * (re + 1j * im))[:, None, None],
+        inputs=(Port("force", "N"),),
+        outputs=(Port("tip", unit),),
+        variance=np.full((len(f), 1, 1), size**2),
+    )
+
+
+def test_a_delay_of_an_acceleration_is_advised_with_the_constant_that_it_has():
+    """With relative degree one the best fit leads by milliseconds, or leaves a tenth of the response."""
+    measured = driven_point(2, "m/s^2")
+    said = [w for w in fit_response(measured, states=6).warnings if "--delay output" in w]
+    assert len(said) == 1
+    assert "--relative-degree 0" in said[0]
+    # Modes above the band leave some hundredths of a millisecond.
+    found = fit_response(measured, states=6, delay="output")
+    assert found.model.delay_s[0] == pytest.approx(DELAY, abs=1e-4)
+
+
+def test_a_constant_term_does_not_tell_the_delay_of_a_velocity():
+    measured = driven_point(1, "m/s")
+    constant = fit_response(measured, states=6, delay="output", relative_degree=0)
+    off = abs(constant.model.delay_s[0] - DELAY)
+    assert off > 4.0 * constant.uncertainty.delay_s[0]
+    assert constant.delay_standing == ("doubtful",)
+    assert any("constant term alone" in w for w in constant.warnings)
+    usual = fit_response(measured, states=6, delay="output")
+    assert usual.model.delay_s[0] == pytest.approx(DELAY, abs=2e-4)
+    assert not np.any(usual.model.direct)

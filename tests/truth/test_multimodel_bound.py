@@ -11,7 +11,7 @@ from middeck.control.noise import measure_noise_rms
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.updating.promise.bound import bound_db, bound_worst
+from middeck.updating.promise.performance_bound import bound_db, bound_worst
 
 PADE = 8
 

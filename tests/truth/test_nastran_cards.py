@@ -1,5 +1,7 @@
 """Numbers, fields, continuations, coordinate systems and sections of a Nastran deck."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,13 @@ def test_a_column_of_many_cards_is_read_as_its_texts_are_one_by_one(blank):
         else:
             found = [entry["x1"] for entry in entries(deck).of("GRID")]
             assert found == [*map(float, good), value, *([0.0] if blank else [])]
+
+
+@pytest.mark.parametrize("texts", [*itertools.product(("", "0", "00", "7"), repeat=2), ("", "0", "", "12")])
+def test_few_integers_among_blanks_are_read_one_by_one(texts):
+    deck = entries("\n".join(f"CONM2,{i},1,{x},1.\nGRID,{i},{x}" for i, x in enumerate(texts, 1)))
+    assert [entry["cid"] for entry in deck.of("CONM2")] == [int(x or 0) for x in texts]
+    assert [entry["cp"] for entry in deck.of("GRID")] == [int(x) if x else None for x in texts]
 
 
 GRID = ("12", "", "1.5", "-2.5+1", "", "3")
@@ -339,7 +348,15 @@ SHAPES = {
         ((y > 1.3) & (abs(z) < 0.6)) | ((abs(z) > 0.4) & (abs(z) < 0.6)) | ((y < -1.3) & (abs(z) > 0.4))
     ),
     ("HEXA", (0.5, 2.0, 3.0)): lambda y, z: abs(z) < 1.0 - 0.5 * abs(y) / 1.5,
-}
+    ("HAT1", (2.0, 3.0, 1.2, 0.2, 0.3)): lambda y, z: (
+        (y < -1.2) | ((y < -1.0) & (abs(z) > 0.4)) | ((abs(z) > 0.4) & (abs(z) < 0.6))
+        | ((y > 1.3) & (abs(z) < 0.6))
+    ),
+    ("DBOX", (2.0, 3.0, 0.8, 0.1, 0.2, 0.3, 0.15, 0.25, 0.35, 0.2)): lambda y, z: (
+        (z < -0.9) | (abs(z + 0.2) < 0.1) | (z > 0.7)
+        | ((z < -0.2) & ((y > 1.35) | (y < -1.25))) | ((z > -0.2) & ((y > 1.15) | (y < -1.3)))
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "dims"), SHAPES)
@@ -422,6 +439,22 @@ def test_torsion_constants():
     assert abs(regular - 1.0355) < 1e-4
 
 
+def test_two_cells_twist_together():
+    """Their flows q: G J times the twist is 4 sum of area times flow, each cell's twist one (Bredt)."""
+    width, height, middle = 2.0, 3.0, 0.8
+    left, between, right, *covers = t = np.array([1.0, 2.0, 3.0, 1.5, 2.5, 3.5, 2.0]) * 1e-5
+    spans = middle, width - middle
+    own = [height / side + span * (1 / up + 1 / low) for side, span, up, low in
+           zip((left, right), spans, covers[::2], covers[1::2], strict=True)]  # fmt: skip
+    shared = height / between
+    area = np.multiply(height, spans)
+    flow = np.linalg.solve([[own[0] + shared, -shared], [-shared, own[1] + shared]], 2.0 * area)
+    found = section_shape("DBOX", [width, height, middle, *t]).j
+    assert abs(found / (2.0 * area @ flow) - 1.0) < 1e-4
+    closed = 4.0 * (3.0 * 1.2) ** 2 / ((2 * 3.0 + 1.2) / 2e-5 + 1.2 / 3e-5)
+    assert abs(section_shape("HAT1", [2.0, 3.0, 1.2, 2e-5, 3e-5]).j / closed - 1.0) < 1e-4
+
+
 @pytest.mark.parametrize(
     ("name", "dims", "webs"),
     [  # lengths and thicknesses of thin walls, to the middle of those that they meet
@@ -446,7 +479,8 @@ def test_open_sections_twist_by_their_walls(name, dims, webs):
     [("BOX", [1.0, 1.0, 0.5, 0.1]), ("TUBE", [1.0, 1.0]), ("BAR", [1.0]), ("ROD", [-1.0]),
      ("T", [1.0, 0.1, 0.2, 0.1]), ("CHAN", [0.1, 1.0, 0.2, 0.1]), ("I", [0.2, 1.0, 2.0, 0.1, 0.1, 0.1]),
      ("BOX1", [1.0, 2.0, 0.1, 1.9, 0.1, 0.2]), ("L", [1.0, 2.0, 0.1, 1.0]), ("Z", [1.0, 0.1, 2.0, 2.0]),
-     ("HAT", [1.0, 0.5, 2.0, 1.0]), ("HEXA", [1.0, 2.0, 1.0])],
+     ("HAT", [1.0, 0.5, 2.0, 1.0]), ("HAT1", [1.0, 2.0, 1.0, 0.1, 0.1]),
+     ("DBOX", [1.0, 2.0, 0.5, 0.4, 0.2, *[0.1] * 5]), ("HEXA", [1.0, 2.0, 1.0])],
 )  # fmt: skip
 def test_shapes_that_close_over_nothing(name, dims):
     with pytest.raises(ValueError, match=r"dimension|walls"):

@@ -23,7 +23,8 @@ from middeck.structure.model.finer import TUBE_SHEAR
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.sensitivity.parameters import find_parameters, scale_parameters, set_parameter
-from middeck.updating.residuals.surveys import Survey, pair
+from middeck.updating.residuals.pairing import pair
+from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
 
 ROOT = Path(__file__).parents[2]

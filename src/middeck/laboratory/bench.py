@@ -16,9 +16,10 @@ from middeck.control.sampled.emulation import emulate
 from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
+from middeck.laboratory.limit_cycle import limit_cycle
 from middeck.laboratory.rig.plant.drift import Drift, nearest_modes
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
+from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
 from middeck.laboratory.settings import LoopTest, RigSettings
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine, random_multisine
@@ -26,8 +27,6 @@ from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 SETTLE = 2  # unrecorded periods of a run
-# A motor that is at its limit for more than this share of a run holds a loop that is unstable without it.
-SATURATED = 1e-3
 
 
 @record(kw_only=True)
@@ -109,14 +108,8 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
         settle=SETTLE,
         rest_s=bench.rest_s,
     )
-    cause = run.cause or _limit_cycle(run)
+    cause = run.cause or limit_cycle(run)
     if cause or run.record is None or run.control is None:
         return Taken(None, cause, None)
     response = estimate_response(run.record, band_hz=bench.band_hz)
     return Taken(response, "", float(np.sqrt(np.mean(run.control**2))))
-
-
-def _limit_cycle(run: Run) -> str:
-    """Message of a run that only the motor's limit kept finite; empty for a good one."""
-    share = 0.0 if run.events is None else float(np.max(run.events.saturated))
-    return f"unstable: the motor is at its limit in {share:.0%} of the run" if share > SATURATED else ""

@@ -41,7 +41,7 @@ SPOKEN = (
     Spoken(r"\(count=None\)", "--count", "(--count)", ""),
     Spoken(r"constants='complex'", "--constants", "--constants complex", "complex constants"),
     Spoken(r"delay=False", "--delay", "--delay none", "no delay"),
-    Spoken(r" \(delay='output', relative_degree=1\)", "", "", ""),
+    Spoken(r" \(delay='output', relative_degree=[01]\)", "", "", ""),
     Spoken(r", sampled=False(?=;)", "", "", ""),
     Spoken(r"a band_hz of", "--band", "a --band of", "a band of"),
     Spoken(r"band_hz=\(low, high\)", "--band", "--band LO,HI", "a narrower band"),

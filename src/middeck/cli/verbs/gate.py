@@ -237,8 +237,10 @@ def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
 
 def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     """The JSON document."""
+    from middeck.files.laws.verdicts import VERDICT
+
     return {
-        "schema": "middeck.gate/4",
+        "schema": VERDICT,
         "package": verdict.sha256,
         "law": verdict.law,
         "hold": verdict.hold,

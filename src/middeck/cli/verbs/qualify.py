@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.given.requirements import Requirement, meets, read_requirements
+from middeck.cli.given.require_limits import Requirement, meets, read_requirements
 from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:

@@ -214,7 +214,7 @@ def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
 
 def _runs(files: tuple[str, ...]) -> dict[str, Any]:
     """Start, packages and events of the files that are runs of the engine; nothing where none is."""
-    from middeck.files.records import RUN
+    from middeck.files.records.formats import RUN
 
     runs = [path for path in files if Path(path).suffix.lower() == RUN]
     if not runs:

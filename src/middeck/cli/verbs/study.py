@@ -54,7 +54,7 @@ def _run(study: Study, out: Path) -> dict[str, float]:
     import time
 
     from middeck.cli.shown.progress import follow
-    from middeck.report.build import StudyWriter
+    from middeck.report.results_folder import StudyWriter
     from middeck.study.mission import chapters_in, run_chapters
 
     writer, times, chapters = StudyWriter(out, study), {}, chapters_in(study)

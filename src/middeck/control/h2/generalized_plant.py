@@ -16,6 +16,7 @@ from jaxtyping import Float
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import problem as lqg_problem
 from middeck.control.lqg.design import AUTHORITY
+from middeck.control.lqg.effort_weight import weigh_effort
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
@@ -66,7 +67,8 @@ def generalize(
     shaping = shaping or Shaping()
     m = lqg_problem.pose_problem(active, weights, shaping)
     lqg_problem.require_finite_cost(m)
-    effort, held, nu = 1.0 / np.sqrt(authority), len(m.integral), len(m.plain)
+    C, D, plain = weigh_effort(m, authority)
+    held, nu = len(m.integral), len(m.plain)
     noise, n = _noise_root(m), len(m.A)
     # The plant's states first, then weights on ports, then colours.
     turn = np.roll(np.arange(n), -sum(len(colour.A) for _, colour in shaping.colours))
@@ -74,10 +76,8 @@ def generalize(
         A=m.A[np.ix_(turn, turn)],
         B1=np.hstack([m.noise, np.zeros((n, len(m.sensor)))])[turn] @ noise,
         B2=m.control[turn],
-        C1=np.vstack([m.C1, effort * m.shaped, np.zeros((nu + held, n))])[:, turn],
-        D12=np.vstack(
-            [m.D12, effort * m.shaped_through, effort * np.diag(np.sqrt(m.plain)), np.zeros((held, nu))]
-        ),
+        C1=np.vstack([C, np.zeros((nu + held, n))])[:, turn],
+        D12=np.vstack([D, np.diag(np.sqrt(plain)), np.zeros((held, nu))]),
         C2=m.C2[:, turn],
         D21=np.hstack([m.D21, np.eye(len(m.sensor))]) @ noise,
         D22=m.D22,

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, locate_ports
-from middeck.control.law.intensity import require_intensity
+from middeck.control.law.intensity_checks import require_intensity
 from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop
 from middeck.errors import ConfigError

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.lqg.effort_weight import weigh_effort
+from middeck.control.lqg.integrals import append_integrals
 from middeck.control.lqg.problem import LQGProblem, require_finite_cost
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.values import record
@@ -26,14 +26,12 @@ def design_regulator(
     """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals; ``start``: see `solve_riccati`."""
     require_finite_cost(model)
     A, B = append_integrals(model.A, model.control, model.C2, model.D22, model.integral)
-    effort = 1.0 / np.sqrt(authority)
-    C = np.vstack([model.C1, effort * model.shaped])
-    D = np.vstack([model.D12, effort * model.shaped_through])
+    C, D, plain = weigh_effort(model, authority)
     n, count = len(model.A), len(model.integral)
     Q, S = np.zeros((n + count, n + count)), np.zeros((n + count, B.shape[1]))
     Q[:n, :n], S[:n] = C.T @ C, C.T @ D
     Q[n:, n:] = np.diag(model.integral_weight**2)
-    R = D.T @ D + np.diag(model.plain) / authority
+    R = D.T @ D + np.diag(plain)
     solution = solve_riccati(
         A,
         B,
@@ -45,16 +43,3 @@ def design_regulator(
         start=start,
     )
     return Regulator(solution, R)
-
-
-def append_integrals(
-    A: Float[np.ndarray, "x x"],
-    B: Float[np.ndarray, "x u"],
-    C: Float[np.ndarray, "y x"],
-    D: Float[np.ndarray, "y u"],
-    integral: Sequence[int],
-) -> tuple[np.ndarray, np.ndarray]:
-    """A and B with the integrals of some rows of y as last states."""
-    rows, count = list(integral), len(integral)
-    longer = np.block([[A, np.zeros((len(A), count))], [C[rows], np.zeros((count, count))]])
-    return longer, np.vstack([B, D[rows]])

@@ -32,6 +32,7 @@ from middeck.files.toml.form import inertia_matrix, keys_of
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, array_of, is_number, table_of, tables
 from middeck.structure.elements.rotations import cross
+from middeck.structure.model.inertia import impossible_moments
 from middeck.structure.model.section_checks import RIGID_IN_SHEAR, stiffness_faults
 
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
@@ -333,10 +334,11 @@ def _bodies(data: Table) -> Iterator[Finding]:
 def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
     """The sum of two principal inertias is at least the third; not so without what ``spins`` in it."""
     try:
-        a, b, c = np.linalg.eigvalsh(np.array(inertia_matrix(inertia)))
+        moments = impossible_moments(np.array(inertia_matrix(inertia)))
     except ValueError:  # the form has refused it
         return
-    if a + b < c * (1.0 - ROUNDING):
+    if moments is not None:
+        a, b, c = moments
         message = f"no body has this inertia: {a:g} + {b:g} < {c:g} kg m^2 (triangle inequality)"
         advice = f"{c:g} or more for the sum of the smaller two; a flat plate has just that"
         rotors = "; or rotors_excluded = true if it leaves spinning rotors out" if spins else ""

@@ -10,6 +10,7 @@ ARTICLE, ENVIRONMENT, STUDY, CHANNELS = "an article", "an environment", "a study
 MODEL, LAW, SURVEY = "a fitted model", "a compensator", "the measured modes of a survey"
 PROMISE, PACKAGE, RUN = "a promise", "a controller package", "a run of the engine"
 BLACKLIST = "a blacklist of packages"
+VERDICT = "a verdict of the gate"
 REFINEMENT, CANDIDATES, PLAN = "a refinement", "a list of candidate tests", "the plan of a promise"
 OUTCOME, LOADS = "an outcome", "promised load cases"
 FOLDER, EMPTY, BINARY, TEXT = "a folder", "an empty file", "a binary file", "plain text"
@@ -60,6 +61,7 @@ SCHEMAS = {
     "promise": PROMISE,
     "package": PACKAGE,
     "blacklist": BLACKLIST,
+    "gate": VERDICT,
     "refinement": REFINEMENT,
     "candidates": CANDIDATES,
     "promise-plan": PLAN,

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.files.exchange import foreign
+from middeck.files.exchange import transfer_functions
 from middeck.files.exchange.named import Exchangeable, exchanged, matrices_of
 from middeck.signals.ports import Port
 from middeck.systems.plants.own_plant import name_ports
@@ -60,12 +60,12 @@ def from_scipy(
         raise ConfigError(f"{what} is no system of scipy.signal", hint="scipy.signal.lti or dlti")
     # A continuous system has dt None there.
     continuous = isinstance(system, scipy.signal.lti)
-    period = foreign.settle_period(0 if continuous else system.dt, period_s, what)
+    period = transfer_functions.settle_period(0 if continuous else system.dt, period_s, what)
     found = _matrices(system, period, what)
     rows, columns = found.D.shape
     ports = tuple(inputs) or name_ports("u", columns), tuple(outputs) or name_ports("y", rows)
     plant = Plant(dynamics=found, inputs=ports[0], outputs=ports[1], state_names=tuple(state_names))
-    return foreign.with_delay(plant, delay_s)
+    return transfer_functions.with_delay(plant, delay_s)
 
 
 def _matrices(system: Any, period: float | None, what: str) -> LinearSystem:
@@ -75,11 +75,13 @@ def _matrices(system: Any, period: float | None, what: str) -> LinearSystem:
         case scipy.signal.TransferFunction():
             if np.ndim(cast("Any", system).num) > 1:
                 raise ConfigError("one input to several outputs", where=what, hint="system.to_ss() first")
-            found = foreign.realise_ratio(system.num, system.den, what)
+            found = transfer_functions.realise_ratio(system.num, system.den, what)
         case scipy.signal.ZerosPolesGain():
             form = cast("Any", system)
-            gain = float(foreign.real_matrix(form.gain, f"{what}, gain"))
-            found = foreign.realise_roots(np.atleast_1d(form.zeros), np.atleast_1d(form.poles), gain, what)
+            gain = float(transfer_functions.real_matrix(form.gain, f"{what}, gain"))
+            found = transfer_functions.realise_roots(
+                np.atleast_1d(form.zeros), np.atleast_1d(form.poles), gain, what
+            )
         case _:
             found = system
-    return foreign.build_foreign({name: getattr(found, name) for name in "ABCD"}, period, what)
+    return transfer_functions.build_foreign({name: getattr(found, name) for name in "ABCD"}, period, what)

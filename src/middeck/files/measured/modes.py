@@ -12,7 +12,7 @@ import numpy as np
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.input import json_numbers, read_json
 from middeck.files.json.output import write_json
-from middeck.files.records import UFF
+from middeck.files.records.formats import UFF
 from middeck.structure.correlation.measured_modes import MeasuredModes
 
 if TYPE_CHECKING:

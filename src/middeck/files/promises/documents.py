@@ -17,9 +17,10 @@ from middeck.files.promises.form import PROMISE
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.orbit.shapes import promised_shapes
-from middeck.updating.promise.bound import Bound
+from middeck.updating.promise.confidence import draws_needed, level
 from middeck.updating.promise.draws import LoopSpread
-from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook, draws_needed, level
+from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
+from middeck.updating.promise.performance_bound import Bound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise
 from middeck.updating.promise.slip_time import SlipTime

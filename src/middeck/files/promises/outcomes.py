@@ -19,8 +19,7 @@ from middeck.files.toml.faults import Finding, finding, raise_faults
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import check, read_source, sound
 from middeck.structure.correlation.measured_modes import MeasuredModes
-from middeck.updating.promise.score import Outcome, Statement, Verdict, judge, score
-from middeck.updating.residuals.pairing import (
+from middeck.updating.promise.outcome_pairs import (
     MeasuredMode,
     Paired,
     PromisedModes,
@@ -28,6 +27,7 @@ from middeck.updating.residuals.pairing import (
     pair_by_words,
     remarks_on,
 )
+from middeck.updating.promise.score import Outcome, Statement, Verdict, judge, score
 from middeck.values import record
 
 COMPARISON = "middeck.comparison/1"

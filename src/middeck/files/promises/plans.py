@@ -17,7 +17,7 @@ from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.toml.form import Form, Log10Authority, NotNegative, Positive, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure
-from middeck.systems.plants.mode_dispersion import Dispersion
+from middeck.systems.plants.standard_sweep import Dispersion
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.plan import Ladder, Plan
 from middeck.updating.promise.slip import JointSlip

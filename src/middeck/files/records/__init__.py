@@ -6,7 +6,7 @@ stream = open_record("night.h5")
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,8 @@ import numpy as np
 from middeck.errors import DataError
 from middeck.files.disk.looks import NO_RECORD, looks_like
 from middeck.files.records.columns import Columns, columns_beside, name_columns
-from middeck.files.records.raw import Raw, build_record
+from middeck.files.records.formats import HDF5, RUN, SUFFIXES, UFF, reader_of, unknown_ending
+from middeck.files.records.raw import build_record
 from middeck.files.records.together import (
     check_channels,
     check_finite,
@@ -48,11 +49,6 @@ __all__ = [
     "write_stream",
 ]
 
-UFF = (".uff", ".unv", ".uf", ".58")
-HDF5 = (".h5", ".hdf5")
-RUN = ".mdr"
-SUFFIXES = (".npz", ".csv", *HDF5, ".mat", ".npy", *UFF, RUN)
-
 
 @record
 class Reading:
@@ -81,7 +77,7 @@ def read_record(path: str | Path, columns: Columns | None = None) -> Reading:
     """
     file = require_record(path)
     told = columns if columns is not None else columns_beside(file)
-    raw = _reader(file)(file, "" if told is None else told.variable)
+    raw = reader_of(file)(file, "" if told is None else told.variable)
     taken = build_record(raw, told, str(path))
     stated = told is not None and told.sample_hz is not None
     # Times that agree with a stated rate leave no doubt of it.
@@ -117,7 +113,7 @@ def _experiments(path: str | Path, columns: Columns | None) -> list[Record]:
 def load_response(path: str | Path) -> FrequencyResponse:
     """The frequency responses (function type 4) of a universal file.
 
-    Outputs are the response ends, inputs the reference ends.
+    Outputs are the response ends, inputs the reference ends. A line at 0 Hz is left out, with a warning.
 
     Raises `DataError` if there are none, if one is missing between an input and an output, or if their
     frequencies differ.
@@ -170,7 +166,7 @@ def write_record(path: str | Path, record: Record, *, ascii: bool = False) -> No
 
             return write_uff(file, record, binary=not ascii)
         case _:
-            raise _unknown(file, "writer", [s for s in SUFFIXES if s not in (".npy", RUN)])
+            raise unknown_ending(file, "writer", [s for s in SUFFIXES if s not in (".npy", RUN)])
     write(file, record)
 
 
@@ -185,7 +181,7 @@ def write_response(path: str | Path, response: FrequencyResponse, *, ascii: bool
 
     file = Path(path)
     if file.suffix.lower() not in UFF:
-        raise _unknown(file, "writer of responses", UFF)
+        raise unknown_ending(file, "writer of responses", UFF)
     if not (np.isfinite(response.H).all() and len(response.H)):
         raise DataError("a response without lines, or not finite", where=str(path), hint="leave lines out")
     write_uff_response(file, response, binary=not ascii)
@@ -199,7 +195,7 @@ def write_stream(path: str | Path, stream: RecordStream) -> None:
     elif file.suffix.lower() == ".csv":
         from middeck.files.records.csv_text import write_csv as write
     else:
-        raise _unknown(file, "writer of streams", [*HDF5, ".csv"])
+        raise unknown_ending(file, "writer of streams", [*HDF5, ".csv"])
     write(file, stream)
 
 
@@ -218,30 +214,3 @@ def require_record(path: str | Path) -> Path:
             f"looks like {kind}, not a record", where=str(path), hint=f"one of {', '.join(SUFFIXES)}"
         )
     return file
-
-
-def _reader(file: Path) -> Callable[[Path, str], Raw]:
-    suffix = file.suffix.lower()
-    match suffix:
-        case ".npz":
-            from middeck.files.records.npz import read_npz as read
-        case ".npy":
-            from middeck.files.records.npz import read_npy as read
-        case ".csv":
-            from middeck.files.records.csv_text import read_csv as read
-        case ".mat":
-            from middeck.files.records.mat import read_mat as read
-        case ".h5" | ".hdf5":
-            from middeck.files.records.hdf5 import read_hdf5 as read
-        case ".mdr":
-            from middeck.files.records.runs import read_run_file as read
-        case _ if suffix in UFF:
-            from middeck.files.records.uff import read_uff as read
-        case _:
-            raise _unknown(file, "reader", SUFFIXES)
-    return read
-
-
-def _unknown(file: Path, what: str, known: Sequence[str]) -> DataError:
-    hint = f"convert to one of {', '.join(known)}"
-    return DataError(f"no {what} for {file.suffix!r} files", where=str(file), hint=hint)

@@ -21,7 +21,15 @@ from middeck.files.records.columns import Side
 from middeck.files.records.decimals import refuse_thousands, separator_of, with_points
 from middeck.files.records.ending import cut_short
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
-from middeck.files.records.stamps import JITTER, is_even, last_digit, mean_step, open_share, rate_of
+from middeck.files.records.stamps import (
+    JITTER,
+    doubt_of_seconds,
+    is_even,
+    last_digit,
+    mean_step,
+    open_share,
+    rate_of,
+)
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel
 from middeck.signals.record import RecordStream
@@ -39,8 +47,6 @@ NAMES_FIRST = (
     "one line names the columns and comes first, units in brackets behind the names; begin other words with #"
 )
 SEPARATOR_LINE = re.compile(r"sep=.?", re.IGNORECASE)  # for a spreadsheet program
-# A rate [Hz] below which times without a unit are rather milliseconds or lines counted.
-SLOW = 10.0
 Row = tuple[int, list[str]]
 
 
@@ -209,10 +215,9 @@ def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
 def _doubts_of_rate(opening: Opening, rate: float) -> tuple[Fault, ...]:
     """Times of which nothing says that they are seconds, at a rate that no structure is sampled at."""
     counted = opening.second == 1.0 and rate == 1.0
-    if not counted and (opening.in_words or rate >= SLOW):
+    what = "" if opening.in_words and not counted else doubt_of_seconds(rate, counted)
+    if not what:
         return ()
-    what = f"times are read as seconds, so that the rate is {rate:.6g} Hz: "
-    what += "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"
     hint = "state the rate (--sample-hz) if it is right; if not, head the column time [ms], or leave it out"
     return (channel_fault("rate", "serious", opening.heads[0], what, hint),)
 

@@ -17,12 +17,16 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.layout import build_raw, contents_of, is_own
-from middeck.files.records.raw import SAME_RATE, Head, Raw, raw_matrix
+from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault, raw_matrix
+from middeck.files.records.stamps import doubt_of_seconds, is_even, last_digit, mean_step, open_share, rate_of
+from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
 # Of a system in state space, as `write_mat` and others write one.
 SYSTEM = frozenset("ABCD")
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
+TIMES = ("t", "time", "Time")
+LINES = 8192  # of which the stamps show their last digit
 # Version 5 counts bytes in 32 bits.
 MOST_BYTES = 2**31
 SPARSE = "MATLAB_sparse"  # attribute of a group: the number of rows
@@ -53,12 +57,7 @@ def read_mat(file: Path, variable: str) -> Raw:
 
 
 def _sides(arrays: dict[str, np.ndarray], file: Path) -> Raw:
-    """One run in the variables u and y [sample, channel], with the rate fs [Hz] or the period Ts [s]."""
-    rates = {n: float(arrays[n].item()) for n in ("fs", "Fs", "Ts") if n in arrays and arrays[n].size == 1}
-    told = [1.0 / v if n == "Ts" and v else v for n, v in rates.items()]
-    if not all(np.isfinite(r) and r > 0.0 and abs(r / told[0] - 1.0) <= SAME_RATE for r in told):
-        said = ", ".join(f"{n} = {v:g}" for n, v in rates.items())
-        raise DataError(f"no one sampling rate: {said}", where=str(file), hint="fs [Hz], or Ts = 1 / fs [s]")
+    """One run in u and y [sample, channel], with the rate fs [Hz], the period Ts [s] or the times t [s]."""
     heads: list[Head] = []
     columns: list[np.ndarray] = []
     for name, side in SIDES.items():
@@ -71,7 +70,45 @@ def _sides(arrays: dict[str, np.ndarray], file: Path) -> Raw:
     if len(lengths) > 1:
         what = f"u and y have {lengths[0]} and {lengths[-1]} samples"
         raise DataError(what, where=str(file), hint="samples in rows, as many of each")
-    return Raw(sample_hz=told[0] if told else None, heads=tuple(heads), x=tuple(columns))
+    sample_hz, share, faults = _rate(arrays, lengths[0], heads[0], file)
+    return Raw(sample_hz=sample_hz, heads=tuple(heads), x=tuple(columns), rate_share=share, faults=faults)
+
+
+def _rate(
+    arrays: dict[str, np.ndarray], samples: int, head: Head, file: Path
+) -> tuple[float | None, float, tuple[Fault, ...]]:
+    """The rate [Hz] of all that states one, None where nothing does; the share that it leaves open."""
+    told = {n: float(arrays[n].item()) for n in ("fs", "Fs", "Ts") if n in arrays and arrays[n].size == 1}
+    rates = {n: 1.0 / v if n == "Ts" and v else v for n, v in told.items()}
+    share, faults = SAME_RATE, ()
+    times = {n: arrays[n].ravel() for n in TIMES if n in arrays and arrays[n].size == samples > 1}
+    for name, time in times.items():
+        rate, digit = _rate_of_times(time, f"{file}, {name}")
+        rates[name], share = rate, max(share, open_share(rate, samples, digit))
+        if not told:
+            doubt = doubt_of_seconds(rate, rate == 1.0)
+            what = doubt or f"the times {name}, taken as seconds, give {rate:.9g} Hz: no fs or Ts is there"
+            hint = "state the rate (fs or Ts) if it is another one"
+            faults = (channel_fault("rate", "serious" if doubt else "note", head, what, hint),)
+    first = next(iter(rates.values()), 1.0)
+    if all(np.isfinite(r) and r > 0.0 and abs(r / first - 1.0) <= share for r in rates.values()):
+        return (first if rates else None), share, faults
+    said = ", ".join(f"{n} = {told[n]:g}" if n in told else f"{n} for {r:g} Hz" for n, r in rates.items())
+    raise DataError(f"no one sampling rate: {said}", where=str(file), hint="fs [Hz], or Ts = 1 / fs [s]")
+
+
+def _rate_of_times(time: np.ndarray, where: str) -> tuple[float, float]:
+    """The rate [Hz] of even stamps, and a unit of their last digit [s]; refuses others."""
+    if time.dtype.kind not in "fiu":
+        raise DataError(f"times of {time.dtype}", where=where, hint="numbers, in seconds")
+    digit = last_digit(str(t) for t in time[:LINES])
+    since = time.astype(float) - float(time[0])
+    index = np.arange(len(since))
+    step = mean_step(float(index @ since), float(since.sum()), len(since))
+    if not (np.isfinite(since).all() and is_even(since, index, step, digit)):
+        hint = "resample; if they are no times, leave the array out and state fs [Hz]"
+        raise DataError("times that are not in even steps", where=where, hint=hint)
+    return rate_of(step, len(since), digit), digit
 
 
 def mat_arrays(file: Path) -> dict[str, np.ndarray]:

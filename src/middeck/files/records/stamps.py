@@ -15,6 +15,8 @@ from scipy.spatial import ConvexHull
 JITTER = 0.01
 # Deviations of a step that was fitted to rounded stamps, within which a rounder rate is the one meant.
 SURE = 4.0
+# A rate [Hz] below which times without a unit are rather milliseconds or lines counted.
+SLOW = 10.0
 # Half a unit of the last digit, and what printed decimals lose as binary numbers.
 HALF = 0.5 + 1e-6
 
@@ -85,3 +87,12 @@ def _least_deviation(index: Int[np.ndarray, " line"], off: Float[np.ndarray, " l
         bounds=[(None, None), (None, None), (0.0, None)],
     )
     return float(found.fun) * size if found.success else np.inf
+
+
+def doubt_of_seconds(rate: float, counted: bool) -> str:
+    """Words about stamps that were read as seconds, at a ``rate`` [Hz] that no structure is sampled at; none
+    where nothing is odd."""
+    if not counted and rate >= SLOW:
+        return ""
+    meant = "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"
+    return f"times are read as seconds, so that the rate is {rate:.6g} Hz: {meant}"

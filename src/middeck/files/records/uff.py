@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -322,6 +323,8 @@ def read_response(file: Path) -> FrequencyResponse:
             H[:, o, i] = values
     assert lines is not None
     kept = slice(int(lines[0] == 0.0), None)  # zero hertz has no phase, and no fit a use for it
+    if kept.start:
+        warnings.warn(f"{file}: the line at 0 Hz, which has no phase, is left out", UserWarning, stacklevel=3)
     units = UNITS if is_si(file) else {}
     into = tuple(
         _end(at, found[outputs[0], at].divisor_unit, found[outputs[0], at].texts[2], file) for at in inputs

@@ -18,6 +18,7 @@ from middeck.identification.faults.levels import (
     find_transient,
     find_unsteady_input,
 )
+from middeck.identification.faults.one_period import find_lost_in_period
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.relation import find_relation_faults
 from middeck.identification.faults.runs import Found, Runs, Signal, fault, levels_of
@@ -37,7 +38,7 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # With these a channel is compared with none; with LOCAL, what an output leaves of its inputs is no noise.
 MISSING = ("gap", "dead")
-LOCAL = ("clipping", "dropout", "spike", "held", "duplicate")
+LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift")
 SEVERITIES = ("unusable", "serious", "note")
 
 
@@ -158,7 +159,9 @@ def _channel_faults(
     found += find_coarse_steps(x, levels) + find_held(x)
     # A period with a hole or a spike differs from the others by that.
     local = {"gap", "dropout", "spike"} & {f.kind for f in found}
-    return found + (find_transient(x, period) if periodic and not local else [])
+    if not periodic or local:
+        return found
+    return found + (find_lost_in_period(x, period) or find_transient(x, period))
 
 
 def _check_size(record: Record) -> None:

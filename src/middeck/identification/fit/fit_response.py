@@ -32,16 +32,11 @@ from middeck.identification.order.best_start import leaves_noise, model_error, r
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, data_of
-from middeck.identification.search.fit_warnings import (
-    causal_delay,
-    doubts_of_deviations,
-    doubts_of_model,
-    doubts_of_record,
-    refuse_a_lead,
-)
+from middeck.identification.search.fit_warnings import doubts_of_deviations, doubts_of_model, doubts_of_record
+from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.polish import Polished, logarithmic_polish, settle
-from middeck.identification.spectra.weights import Spread, by_output, excess_share, spread_of
+from middeck.identification.spectra.weights import Spread, by_output, excess_share, line_degrees, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
@@ -239,7 +234,7 @@ def _searched(
     if cost == "logarithmic":
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
-        best, followed = likelihood_polish(data, best, measured.covariance), spread
+        best, followed = likelihood_polish(data, best, measured.covariance, line_degrees(measured)), spread
     return _Searched(
         measured=measured,
         data=data,

@@ -2,7 +2,8 @@
 
 With the poles of the fit the rest is linear, and a delay only turns the data. So a delay is tried by least
 squares at hardly any cost, on each output's own: if its response, moved earlier, is followed much better
-without a constant term than it is with one where it stands, a delay is lacking, not a mode.
+without a constant term (an acceleration: with one) than it is with one where it stands, a delay is lacking,
+not a mode.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.identification.model.fit_options import is_acceleration
 from middeck.identification.model.measurement_model import MeasurementModel, double_pole
 from middeck.identification.search.fit_warnings import LEFT
 from middeck.identification.spectra.weights import by_output
@@ -35,9 +37,11 @@ def name_missing_delay(
     model, structure = covariance.model, covariance.structure
     if not doubts or model.sample_hz is not None or structure.with_delay or structure.real_constants:
         return doubts
+    degree = 0 if any(is_acceleration(port) for port in measured.outputs) else 1
     late = [
         f"output {port.name}: a delay of about {tau * 1e3:.3g} ms explains most of the {left:.1%} that the "
-        "model leaves; fit it, with --delay output --relative-degree 1 (delay='output', relative_degree=1)"
+        f"model leaves; fit it, with --delay output --relative-degree {degree} (delay='output', "
+        f"relative_degree={degree})"
         for port, left, tau in zip(measured.outputs, error, missing_delay(measured, model), strict=True)
         if tau > 0.0
     ]
@@ -52,7 +56,10 @@ def missing_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float
     s = 2j * np.pi * measured.frequency_hz
     moving = _basis(model, s)
     with_direct = np.column_stack([moving, np.ones(len(s))])
-    found = [_of_output(s, moving, with_direct, H) for H in by_output(measured.H)]
+    found = [
+        _of_output(s, with_direct if is_acceleration(port) else moving, with_direct, H)
+        for port, H in zip(measured.outputs, by_output(measured.H), strict=True)
+    ]
     return np.array(found)
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from middeck.errors import FitError
 from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
-from middeck.identification.search.fit_warnings import confounded_delays, leads
+from middeck.identification.search.fit_warnings import confounded_delays
+from middeck.identification.search.leading_outputs import leads
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
@@ -152,7 +153,7 @@ def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: floa
     return [
         f"poles at {places}: no modes, they stand for a delay of about {delay_s * 1e3:.3g} ms, which this "
         "kind of model does not have; a continuous model has one (--continuous, sampled=False; of rates and "
-        "accelerations with --delay output --relative-degree 1)"
+        "accelerations with --delay output)"
     ]
 
 

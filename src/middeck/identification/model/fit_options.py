@@ -107,7 +107,7 @@ def decided(measured: FrequencyResponse, asked: FitOptions) -> FitOptions:
         states=states,
         constants=constants,
         delay=real if asked.delay is None else asked.delay,
-        direct=_with_direct(asked, real=real),
+        direct=_with_direct(asked, measured.outputs, real=real),
         full_rank=asked.full_rank and measured.H.shape[2] > 1,
     )
 
@@ -127,11 +127,17 @@ ANGLE = r"([mμun]|milli|micro)?(rad(ian)?s?|deg(ree)?s?)|°|arc[ -]?(sec|min)|r
 MOTION = rf"({LENGTH}|{ANGLE}|(micro)?strain|μ?ε|μ?m/m|1|)[\s·*.]*"
 # The end of its unit: over seconds, once or twice, by a stroke or by a negative power.
 SECOND = r"s(ec(ond)?s?)?\s*"
-TWICE = rf"((\^|\*\*)?\s*\{{?2\}}?|²|[/*·]\s*{SECOND})?"
-OVER = rf"/\s*({SECOND}{TWICE}|\(\s*{SECOND}{TWICE}\s*\))"
-POWER = rf"{SECOND}((\^|\*\*)?[({{]?-\s*[12][)}}]*|⁻[¹²])"
-RATE = re.compile(rf"{MOTION}({OVER}|{POWER})")
-BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug", "rpm")
+TWICE = rf"((\^|\*\*)?\s*\{{?2\}}?|²|[/*·]\s*{SECOND})"
+
+
+def _over_seconds(twice: str, power: str) -> re.Pattern[str]:
+    over = rf"/\s*({SECOND}{twice}|\(\s*{SECOND}{twice}\s*\))"
+    return re.compile(rf"{MOTION}({over}|{SECOND}((\^|\*\*)?[({{]?-\s*{power[0]}[)}}]*|⁻{power[1]}))")
+
+
+VELOCITY, ACCELERATION = _over_seconds("", "1¹"), _over_seconds(TWICE, "2²")
+# Accelerations by name; a velocity has but one.
+BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug")
 
 
 def is_rate(port: Port) -> bool:
@@ -148,10 +154,34 @@ def is_rate(port: Port) -> bool:
     >>> [is_rate(Port("cell", u)) for u in ("N m/s", "Nm/s", "N/s", "kg m/s^2", "m^3/s", "counts/s")]
     [False, False, False, False, False, False]
     """
-    unit = re.sub(r"^[(\[{]([^()\[\]]*)[)\]}]$", r"\1", port.unit.strip()).strip()
+    return is_velocity(port) or is_acceleration(port)
+
+
+def is_velocity(port: Port) -> bool:
+    """Whether the unit is that of a velocity: its response has relative degree one.
+
+    >>> [is_velocity(Port("tip", u)) for u in ("m/s", "rad s^-1", "rpm", "m/s^2", "g", "m")]
+    [True, True, True, False, False, False]
+    """
+    unit = _plain(port.unit)
+    return unit == "rpm" or bool(VELOCITY.fullmatch(unit))
+
+
+def is_acceleration(port: Port) -> bool:
+    """Whether the unit is that of an acceleration: its response has relative degree zero.
+
+    >>> [is_acceleration(Port("tip", u)) for u in ("m/s/s", "rad s^-2", "g", "m/s", "rpm")]
+    [True, True, True, False, False]
+    """
+    unit = _plain(port.unit)
+    return unit in BY_NAME or bool(ACCELERATION.fullmatch(unit))
+
+
+def _plain(unit: str) -> str:
+    """Without brackets around it, in lower case."""
+    unit = re.sub(r"^[(\[{]([^()\[\]]*)[)\]}]$", r"\1", unit.strip()).strip()
     # Nanometres have a small n.
-    unit = re.sub("N(?=[mM])", "N ", unit).casefold()
-    return unit in BY_NAME or bool(RATE.fullmatch(unit))
+    return re.sub("N(?=[mM])", "N ", unit).casefold()
 
 
 def _check_sampled(measured: FrequencyResponse, asked: FitOptions) -> None:
@@ -190,9 +220,11 @@ def _check_rigid(asked: FitOptions, most: int) -> None:
         )
 
 
-def _with_direct(asked: FitOptions, *, real: bool) -> bool:
+def _with_direct(asked: FitOptions, outputs: Sequence[Port], *, real: bool) -> bool:
+    """Complex constants take up a delay but for their sum: the constant term that a velocity lacks."""
     if asked.relative_degree is None:
-        return asked.residuals or (not real if asked.direct is None else asked.direct)
+        told_by_sum = bool(asked.delay) and all(is_velocity(port) for port in outputs)
+        return asked.residuals or (not (real or told_by_sum) if asked.direct is None else asked.direct)
     if asked.relative_degree and (asked.residuals or asked.direct):
         raise ConfigError(
             f"a constant term has relative degree zero, not {asked.relative_degree}",

@@ -42,7 +42,8 @@ from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.search import WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
 from middeck.identification.record_fit.tidy import Tidied, tidied
-from middeck.identification.search.fit_warnings import causal_delay, doubts_of_deviations
+from middeck.identification.search.fit_warnings import doubts_of_deviations
+from middeck.identification.search.leading_outputs import causal_delay
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import uncertainty_of

@@ -6,15 +6,15 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
+from middeck.identification.model.fit_options import is_velocity
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
-    model_response,
     natural_hz,
 )
 from middeck.identification.start.start import HEAVY, NARROW
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.parameters import Uncertainty, distinct_poles, uncertainty_of
+from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 
 # A steady record of a test article repeats itself within a few per cent, sensor noise and weak
@@ -29,16 +29,9 @@ HALF = 0.5
 CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
 FAILED = 2.0
-# Deviations by which the fit of an output that is not delayed may lead by chance: once in 700 fits.
-BY_CHANCE = 3.0
-# A lead is only a little one if the model without it leaves no more than this many times as much.
-LEAD_COST = 2.0
-CHECK = "check which channel is the input, and that the period is long enough"
-TAKE_MORE = "the band is too narrow to tell a delay from modes outside it: take a wider one, or delay=False"
 # A pole so many times outside the band is none of the article.
 FAR = 100.0
 UNDETERMINED = "is not determined by the data"
-BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
 
 
 def doubts_of_record(measured: FrequencyResponse) -> list[str]:
@@ -132,21 +125,28 @@ def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance
 
 def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> dict[int, str]:
     """Outputs whose delay is not known as its deviation says, and why."""
-    at = covariance.at
+    at, structure = covariance.at, covariance.structure
     found: dict[int, str] = {}
     standing = _stands_for_phase(measured, covariance.model)
     unknown = np.isinf(uncertainty_of(covariance).delay_s)
     for o in np.flatnonzero(at.delay >= 0):
-        name, inflation = covariance.model.outputs[o].name, covariance.inflation[at.delay[o]]
+        port, inflation = covariance.model.outputs[o], covariance.inflation[at.delay[o]]
+        name, delay_ms = port.name, 1e3 * covariance.model.delay_s[o]
         if unknown[o] or inflation > CONFOUNDED:
             loose = f"its deviation is {np.sqrt(inflation):.0f} times what it would be if they were known"
             found[int(o)] = (
                 f"output {name}: the delay is confounded with the residues, only their sum is certain: "
                 f"{f'it {UNDETERMINED}' if unknown[o] else loose}; fit real constants, or no delay"
             )
+        elif structure.with_direct and not structure.real_constants and is_velocity(port):
+            found[int(o)] = (
+                f"output {name}: the delay of {delay_ms:.4g} ms is not known as its deviation says: the "
+                "constant term alone tells it from the residues, and modes outside the band leave one, too; "
+                "fit velocities apart, with --delay output --relative-degree 1"
+            )
         elif standing:
             found[int(o)] = (
-                f"output {name}: the delay of {covariance.model.delay_s[o] * 1e3:.4g} ms is not known as its "
+                f"output {name}: the delay of {delay_ms:.4g} ms is not known as its "
                 "deviation says: the band is narrow, and poles outside it that are no modes stand for phase, "
                 "too; take a wider band"
             )
@@ -225,56 +225,3 @@ def _doubts_of_damping(
 def _loose(deviation: float, words: str) -> str:
     """What is said of a number with a large deviation, or with none."""
     return f"has a deviation of {words}: not known" if np.isfinite(deviation) else UNDETERMINED
-
-
-def causal_delay(
-    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
-) -> tuple[np.ndarray, list[str]]:
-    """Delays of zero or more; an advance beyond chance is a warning, a long one an error."""
-    warnings: list[str] = []
-    for o, tau in enumerate(delay_s):
-        name = measured.outputs[o].name
-        if tau < -1.0 / measured.frequency_hz[-1]:
-            raise FitError(
-                f"the output leads its input by {-tau:.6g} s",
-                where=f"output {name}",
-                hint=f"{TAKE_MORE if is_narrow(measured) else CHECK}; {BEYOND}",
-            )
-        if leads(tau, uncertainty.delay_s[o]):
-            warnings.append(
-                f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
-                " its delay is set to zero"
-            )
-    return np.maximum(delay_s, 0.0), warnings
-
-
-def leads(delay_s: float, deviation_s: float) -> bool:
-    """Whether a delay is below zero by more than chance.
-
-    >>> leads(-2e-3, 1e-3), leads(-4e-3, 1e-3)
-    (False, True)
-    """
-    return bool(delay_s < 0.0 and not -delay_s <= BY_CHANCE * deviation_s < np.inf)
-
-
-def refuse_a_lead(measured: FrequencyResponse, found: MeasurementModel, model: MeasurementModel) -> None:
-    """`FitError` where ``found`` follows an output that leads, and ``model``, without the lead, does not."""
-    left, kept = (
-        np.sum(np.abs(model_response(m, measured.frequency_hz) - measured.H) ** 2, axis=(0, 2))
-        for m in (found, model)
-    )
-    size = size_of(measured)
-    worse = (kept > LEAD_COST**2 * left) & (kept > LEFT**2 * size)
-    lost = (found.delay_s < 0.0) & (worse | (kept > size))
-    if lost.any():
-        o = int(np.argmax(lost))
-        raise FitError(
-            f"the output leads its input by {-found.delay_s[o]:.6g} s, and no model follows without",
-            where=f"output {measured.outputs[o].name}",
-            hint=f"{TAKE_MORE if is_narrow(measured) else 'leave the output out'}; {BEYOND}",
-        )
-
-
-def size_of(measured: FrequencyResponse) -> Float[np.ndarray, " output"]:
-    """Sum of |H|^2 of each output."""
-    return np.sum(np.abs(measured.H) ** 2, axis=(0, 2))

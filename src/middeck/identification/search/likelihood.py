@@ -4,7 +4,8 @@ A weighted fit takes the entries of H for independent. They are not: outputs sha
 orthogonal share an output's noise, and the noise of a measured input comes through all outputs at once. With
 E[dH_oi conj(dH_pj)] = C_op R_ij the likelihood's cost is sum tr(C^-1 (H - E) R^-T (H - E)^H) (Pintelon and
 Schoukens 2012, ch. 9 and 12; C holds sigma_y^2 + |G|^2 sigma_u^2 - 2 Re(conj(G) sigma_yu) of noisy inputs).
-C from few periods is uncertain, so that it is averaged over neighbouring lines; what the model cannot follow
+C from few periods is uncertain, so that it is averaged over neighbouring lines, its variances as the weights
+are (`weights`); what the model cannot follow
 adds a variance of its own to each output, as in a weighted fit, estimated anew after each round.
 """
 
@@ -24,7 +25,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.design import residual_of
 from middeck.identification.search.polish import Polished, bound_theta, bounded
 from middeck.identification.search.refine import weighted
-from middeck.identification.spectra.weights import ROUNDING, averaged
+from middeck.identification.spectra.weights import ROUNDING, averaged_covariance
 from middeck.systems.plants.response import ResponseCovariance
 from middeck.values import record
 
@@ -47,14 +48,14 @@ class Noise:
         return np.linalg.inv(np.linalg.cholesky(self.C + np.diag(share * self.size)))
 
 
-def noise_of(data: Data, covariance: ResponseCovariance) -> Noise:
-    """The noise of a response, fit for whitening.
+def noise_of(data: Data, covariance: ResponseCovariance, degrees: float) -> Noise:
+    """The noise of a response, fit for whitening; ``degrees`` of freedom tell its variance on each line.
 
     Raises `FitError` where some outputs, or inputs, err as one: their difference would rule the fit.
     """
     size = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
     power = np.real(np.einsum("lii->l", covariance.inverse_power)) / covariance.inverse_power.shape[1]
-    C = averaged(covariance.outputs * power[:, None, None]) + np.diag(ROUNDING * size)
+    C = averaged_covariance(covariance.outputs * power[:, None, None], degrees) + np.diag(ROUNDING * size)
     _refuse_alike(C, "outputs", "leave out an output that is another, or record more periods")
     _refuse_alike(covariance.inverse_power, "inputs", "experiments with independent inputs")
     # Rows h of H with E[h^T conj(h)] = L L^H are white times L^-T.
@@ -62,10 +63,12 @@ def noise_of(data: Data, covariance: ResponseCovariance) -> Noise:
     return Noise(C, np.linalg.inv(lower).mT, size)
 
 
-def likelihood_polish(data: Data, start: Polished, covariance: ResponseCovariance) -> Polished:
+def likelihood_polish(
+    data: Data, start: Polished, covariance: ResponseCovariance, degrees: float
+) -> Polished:
     """The likeliest model from a weighted fit's."""
     layout, best = start.layout, start
-    noise = noise_of(data, covariance)
+    noise = noise_of(data, covariance, degrees)
     white = dataclasses.replace(
         data, H=_white(data.H, noise), drive=noise.white, weight=np.ones(data.H.shape)
     )

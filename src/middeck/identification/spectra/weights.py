@@ -86,20 +86,32 @@ def averaged(x: np.ndarray) -> np.ndarray:
     return re + 1j * im
 
 
+def averaged_covariance(
+    C: Complex[np.ndarray, "line channel channel"], degrees: float
+) -> Complex[np.ndarray, "line channel channel"]:
+    """C, known on each line with so many ``degrees``: correlations of the average, variances of `_smooth`."""
+    found = averaged(C)
+    own = _smooth(np.real(np.linalg.diagonal(C)).T[:, :, None], degrees)[:, :, 0].T
+    wide = np.real(np.linalg.diagonal(found))
+    more = np.sqrt(own / np.maximum(wide, np.finfo(float).tiny))
+    return more[:, :, None] * found * more[:, None, :]
+
+
 def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     """Variance averaged over neighbouring lines, and the size of the output or (relative) of the line."""
     H = by_output(measured.H)
     power = np.broadcast_to(np.mean(np.abs(H) ** 2, axis=(1, 2), keepdims=True), H.shape)
-    variance = _smooth(measured) + ROUNDING * power
+    degrees = line_degrees(measured)
+    variance = ROUNDING * power
+    if measured.variance is not None:
+        variance = variance + _smooth(by_output(measured.variance), degrees)
     # |r|^2 / E |r|^2 scatters by one, and v, a gamma variate, by one over the root of its degrees.
-    chance = np.sqrt((1.0 + 1.0 / line_degrees(measured)) / H.size)
+    chance = np.sqrt((1.0 + 1.0 / degrees) / H.size)
     return Spread(variance, np.abs(H) ** 2 if relative else power, relative, float(chance))
 
 
-def _smooth(measured: FrequencyResponse) -> Float[np.ndarray, "output line input"]:
-    if measured.variance is None:
-        return np.zeros(by_output(measured.H).shape)
-    v, degrees = by_output(measured.variance), line_degrees(measured)
+def _smooth(v: Float[np.ndarray, "output line input"], degrees: float) -> np.ndarray:
+    """An average over lines, no less than what fewer of them say beyond chance."""
     smooth = wide = _mean_of_lines(v, NEIGHBOURS)
     for half in (h for h in NARROWER if degrees < np.inf):
         # Gamma variates: what fewer lines say, where it is more than chance.

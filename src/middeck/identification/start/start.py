@@ -97,9 +97,7 @@ def starts_from(data: Data, options: FitOptions, found: Complex[np.ndarray, " st
     if options.real_constants:
         yield from _real_starts(data, options, found)
         return
-    start = _complex_start(data, options, found)
-    if start is not None:
-        yield start
+    yield from _complex_starts(data, options, found)
 
 
 def _sized_poles(data: Data, options: FitOptions, size: float, rows: float) -> np.ndarray | None:
@@ -108,22 +106,32 @@ def _sized_poles(data: Data, options: FitOptions, size: float, rows: float) -> n
     return next(subspace_poles(data, options.period_s, [order], block_rows(data, order, rows)), None)
 
 
-def _complex_start(data: Data, options: FitOptions, found: np.ndarray) -> Start | None:
-    """The strongest poles of the subspace, each with the rank-one part of its residue."""
+def _complex_starts(data: Data, options: FitOptions, found: np.ndarray) -> Iterator[Start]:
+    """The strongest poles of the subspace, each with the rank-one part of its residue.
+
+    Without a delay, and at the best ones of each output: the residues take up a short delay, not a long one.
+    """
     poles, pair = upper_half(found, options.period_s)
     prompt = np.zeros((len(data.H), 1))
-    start = start_at(data, options, poles, pair, prompt)
+    delays = [prompt]
+    if options.delay_of:
+        delays += list(_first_delays(data, options, _one_by_one(data, options, poles, pair)[2]))
     states = [int(n) for n in np.where(pair, 2, 1)]
     if sum(states) == options.moving:
-        return start
-    layout = start.layout
-    terms = build_terms(layout, data, start.theta)
+        yield from (start_at(data, options, poles, pair, delay_s) for delay_s in delays)
+        return
+    start = start_at(data, options, poles, pair, prompt)
+    terms = build_terms(start.layout, data, start.theta)
     if terms is None:
-        return None
+        return
     line, level = _weights_alike(data)
-    modes = [layout.columns_of(m) for m in range(len(pair))]
-    kept = prune(as_real(terms.X * line).T, as_real(data.H * level * line).T, modes, states, options.moving)
-    return None if kept is None else start_at(data, options, poles[kept], pair[kept], prompt)
+    modes = [start.layout.columns_of(m) for m in range(len(pair))]
+    rows = as_real(terms.X * line).T
+    for delay_s in delays:
+        target = data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line
+        kept = prune(rows, as_real(target).T, modes, states, options.moving)
+        if kept is not None:
+            yield start_at(data, options, poles[kept], pair[kept], delay_s)
 
 
 def upper_half(

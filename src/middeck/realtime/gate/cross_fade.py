@@ -25,12 +25,13 @@ def check_cross_fade(
     least: GateMargins,
     engine: EngineSettings | None = None,
     gain: AdaptiveGain | None = None,
+    share: float = 1.0,
 ) -> tuple[GateStep, ...]:
     """While ``engaged`` fades out and ``package`` in, the loop with each model is stable with margin.
 
-    From full authority of one to that of the other, at eleven points of either fade, beside the hold of the
-    ``engine``; without one, by the times of an engine's default settings. Both have the adaptive ``gain``:
-    with one, also at its least and at its largest.
+    From full authority of one to that of the other, and to a ``share`` of it, at eleven points of either
+    fade, beside the hold of the ``engine``; without one, by the times of an engine's default settings. Both
+    have the adaptive ``gain``: with one, also at its least and at its largest.
     """
     gains = {1.0} if gain is None else {1.0, gain.minimum, gain.maximum} - {0.0}
     try:
@@ -44,7 +45,8 @@ def check_cross_fade(
                 sum_of_laws([first, second], [g * leaves, g * rises]),
             )
             for g in sorted(gains)
-            for leaves, rises in fade_points(engaged.ramp, package.ramp, plain)
+            for top in sorted({share, 1.0})
+            for leaves, rises in fade_points(engaged.ramp, package.ramp, plain, top)
         ]
     except ConfigError as error:
         said = f"{error.what}: {error.hint}"
@@ -55,12 +57,15 @@ def check_cross_fade(
     )
 
 
-def fade_points(leaves: int, rises: int, settings: EngineSettings) -> list[tuple[float, float]]:
+def fade_points(
+    leaves: int, rises: int, settings: EngineSettings, share: float = 1.0
+) -> list[tuple[float, float]]:
     """Fades of the law that leaves and of the one that rises, where either is at a tenth of its authority.
 
     Args:
         leaves, rises: Samples of their own ramps.
         settings: Of the engine: its least ramp, and its longest way out.
+        share: Of its ramp, to which the second rises.
 
     Eleven points for ramps of one length.
     """
@@ -69,4 +74,4 @@ def fade_points(leaves: int, rises: int, settings: EngineSettings) -> list[tuple
     # Where a fade is a tenth, two tenths ...: `fade_at` inverted.
     parts = [0.5 - math.sin(math.asin(1.0 - 2.0 * fade) / 3.0) for fade in FADES]
     times = sorted({round(part * length, 6) for part in parts for length in (fall, rise)})
-    return [(1.0 - fade_at(min(time / fall, 1.0)), fade_at(min(time / rise, 1.0))) for time in times]
+    return [(1.0 - fade_at(min(time / fall, 1.0)), fade_at(min(time / rise, share))) for time in times]

@@ -111,7 +111,8 @@ def examine_package(
             closed on every model, and what it does not run is not passed. Without them the package is for any
             computer, and is tried alone.
         engaged: The package that it is to relieve: their cross-fade is tried on every model
-            (`check_cross_fade`). Without it that fade is not judged; the one from the hold alone always is.
+            (`check_cross_fade`), with ``trials`` also to their share. Without it that fade is not judged; the
+            one from the hold alone always is.
 
     Raises `ConfigError` without a model, as a package that was tried on nothing has passed nothing, and for
     a rig whose engine has another hold than ``settings``.
@@ -136,7 +137,8 @@ def examine_package(
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
         if engaged is not None and _good(steps):
-            steps += check_cross_fade(engaged, package, models, least, engine, gain)
+            share = 1.0 if trials is None else trials.share
+            steps += check_cross_fade(engaged, package, models, least, engine, gain, share)
     if gain is not None and _good(steps):
         proofs = prove_gain(held, gain, models)
         steps += [

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from jaxtyping import Inexact, Int
 
 from middeck.structure.elements.bushings import RelativeMotion, relative_motion
-from middeck.structure.elements.links import Cosines, cosines
+from middeck.structure.elements.direction_cosines import Cosines, cosines
 from middeck.structure.model.links import (
     DIRECTIONS,
     AnyLink,

@@ -11,7 +11,6 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble_carried
-from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.loads import Loads
@@ -20,10 +19,10 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.modes.eigenproblem.all_or_lowest import solve_pairs
+from middeck.structure.modes.eigenproblem.eigen import Eigenpairs
 from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.eigenproblem.rounding import rounding, separate_rigid
-from middeck.structure.modes.names.kinds import SMALL
 from middeck.structure.modes.solve import Modes
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
@@ -89,8 +88,7 @@ def _pairs(
     free: Freedom, model: Model, K: sp.csr_array, M: sp.csr_array, count: int, soft: np.ndarray | None
 ) -> Eigenpairs:
     stiffness, mass = free.matrix(K), free.matrix(M)
-    small = order(stiffness) <= max(SMALL, 4 * (count + SPARE))
-    pairs = solve_all(stiffness, mass, soft) if small else solve_lowest(stiffness, mass, count + SPARE, soft)
+    pairs = solve_pairs(stiffness, mass, count + SPARE, soft)
     if pairs is None:
         raise NumericalError(
             "a motion has neither mass nor stiffness",

@@ -12,6 +12,7 @@ from middeck.structure.model.article import Body, Member, Structure, held_angle
 from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import joined_nodes, separate_parts, some_names
+from middeck.structure.model.inertia import impossible_moments
 from middeck.structure.model.links import link_faults
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.model.section import Section
@@ -112,9 +113,9 @@ def _bodies(structure: Structure) -> Iterator[str]:
 
 
 def _triangle(name: str, inertia: np.ndarray) -> Iterator[str]:
-    """Flat bodies meet the inequality with equality."""
-    a, b, c = np.linalg.eigvalsh(inertia).tolist()
-    if a + b < c * (1.0 - UNIT_ERROR):
+    moments = impossible_moments(inertia)
+    if moments is not None:
+        a, b, c = moments
         yield (
             f"{name!r} carries a body whose inertia none has: {a:g} + {b:g} < {c:g} kg m^2 (triangle "
             "inequality); rotors_excluded says that it leaves spinning rotors out"

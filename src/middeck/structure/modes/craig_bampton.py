@@ -32,8 +32,7 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.eigen import solve_all, solve_lowest
-from middeck.structure.modes.names.kinds import SMALL
+from middeck.structure.modes.eigenproblem.all_or_lowest import all_cost_less, solve_pairs
 from middeck.structure.rest.equilibrium import solve_equilibrium
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
@@ -218,13 +217,12 @@ def _fixed_modes(
     """The lowest modes with the boundary held, and the frequency [Hz] of the one after them."""
     wanted = FIRST if count is None else count + 1
     while True:
-        few = order(K) > max(SMALL, 4 * wanted)
-        pairs = solve_lowest(K, M, wanted) if few else solve_all(K, M)
+        pairs = solve_pairs(K, M, wanted)
         if pairs is None:
             raise NumericalError("a motion inside has neither mass nor stiffness", where="reduction")
         hz = np.sqrt(np.maximum(pairs.lam, 0.0)) / (2.0 * np.pi)
         kept = count if count is not None else int(np.sum(hz <= (upto_hz or 0.0)))
-        if not few or kept < len(hz):
+        if all_cost_less(K, wanted) or kept < len(hz):
             kept = min(kept, len(hz))
             return pairs.lam[:kept], pairs.shapes[:, :kept], float(hz[kept]) if kept < len(hz) else np.inf
         wanted *= 2

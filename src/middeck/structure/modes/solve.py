@@ -8,7 +8,6 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.assembly.energy import assemble, assemble_carried
-from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mass import carried_mass, mass_matrix
@@ -24,12 +23,13 @@ from middeck.structure.modes.diagnosis import (
     moment_warnings,
     where_lost,
 )
-from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_all, solve_lowest
+from middeck.structure.modes.eigenproblem.all_or_lowest import solve_pairs
+from middeck.structure.modes.eigenproblem.eigen import Eigenpairs
 from middeck.structure.modes.eigenproblem.left_out_stiffness import component_warnings
 from middeck.structure.modes.eigenproblem.rounding import rounding, separate_rigid
 from middeck.structure.modes.motions.rigid import rigid_basis
 from middeck.structure.modes.names.kind_warnings import kind_warnings
-from middeck.structure.modes.names.kinds import SMALL, find_kinds
+from middeck.structure.modes.names.kinds import find_kinds
 from middeck.structure.modes.names.naming import name_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
 from middeck.values import record
@@ -195,14 +195,10 @@ def _solve(
 def _eigenpairs(
     model: Model, free: Freedom, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
 ) -> Eigenpairs:
-    if count is None or order(K) <= max(SMALL, 4 * count):
-        pairs = solve_all(K, M, soft)
-        pairs = pairs and Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
-    else:
-        pairs = solve_lowest(K, M, count, soft)
+    pairs = solve_pairs(K, M, count, soft)
     if pairs is None:
         raise _massless(model, free, K + M)
-    return pairs
+    return Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
 
 
 def _massless(model: Model, free: Freedom, shifted: sp.csr_array) -> NumericalError:

@@ -27,6 +27,7 @@ from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.model.travel import check_travel
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
 from middeck.structure.rest.settled import TOLERANCE
+from middeck.structure.rest.slack_cables import refuse_slack_cables
 from middeck.structure.rest.statics import settle
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
@@ -115,7 +116,7 @@ def solve_equilibrium(
     loads = environment_loads(model, environment, tuned)
     _check_driven(model, environment, loads)
     settled = settle(model, loads)
-    _check_pull(tuned, settled.assembly.tension)
+    refuse_slack_cables(tuned.name, settled.assembly.tension)
     _check_turns(model, environment, settled.config, loads)
     if settled.residual < settled.enough:
         check_travel(model.structure, settled.config.angle)
@@ -229,20 +230,6 @@ def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
             f"loads turn the free article by a moment of {np.linalg.norm(pull[3:]):.4g} N m",
             where=where,
             hint=hint,
-        )
-
-
-def _check_pull(suspension: TunedSuspension, tension: np.ndarray) -> None:
-    """Springs, which follow the devices, may push."""
-    pull = dict(zip(suspension.name, map(float, tension), strict=False))
-    slack = {name: value for name, value in pull.items() if value <= 0.0}
-    if slack:
-        named = ", ".join(f"{name!r} ({value:.3f} N)" for name, value in slack.items())
-        raise EquilibriumError(
-            f"slack at equilibrium: the cable of {named}",
-            where="suspension",
-            hint="a cable cannot push: move the attach points, take a device away or lower its stiffness",
-            tension_n=pull,
         )
 
 

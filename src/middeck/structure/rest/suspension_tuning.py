@@ -13,13 +13,14 @@ from typing import NamedTuple, cast
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.errors import ConfigError, EquilibriumError
+from middeck.errors import ConfigError
 from middeck.structure.assembly.loads import Ground, Loads, no_loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.rest.pinned import PinnedPoints, PinnedState, settle_pinned, support_forces
+from middeck.structure.rest.slack_cables import refuse_slack_reactions
 from middeck.values import record
 
 LEAST_RISE = 1e-3
@@ -77,7 +78,7 @@ def _tuned_forces(
     """Load of each tuned device by name: its share of the vertical reaction over its slope."""
     attach = _tuned_attach(tuned)
     reaction = support @ _up(environment)
-    _check_pull(attach, np.real(reaction))
+    refuse_slack_reactions(attach, np.real(reaction))
     together = [d.attach for d in tuned]
     pull = dict(zip(attach, reaction, strict=True))
     return {d.name: pull[d.attach] / together.count(d.attach) / slope[d.name] for d in tuned}
@@ -119,17 +120,6 @@ def pinned_loads(model: Model, environment: Environment) -> Loads:
     given = [(d, d.force) for d in environment.hung if d.force is not None]
     lines = [_line(model, environment, d, R, _stiffness(environment, d, R)) for d, R in given]
     return _loads(model, environment, [*lines, *(_tie(model, s) for s in environment.springs)])
-
-
-def _check_pull(attach: tuple[str, ...], reaction: np.ndarray) -> None:
-    for name, value in zip(attach, reaction, strict=True):
-        if value <= 0.0:
-            raise EquilibriumError(
-                f"the cable at {name!r} would be slack: its pinned reaction is {value:.3f} N",
-                where=f"suspension at {name!r}",
-                hint="move the attach points so that each carries load, or hang the article by fewer",
-                reactions_n=dict(zip(attach, map(float, reaction), strict=True)),
-            )
 
 
 def environment_loads(model: Model, environment: Environment, tuned: TunedSuspension) -> Loads:

@@ -21,9 +21,9 @@ from middeck.structure.modes.solve import Modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
-from middeck.updating.promise.bound import Bound, bound_worst
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
 from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
+from middeck.updating.promise.performance_bound import Bound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.slip import draw_slips
 from middeck.updating.promise.slip_run import run_slips

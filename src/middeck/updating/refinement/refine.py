@@ -28,6 +28,7 @@ from middeck.updating.refinement.posterior import (
     unseen_deviations,
 )
 from middeck.updating.residuals.gauges import Gauge
+from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.statics import (
     ComparedStatic,
@@ -45,7 +46,6 @@ from middeck.updating.residuals.surveys import (
     Survey,
     compare,
     compare_measured_response,
-    pair,
     set_up,
 )
 from middeck.updating.unknowns.loop_unknowns import LOOP, loop_slopes

@@ -7,14 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
-    seen,
-    sensor_rows,
     sort_rms,
     straight_channels,
 )
@@ -25,6 +21,7 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.updating.residuals.pairing import at_channels, pair
 from middeck.updating.residuals.responses import (
     ComparedResponse,
     MeasuredResponse,
@@ -35,10 +32,6 @@ from middeck.updating.residuals.responses import (
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 
-# Of a shape: a measured mode that has less in common with any of the model's is not paired.
-COMMON = 0.4
-# No measured mode is a mode of twice its frequency.
-WINDOW = 2.0
 # Of a shape whose noise the test does not state, relative.
 SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
@@ -268,33 +261,3 @@ def _equation_slopes(
     out = np.zeros((len(rows), len(bound)))
     np.add.at(out, row, c[of, right][:, None] * by_unknown)
     return out
-
-
-def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
-    """What the channels of the test would read of each mode."""
-    return seen(sensor_rows(modes, measured.node, measured.direction), modes)
-
-
-def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
-    """One to one: by shape and nearness in frequency; where there are no shapes by frequency."""
-    moving = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
-    apart = np.abs(np.log(modes.frequency_hz[moving, None] / measured.frequency_hz))
-    if measured.node:
-        found = pair_shapes(modal_assurance(at_channels(modes, measured)[:, moving], measured.shape), apart)
-    else:
-        i, j = linear_sum_assignment(apart)
-        kept = apart[i, j] <= np.log(WINDOW)
-        found = np.stack([i[kept], j[kept]], axis=1)
-    pairs = np.stack([moving[found[:, 0]], found[:, 1]], axis=1)
-    return pairs[np.argsort(pairs[:, 1], kind="stable")]
-
-
-def pair_shapes(
-    alike: Float[np.ndarray, "mode measured"], apart: Float[np.ndarray, "mode measured"]
-) -> Int[np.ndarray, "pair 2"]:
-    """One to one, from the MAC of all with all and the distances of their frequencies, in logarithms."""
-    # At few channels modes far apart look alike: of two that do the nearer one counts.
-    near = np.maximum(1.0 - apart / np.log(WINDOW), 0.0)
-    i, j = linear_sum_assignment(alike * near, maximize=True)
-    kept = (alike[i, j] >= COMMON) & (near[i, j] > 0.0)
-    return np.stack([i[kept], j[kept]], axis=1)

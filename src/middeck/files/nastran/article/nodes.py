@@ -10,6 +10,7 @@ from middeck.files.nastran.article.parts import Basis, reach, turns
 from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.masses_and_springs.bodies import Mass
 from middeck.structure.model.connectivity import some_names
+from middeck.structure.model.inertia import impossible_moments
 
 Tables = list[dict[str, Any]]
 
@@ -64,7 +65,6 @@ def _node(basis: Basis, grid: int, body: Mass | None) -> dict[str, Any]:
     if turns(body):
         inertia = body.inertia * basis.mass_unit * length**2
         node["inertia_kg_m2"] = inertia
-        a, b, c = np.linalg.eigvalsh(inertia)
-        if body.mass == 0.0 or a + b < c * (1.0 - 1e-9):
+        if body.mass == 0.0 or impossible_moments(inertia) is not None:
             node["rotors_excluded"] = True
     return node

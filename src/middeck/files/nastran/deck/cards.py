@@ -26,8 +26,8 @@ def _columns(width: int, count: int) -> Callable[[str], tuple[str, ...]]:
     return itemgetter(*(slice(8 + width * k, 8 + width * (k + 1)) for k in range(max(2, count))))
 
 
-# By how many fields a line has.
-NARROW = [_columns(8, count) for count in range(ROW + 1)]
+# By the length of a line, at most 80: by how many fields it has.
+NARROW = [_columns(8, min(ROW, (length - 1) // 8)) for length in range(81)]
 WIDE = [_columns(16, count) for count in range(ROW // 2 + 1)]
 MARKS = "+*"
 BREAK = "break it with a continuation"
@@ -60,7 +60,7 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     lines, strip = list(lines), str.strip
     whole = "\n".join([line[0] for line in lines]).upper()
     texts = whole.split("\n")  # all at once: a fifth of one by one
-    tabs, stars = "\t" in whole, "*" in whole
+    tabs, stars, marked = "\t" in whole, "*" in whole, False
     for text, line in zip(texts, lines, strict=False):  # no lines are one text
         if "," in text:
             row = _cut_free(text, line)
@@ -75,14 +75,11 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
             else:  # here, not in a function: three in four lines of a large deck
                 end = len(text)
                 tail = text[72:80].strip() if end > 72 else ""
-                row = (
-                    head or "+",
-                    tuple(map(strip, NARROW[min(ROW, (end - 1) // 8)](text))),
-                    tail,
-                    False,
-                    line,
-                )
+                fields = tuple(map(strip, NARROW[end if end < 80 else 80](text)))
+                row = (head or "+", fields, tail, False, line)
         head = row[HEAD]
+        if row[TAIL]:
+            marked = True
         if head[0] not in MARKS:
             group = [row]
             groups.append(group)
@@ -97,10 +94,10 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
             apart.append(group)
     if apart:
         faults += _adopt(groups, apart)
-    tailed = [group for group in groups if len(group) > 1 or group[0][TAIL]]
-    counted = bool(tailed) and _are_counted(groups)
-    for group in tailed:
-        faults += _forgotten(group, counted)
+    if marked:
+        counted = _are_counted(groups)
+        for group in groups:
+            faults += _forgotten(group, counted) if len(group) > 1 or group[0][TAIL] else []
     if "=" in whole:
         groups = replicated(groups, faults)
     raise_faults(faults)

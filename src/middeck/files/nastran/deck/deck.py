@@ -68,12 +68,18 @@ def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
 
 @contextmanager
 def _without_collection() -> Generator[None]:
-    """Cards are many and hold no cycles: looking for them takes half of the reading."""
+    """Cards are many and hold no cycles: looking for them takes half of the reading.
+
+    They are old when it goes on, or the next look would be at all of them.
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
+        if enabled and not gc.get_freeze_count():  # what others froze stays so
+            gc.freeze()
+            gc.unfreeze()
         if enabled:
             gc.enable()
 

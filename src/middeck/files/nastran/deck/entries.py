@@ -259,7 +259,9 @@ def _plain(texts: Sequence[str], kind: str, blank: Any) -> list[Any] | None:
             numbers = None if math.inf in numbers or -math.inf in numbers else numbers
     if kind in "ni" and whole.isascii() and whole.replace(",", "").isdecimal():
         numbers = [int(text) if text else blank for text in texts]
-        given = numbers if "" not in texts else [number for number in numbers if number is not blank]
+        given = (
+            [number for text, number in zip(texts, numbers, strict=True) if text] if "" in texts else numbers
+        )
         numbers = None if max(given) >= LARGEST or (kind == "n" and min(given) <= 0) else numbers
     return numbers
 

@@ -90,29 +90,32 @@ class _Reader:
     def read(self, path: Path, within: tuple[Path, ...]) -> None:
         """Append the lines of ``path`` and of what it includes."""
         file, number, texts = str(path), 0, _text(path).split("\n")
+        lines = self.bulk if self.begun else self.head
         while number < len(texts) and not self.ended:
             text = texts[number]
             number += 1
             if "$" in text and not _INCLUDE.match(text):
                 text = text[: text.index("$")]
-            if not text or text.isspace():
+            bare = text.lstrip()
+            if not bare:
                 continue
-            initial = text.lstrip()[0]
-            if initial in "IiBbEe":  # what may steer the reader
+            if bare[0] in "IiBbEe":  # what may steer the reader
                 include = _INCLUDE.match(text)
                 if include:
                     named, number = _quoted(include.group(1), texts, number)
                     self._include(named, (text, file, number), path, within)
+                    lines = self.bulk if self.begun else self.head
                     if self.ended and any(map(_counts, texts[number:])):
                         _no_end((text, file, number))
                     continue
                 if _BEGIN.match(text):
                     self._begin((text, file, number))
+                    lines = self.bulk
                     continue
                 if _ENDDATA.match(text):
                     self.ended = True
                     continue
-            (self.bulk if self.begun else self.head).append((text, file, number))
+            lines.append((text, file, number))
 
     def _begin(self, line: Line) -> None:
         if self.begun or "SUPER" in line[0].upper():

@@ -180,8 +180,12 @@ def _stiffness(entry: Entry) -> np.ndarray:
     texts = ["", *(text or "" for text in entry["rest"])]
     found = np.zeros(6)
     for i in range(0, len(texts), ROW):
-        kind, values = (texts[i + 1 : i + 2] or [""])[0], texts[i + 2 : i + ROW]
+        early, kind, values = *[*texts[i : i + 2], ""][:2], texts[i + 2 : i + ROW]
         numbers = [real(text) if text else 0.0 for text in values]
+        if early:
+            raise ValueError(
+                f"PBUSH {entry.id} has {early} in field 2 of a continuation: its place is field 3"
+            )
         if kind in ("B", "GE", "RCV", "T", "A") or not any((kind, *values)):
             continue
         if kind != "K" or None in numbers:

@@ -16,6 +16,10 @@ from middeck.files.nastran.members.shapes import SHAPES, section_shape
 ROW = 8
 OUTPUT = ("YES", "YESA", "NO")  # the first field of a station
 OWN = ("a", "i1", "i2", "i12", "j", "nsm")  # of a PBEAM, in the order of its stations
+ONE_SIDED = (
+    "a DBOX that is another one in a mirror: programs may draw its sides otherwise; "
+    "give its constants (PBAR, PBEAM)"
+)
 # The last two lines of a PBEAM.
 FACTORS: tuple[str, ...] = ("K1", "K2", "S1", "S2", "NSI(A)", "NSI(B)", "CW(A)", "CW(B)")
 AXES: tuple[str, ...] = ("M1(A)", "M2(A)", "M1(B)", "M2(B)", "N1(A)", "N2(A)", "N1(B)", "N2(B)")
@@ -116,6 +120,8 @@ def read_shape(entry: Entry) -> Stations:
     for at, (*sizes, nsm) in _completed(own, found):
         shape = section_shape(name, sizes)
         n1, n2 = shape.centroid if tapers else (0.0, 0.0)
+        if name == "DBOX" and any((shape.i12, n1, n2)):
+            raise ValueError(ONE_SIDED)
         made = Cut(shape.area, shape.i1, shape.i2, shape.i12, shape.j, nsm, n1=n1, n2=n2)
         cuts.append((at, made))
     return Stations(tuple(cuts), *(0.0 if k == float("inf") else k for k in (shape.k1, shape.k2)))

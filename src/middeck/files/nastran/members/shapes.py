@@ -248,6 +248,47 @@ def _hat(height: float, t: float, top: float, brim: float) -> SectionShape:
     )
 
 
+def _hat1(width: float, height: float, top: float, t: float, plate: float) -> SectionShape:
+    """A HAT closed below by a plate as wide as its brims, which are doubled there."""
+    z, web, brim = 0.5 * (top - t), height - t - plate, 0.5 * (width - top)
+    _need(web > 0.0 and top > 2.0 * t and brim > 0.0)
+    low, high, end = 0.5 * plate, height - 0.5 * t, 0.5 * width
+    return _joined(
+        (
+            (low, 0.0, plate, width),
+            (high, 0.0, t, top),
+            *((plate + 0.5 * web, side * z, web, t) for side in (1.0, -1.0)),
+            *((plate + 0.5 * t, side * 0.5 * (top + brim), t, brim) for side in (1.0, -1.0)),
+        ),
+        ((low, -end), (low, -z), (high, -z), (high, z), (low, z), (low, end)),
+        ((0, 1, plate + t), (1, 2, t), (2, 3, t), (3, 4, t), (4, 5, plate + t), (1, 4, plate)),
+    )
+
+
+def _dbox(width: float, height: float, middle: float, *t: float) -> SectionShape:
+    """Two cells; ``middle`` is where the wall between them is, from the left.
+
+    ``t`` are the left wall, that between and the right one, then above and below of the left and right cell.
+    """
+    left, between, right, *covers = t
+    inside = middle - left - 0.5 * between, width - middle - right - 0.5 * between
+    _need(min(inside) > 0.0 and min(height - covers[0] - covers[1], height - covers[2] - covers[3]) > 0.0)
+    at = 0.5 * left, middle, width - 0.5 * right
+    centres = left + 0.5 * inside[0], width - right - 0.5 * inside[1]
+    high = [height - 0.5 * x for x in (covers[0], 0.5 * (covers[0] + covers[2]), covers[2])]
+    low = [0.5 * x for x in (covers[1], 0.5 * (covers[1] + covers[3]), covers[3])]
+    points = (*zip(low, at, strict=True), *zip(high, at, strict=True))
+    lines = ((0, 3, left), (1, 4, between), (2, 5, right), (3, 4, covers[0]), (0, 1, covers[1]))
+    lines += ((4, 5, covers[2]), (1, 2, covers[3]))
+    centre, cells, _ = twist_walls(points, lines)
+    upright = tuple((0.5 * height, z, height, x) for z, x in zip(at, (left, between, right), strict=True))
+    over = tuple(
+        (0.5 * x if below else height - 0.5 * x, centres[cell], x, inside[cell])
+        for (cell, below), x in zip(((0, 0), (0, 1), (1, 0), (1, 1)), covers, strict=True)
+    )
+    return _walls(*upright, *over, shear_centre=(float(centre[0]), float(centre[1])))._replace(j=cells)
+
+
 def _hexa(corner: float, width: float, height: float) -> SectionShape:
     """A solid with points at -z and +z, each as long as ``corner``."""
     flat = width - 2.0 * corner
@@ -305,6 +346,8 @@ SHAPES: dict[str, tuple[int, Callable[..., SectionShape]]] = {
     "L": (4, _l),
     "Z": (4, _z),
     "HAT": (4, _hat),
+    "HAT1": (5, _hat1),
+    "DBOX": (10, _dbox),
     "HEXA": (3, _hexa),
 }
 

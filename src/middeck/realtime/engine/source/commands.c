@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "engine.h"
+#include "blacklist.h"
 
 static int same_text(const unsigned char *text, const char name[NAME])
 {
@@ -32,16 +32,6 @@ static const unsigned char *map_ports(const unsigned char *text, int ports, int 
         text = after(its_unit);
     }
     return text;
-}
-
-static int on_blacklist(const engine *e, const unsigned char *hash)
-{
-    whole k;
-
-    for (k = 0; k < e->blacklisted; ++k)
-        if (memcmp(e->blacklist[k], hash, 32) == 0)
-            return 1;
-    return e->blacklisted > HASHES - SLOTS; /* no room for who trips next */
 }
 
 enum answer engine_load(engine *e, int which, size_t count, int with_proof)
@@ -249,14 +239,9 @@ static enum answer adapt(engine *e, int on)
 
 static enum answer forgive(engine *e, const slot *s)
 {
-    whole k, kept = 0;
-
     if (e->state != SAFE && e->state != READY)
         return NOT_READY;
-    for (k = 0; k < e->blacklisted; ++k)
-        if (memcmp(e->blacklist[k], s->p.law_hash, 32) != 0)
-            memcpy(e->blacklist[kept++], e->blacklist[k], 32);
-    e->blacklisted = kept;
+    take_off_blacklist(e, s->p.law_hash);
     return DONE;
 }
 

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "blacklist.h"
 #include "hold.h"
 #include "kernel.h"
 #include "numbers.h"
@@ -48,12 +49,6 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     hash_hold(set, e->hold_hash);
 }
 
-void engine_ban(engine *e, const unsigned char *hashes, whole count)
-{
-    memcpy(e->blacklist, hashes, 32 * (size_t)count);
-    e->blacklisted = count;
-}
-
 void engine_tell(engine *e, whole kind, whole channel, real value, real limit, const unsigned char *hash)
 {
     event *one;
@@ -69,56 +64,6 @@ void engine_tell(engine *e, whole kind, whole channel, real value, real limit, c
     one->limit = limit;
     if (hash)
         memcpy(one->hash, hash, sizeof one->hash);
-}
-
-/* Whether the compensator in a slot has moved anything. */
-static int acts(const slot *s)
-{
-    return s->running && s->law.level > 0;
-}
-
-/* Trips that a compensator can cause. A jump beyond a sensor's range is the sensor's; who was half there has been driven. */
-static int of_a_law(const engine *e, const trip_cause *cause)
-{
-    switch (cause->kind) {
-    case ENVELOPE:
-    case GROWTH:
-    case BAND_POWER:
-    case EFFORT:
-    case MOMENTUM:
-        return 1;
-    case COMMAND_NOT_FINITE:
-        return cause->channel >= 0; /* else the hold's */
-    case RANGE:
-        return fabs(e->sensors.value[cause->channel]) > e->set.range[cause->channel] / 2;
-    default:
-        return 0;
-    }
-}
-
-/* A full list refuses all that is not forgiven; so nothing ever drops out of it. */
-static void put_on_blacklist(engine *e, const unsigned char *hash)
-{
-    whole k;
-
-    for (k = 0; k < e->blacklisted; ++k)
-        if (memcmp(e->blacklist[k], hash, 32) == 0)
-            return;
-    if (e->blacklisted < HASHES)
-        memcpy(e->blacklist[e->blacklisted++], hash, 32);
-    engine_tell(e, BLACKLISTED, -1, 0, 0, hash);
-}
-
-/* Who answers for a trip: the compensator with the most authority. */
-static const slot *foremost(const engine *e)
-{
-    const slot *found = NULL;
-    int k;
-
-    for (k = 0; k < SLOTS; ++k)
-        if (acts(&e->slots[k]) && (!found || e->slots[k].law.level > found->law.level))
-            found = &e->slots[k];
-    return found;
 }
 
 static void stop_slot(slot *s)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import platform
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
@@ -70,7 +72,6 @@ def measure_timing(
         records = engine.run(max(1, round(seconds * rate_hz)))
         granted = int(engine.file.status["real_time"])
         trips = tuple(event.kind for event in engine.events() if event.trips)
-    late, step = records["late_ns"], records["step_ns"]
     count = _numbers(package)
     return TimingReport(
         machine=name_machine(),
@@ -79,15 +80,30 @@ def measure_timing(
             "locked memory": bool(granted & 2),
             "own processor": None if processor is None else bool(granted & 4),
         },
-        period_s=1.0 / rate_hz,
-        samples=len(records),
-        late_s=tuple(float(x) for x in 1e-9 * np.percentile(late, PERCENT)),
-        step_s=tuple(float(x) for x in 1e-9 * np.percentile(step, PERCENT)),
-        overruns=int(np.count_nonzero(late > 1e9 / rate_hz)),
+        **summarise(records["late_ns"], records["step_ns"], 1.0 / rate_hz),
         operations=2 * count,
         bytes=8 * count,
         trips=trips,
     )
+
+
+def summarise(
+    late_ns: Int[np.ndarray, " sample"], step_ns: Int[np.ndarray, " sample"], period_s: float
+) -> dict[str, Any]:
+    """What a `TimingReport` says of its samples.
+
+    >>> found = summarise(np.array([5, 2_000_000, 2_000_001]), np.array([7, 7, 7]), 0.002)
+    >>> found["overruns"], found["samples"]
+    (1, 3)
+    """
+    late, step = (1e-9 * np.percentile(ns, PERCENT) for ns in (late_ns, step_ns))
+    return {
+        "period_s": period_s,
+        "samples": len(late_ns),
+        "late_s": tuple(late.tolist()),
+        "step_s": tuple(step.tolist()),
+        "overruns": int(np.count_nonzero(late_ns > 1e9 * period_s)),
+    }
 
 
 def name_machine() -> dict[str, str]:

@@ -21,7 +21,6 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble_carried, geometric_tangent
-from middeck.structure.assembly.factorisation import order
 from middeck.structure.assembly.freedom import allowed_motions
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.loads import no_loads
@@ -31,6 +30,7 @@ from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import FrameTree, rigid_columns
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.model.article import JointState
+from middeck.structure.modes.eigenproblem.all_or_lowest import all_cost_less
 from middeck.structure.modes.eigenproblem.eigen import count_zero, solve_all, solve_lowest
 from middeck.structure.modes.eigenproblem.repeated import repeated, turn_apart
 from middeck.structure.modes.motions.rigid import rigid_motions
@@ -47,8 +47,6 @@ UNDECIDED = (1.0 / 3.0, 2.0 / 3.0)
 SEPARABLE = 0.5
 # Motions that have less than this part of their kinetic energy for themselves are others once more.
 DEPENDENT = 1e-10
-# Below this many coordinates all modes cost less than a few.
-SMALL = 600
 
 
 class Kinds(NamedTuple):
@@ -190,7 +188,7 @@ def _null_space(equilibrium: Equilibrium) -> np.ndarray:
     )
     K, M = free.matrix(strain), free.matrix(carried_mass(model, config, equilibrium.loads))
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
-    small = order(K) <= SMALL
+    small = all_cost_less(K)
     pairs = solve_all(K, M, soft) if small else solve_lowest(K, M, count_zero(K, M, soft) or 1, soft)
     if pairs is None:
         return np.zeros((model.tree.size, 0))

@@ -33,7 +33,8 @@ from middeck.updating.promise.outlook import LEVELS
 from middeck.updating.promise.plan import Plan, weights_of
 from middeck.updating.promise.promise import Promise, design_ladder, design_on, promise
 from middeck.updating.promise.score import Outcome, Score, Verdict, judge, score
-from middeck.updating.residuals.surveys import pair, set_up
+from middeck.updating.residuals.pairing import pair
+from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
 
 FLEXIBLE = 10  # frequencies that are judged together

@@ -19,8 +19,7 @@ from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.control.lqg.weights import LQGWeights
-from middeck.errors import ConfigError, NumericalError
+from middeck.errors import ConfigError
 from middeck.files.studies.documents import Study
 from middeck.files.studies.form import ControlForm
 from middeck.structure.gravity.comparison import ModeComparison
@@ -28,6 +27,11 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import RATE
+from middeck.study.chapters.zero_g_control.disturbance import (
+    design_weights,
+    disturbance_psd,
+    performance_under,
+)
 from middeck.systems.norms.rms import band_rms_by_quadrature
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.poles.stability import GROWTH_LIMIT
@@ -118,8 +122,8 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
         which: {env: close_inner_loop(sub_model(p, kinds[env], which), pd) for env, p in whole.items()}
         for which in SUB_MODELS
     }
-    psd = _disturbance_psd(plants["all"]["orbit"], control)
-    performance = _performance(control, psd)
+    psd = disturbance_psd(plants["all"]["orbit"], control)
+    performance = performance_under(control, psd)
     levels = np.linspace(control.log10_authority_first, control.log10_authority_last, control.levels)
     sweeps = tuple(
         (which, _sweep(pair, control, psd, performance, levels, modes["lab"]))
@@ -139,37 +143,6 @@ def _require_flexible(modes: Mapping[str, Modes], control: ControlForm) -> None:
             where="control.modes_kept",
             hint=f"at least {needed} for this article",
         )
-
-
-def _performance(control: ControlForm, psd: float) -> Performance:
-    intensity = psd * np.eye(len(control.disturbances))
-    return Performance(np.array(control.metric_weights), intensity, control.band_hz)
-
-
-def _disturbance_psd(plant: Plant, control: ControlForm) -> float:
-    """S_w from 3 sigma = the stated angle; the metric is proportional to its root."""
-    unit = loop_metric(leave_open(plant), _performance(control, 1.0))
-    if not 0.0 < unit < np.inf:
-        raise NumericalError(
-            f"under PD alone the metric in 0-g is {unit:g} for a unit disturbance, which no intensity scales",
-            where="control",
-            hint="a disturbance that the metric sees, and pd_kd_nms_per_rad that damp every reachable mode",
-        )
-    return float((np.radians(control.three_sigma_deg) / 3.0 / unit) ** 2)
-
-
-def design_weights(control: ControlForm, psd: float) -> LQGWeights:
-    """The sheet's weights and noise: disturbance and a small torque noise on every input, white sensors."""
-    n_w, n_u, n_y = len(control.disturbances), len(control.inputs), len(control.angles)
-    process = np.diag([psd] * n_w + [control.actuator_noise_ratio * psd] * n_u)
-    sensor = [control.angle_noise_rad_per_rthz**2] * n_y + [control.rate_noise_rad_per_s_per_rthz**2] * n_y
-    return LQGWeights(
-        output=np.array(control.metric_weights),
-        input=np.array(control.input_weight),
-        disturbed=(*control.disturbances, *control.inputs),
-        process=process,
-        sensor=np.array(sensor),
-    )
 
 
 def _sweep(

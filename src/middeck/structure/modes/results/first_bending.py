@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from middeck.structure.modes.solve import Modes
-from middeck.systems.plants.mode_dispersion import DispersedModes
+from middeck.systems.plants.standard_sweep import DispersedModes
 
 FIRST = "first bending"
 

@@ -1,0 +1,43 @@
+"""Verdicts of the gate as sealed files, and what they admit to an engine."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Any
+
+from middeck.errors import DataError
+from middeck.files.json.hash_seal import read_sealed
+
+VERDICT = "middeck.gate/4"
+
+
+def load_verdicts(paths: Iterable[str | Path], *, without: Collection[str] = ()) -> dict[str, str]:
+    """The hold of each package that has passed, by its SHA-256: what `Supervisor` takes as ``admitted``.
+
+    ``without`` names steps that a verdict may lack: ("dry run", "shadow run", "engagement") takes those on
+    paper too, and by default every step counts. Raises `DataError` for another file or a changed one, for a
+    package that did not pass or was not tried so far, and for one package beside two holds.
+    """
+    admitted: dict[str, str] = {}
+    for path in paths:
+        found = read_sealed(path, VERDICT)
+        if not _passed(found):
+            raise _refused(found, "did not pass", path, "a verdict that is passed")
+        missing = sorted(set(found["left_out"]) - set(without))
+        if missing:
+            hint = "middeck gate on a rig, or name what may be left out"
+            raise _refused(found, f"was tried without {', '.join(missing)}", path, hint)
+        if admitted.setdefault(found["package"], found["hold"]) != found["hold"]:
+            hint = "the verdicts beside the hold of one engine"
+            raise _refused(found, "was judged beside another hold too", path, hint)
+    return admitted
+
+
+def _passed(verdict: dict[str, Any]) -> bool:
+    steps = verdict["steps"]
+    return verdict["passed"] and bool(steps) and all(step["passed"] for step in steps)
+
+
+def _refused(verdict: dict[str, Any], what: str, path: str | Path, hint: str) -> DataError:
+    return DataError(f"package {verdict['name']} {what}", where=str(path), hint=hint)

@@ -1,0 +1,73 @@
+"""Outputs that lead their inputs: a negative delay is set to zero with a warning, or refuses the fit."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import FitError
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
+from middeck.identification.search.fit_warnings import LEFT, is_narrow
+from middeck.identification.uncertainty.parameters import Uncertainty
+from middeck.systems.plants.response import FrequencyResponse
+
+# Deviations by which the fit of an output that is not delayed may lead by chance: once in 700 fits.
+BY_CHANCE = 3.0
+# A lead is only a little one if the model without it leaves no more than this many times as much.
+LEAD_COST = 2.0
+CHECK = "check which channel is the input, and that the period is long enough"
+TAKE_MORE = "the band is too narrow to tell a delay from modes outside it: take a wider one, or delay=False"
+BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
+
+
+def causal_delay(
+    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
+) -> tuple[np.ndarray, list[str]]:
+    """Delays of zero or more; an advance beyond chance is a warning, a long one an error."""
+    warnings: list[str] = []
+    for o, tau in enumerate(delay_s):
+        name = measured.outputs[o].name
+        if tau < -1.0 / measured.frequency_hz[-1]:
+            raise FitError(
+                f"the output leads its input by {-tau:.6g} s",
+                where=f"output {name}",
+                hint=f"{TAKE_MORE if is_narrow(measured) else CHECK}; {BEYOND}",
+            )
+        if leads(tau, uncertainty.delay_s[o]):
+            warnings.append(
+                f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
+                " its delay is set to zero"
+            )
+    return np.maximum(delay_s, 0.0), warnings
+
+
+def leads(delay_s: float, deviation_s: float) -> bool:
+    """Whether a delay is below zero by more than chance.
+
+    >>> leads(-2e-3, 1e-3), leads(-4e-3, 1e-3)
+    (False, True)
+    """
+    return bool(delay_s < 0.0 and not -delay_s <= BY_CHANCE * deviation_s < np.inf)
+
+
+def refuse_a_lead(measured: FrequencyResponse, found: MeasurementModel, model: MeasurementModel) -> None:
+    """`FitError` where ``found`` follows an output that leads, and ``model``, without the lead, does not."""
+    left, kept = (
+        np.sum(np.abs(model_response(m, measured.frequency_hz) - measured.H) ** 2, axis=(0, 2))
+        for m in (found, model)
+    )
+    size = size_of(measured)
+    worse = (kept > LEAD_COST**2 * left) & (kept > LEFT**2 * size)
+    lost = (found.delay_s < 0.0) & (worse | (kept > size))
+    if lost.any():
+        o = int(np.argmax(lost))
+        raise FitError(
+            f"the output leads its input by {-found.delay_s[o]:.6g} s, and no model follows without",
+            where=f"output {measured.outputs[o].name}",
+            hint=f"{TAKE_MORE if is_narrow(measured) else 'leave the output out'}; {BEYOND}",
+        )
+
+
+def size_of(measured: FrequencyResponse) -> Float[np.ndarray, " output"]:
+    """Sum of |H|^2 of each output."""
+    return np.sum(np.abs(measured.H) ** 2, axis=(0, 2))

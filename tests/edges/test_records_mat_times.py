@@ -1,0 +1,67 @@
+"""MAT files whose only rate is an array of times: even ones give it, others are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+import middeck as md
+from middeck.errors import DataError
+from middeck.files.records import read_record
+
+K = np.arange(1500)
+
+
+def written(folder: Path, **arrays: object) -> Path:
+    rng = np.random.default_rng(3)
+    plain = {"u": rng.standard_normal((len(K), 1)), "y": rng.standard_normal((len(K), 2))}
+    scipy.io.savemat(folder / "run.mat", plain | arrays)
+    return folder / "run.mat"
+
+
+@pytest.mark.parametrize(
+    ("times", "rate"),
+    [
+        (K / 256.0, 256.0),
+        ((K / 256.0)[:, None], 256.0),
+        (1.7e9 + K / 256.0, 256.0),
+        (np.cumsum(np.full(len(K), 1e-3)), 1000.0),
+        ((100.0 + K / 500.0).astype(np.float32), 500.0),
+        (np.round(K / 256.0, 3), 256.0),
+        (5.0 + K / 333.3, 333.3),
+    ],
+)
+def test_even_times_give_the_rate(times: np.ndarray, rate: float, tmp_path: Path) -> None:
+    assert md.load_record(written(tmp_path, t=times)).sample_hz == pytest.approx(rate, rel=1e-9)
+    (told,) = read_record(written(tmp_path, time=times)).faults
+    assert (told.severity, told.kind) == ("note", "rate")
+    assert f"give {rate:.9g} Hz" in told.what
+    assert read_record(written(tmp_path, t=times, fs=rate)).faults == ()
+
+
+@pytest.mark.parametrize("times", [K, K / 4.0])
+def test_slow_times_are_doubted(times: np.ndarray, tmp_path: Path) -> None:
+    (told,) = read_record(written(tmp_path, t=times)).faults
+    assert told.severity == "serious"
+
+
+@pytest.mark.parametrize(
+    ("arrays", "said"),
+    [
+        ({"t": np.where(K > 900, K + 1, K) / 256.0}, "not in even steps"),
+        ({"t": (K + 0.2 * np.sin(K)) / 256.0}, "not in even steps"),
+        ({"t": -K / 256.0}, "not in even steps"),
+        ({"t": np.where(K == 5, np.nan, K / 256.0)}, "not in even steps"),
+        ({"t": np.ones(len(K))}, "not in even steps"),
+        ({"t": K / 256.0, "fs": 512.0}, "no one sampling rate: fs = 512, t for 256 Hz"),
+        ({"t": K / 256.0, "Ts": 0.01}, "no one sampling rate: Ts = 0.01, t for 256 Hz"),
+        ({"t": K[:-1] / 256.0}, "no sampling rate"),
+        ({}, "no sampling rate"),
+    ],
+)
+def test_others_are_refused(arrays: dict[str, np.ndarray], said: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=said):
+        md.load_record(written(tmp_path, **arrays))
