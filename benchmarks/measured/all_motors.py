@@ -99,10 +99,7 @@ def _flown(seed: int) -> list[Came]:
         **measured_ladder(_identified(study, truth, settings, asked, rng), asked),
     }
     above = launch(truth, study.promise, settings, asked, rng)
-    came = {
-        f.name: np.inf if f.rig_db is None else f.rig_db
-        for f in fly(above, laws, study.promise, settings, asked, rng)
-    }
+    came = {f.name: np.inf if f.rig_db is None else f.rig_db for f in fly(above, laws, rng)}
     levels = {o.name: [o.level_db(s) for s in (0.025, 0.5, 0.975)] for o in promised.outlooks}
     seconds = time.process_time() - start
     for name, db in came.items():

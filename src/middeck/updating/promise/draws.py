@@ -105,7 +105,7 @@ def draw_plants(
     pulls = rng.spawn(1)[0].uniform(0.0, 1.0, draws)
     plants, drawn = [], []
     for number in range(draws):
-        n = rng.standard_normal(refined.estimate.root.shape[1])
+        n = refined.with_shear(rng.standard_normal(refined.estimate.root.shape[1]))
         alone, lossy = rng.standard_normal((2, len(mean.index)))
         try:
             tied = tie_umbilical(*there[:2], loop.umbilical_hz * pulls[number])

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.optimize as opt
 from jaxtyping import Float, Int
-from scipy.special import erf
+from scipy.special import erf, ndtr, ndtri
 
 from middeck.values import record
 
@@ -30,6 +30,8 @@ KNOWN = -1
 # Factors of e about the most probable, and points there, over which it is uncertain; what an interval holds.
 AWAY, POINTS = 4.0, 41
 HELD, NORMAL_95 = 0.95, 1.959964
+# A mean that is so many deviations below zero is no chance.
+BELOW = 2.0
 
 
 @record(kw_only=True)
@@ -145,6 +147,20 @@ def unseen_deviations(
 
         out[k] = opt.root_scalar(short, bracket=(scale[0], 4.0 * scale[-1])).root / NORMAL_95
     return out
+
+
+def cut_below(
+    n: Float[np.ndarray, " both"], along: Float[np.ndarray, " both"], mean: float
+) -> Float[np.ndarray, " both"]:
+    """Standard normal numbers at which ``mean`` + ``along`` @ n is not negative, from ``n`` without this.
+
+    They move along ``along`` alone, to the same quantile of what is left; not where the mean is `BELOW`.
+    """
+    size = float(np.linalg.norm(along))
+    if mean < -BELOW * size or not size:
+        return n
+    at = float(along @ n) / size
+    return n + along / size * (-float(ndtri(ndtr(mean / size) * ndtr(-at))) - at)
 
 
 def _surprise_of(

@@ -18,7 +18,15 @@ from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.own_errors import OwnErrors, sorts_of
-from middeck.updating.refinement.posterior import KNOWN, USUAL, Estimate, Linear, estimate, unseen_deviations
+from middeck.updating.refinement.posterior import (
+    KNOWN,
+    USUAL,
+    Estimate,
+    Linear,
+    cut_below,
+    estimate,
+    unseen_deviations,
+)
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
@@ -117,6 +125,10 @@ class Refined:
         at = len(self.unknowns)
         found = self.estimate
         return (float(found.d[0]), float(np.linalg.norm(found.root[at]))) if self.compared else (0.0, 0.0)
+
+    def with_shear(self, n: Float[np.ndarray, " both"]) -> Float[np.ndarray, " both"]:
+        """``n``, numbers of the estimate's root, moved so that no draw has a negative shear."""
+        return cut_below(n, self.estimate.root[len(self.unknowns)], self.shear[0]) if self.compared else n
 
     def drawn_at(self, n: Float[np.ndarray, " both"]) -> tuple[Float[np.ndarray, " unknown"], float]:
         """Unknowns, and how much of `left_out`, at standard normal numbers of the estimate's root."""

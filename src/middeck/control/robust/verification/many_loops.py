@@ -35,7 +35,7 @@ class ManyLoops:
         error: Of each rms, relative, about: |A X + X A' + B B'| trace(O) / (2 rms^2) with the observability
             Gramian O of this output, and the rounding of c X c'. From one on no digit is known.
         residual: |A X + X A' + B B'| / (2 |A| |X| + |B B'|), Frobenius norms, the first as a few fixed
-            vectors see it; ``nan`` where the rms is infinite.
+            vectors see it, of all but the last, small terms of X; ``nan`` where the rms is infinite.
         alone: Loops that were decided one by one.
     """
 
@@ -88,11 +88,11 @@ def measure_many(
         return ManyLoops(stable=stable, rms=rms, error=error, residual=residual, alone=alone)
     scale = find_units(A[0]) if count > FEW else balance(A[0])[1]
     turned, way = scale / scale[:, None], share_way(A, scale)
-    room, wide = np.empty((4 + way.most, n, n)), np.empty((4, min(count, AT_ONCE), n, n))
+    room, wide = np.empty((2 + way.most, n, n)), np.empty((3, min(count, AT_ONCE), n, n))
     for first in range(0, count, AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        few = np.multiply(A[part], turned, out=wide[3, : len(A[part])])
-        found = square_loops(few, B[part] / scale[:, None], C[part] * scale, way, room, wide[:3, : len(few)])
+        few = np.multiply(A[part], turned, out=wide[2, : len(A[part])])
+        found = square_loops(few, B[part] / scale[:, None], C[part] * scale, way, room, wide[:2, : len(few)])
         known = (found.residual <= TRUSTED) & (found.error <= TOLERATED).all(axis=1)
         alone[part] = ~found.grown & ~(found.proved & known)
         rms[part], error[part], residual[part] = found.rms, found.error, found.residual

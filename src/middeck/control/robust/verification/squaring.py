@@ -4,11 +4,12 @@ M = (A - p I)^-1 (A + p I) has its eigenvalues within the unit circle exactly wh
 half plane, and A X + X A' + B B' = 0 is X = M X M' + 2 p (A - p I)^-1 B B' (A - p I)^-T (Smith 1968, SIAM J.
 Appl. Math. 16). Squaring M doubles the terms of X with products of matrices alone, several times quicker
 than the iterations of an eigenvalue. A norm of a power below one proves stability, a trace above the number
-of states growth.
+of states growth; the trace of the next power needs no product.
 
 X is summed where a loop is proved stable, from the powers kept until then. It is not needed to the end: where
-a power P is small, c X c' = sum c P^j Y P'^j c' with the Y so far, and a few rows c P^j are cheap. Rows v and
-v A of fixed v tell the residual v (A X + X A' + B B') v' in the same way.
+a power P is small, c X c' = sum c P^j Y P'^j c' with the Y so far, and a few rows c P^j are cheap. The sum so
+far and one term more, Z = Y + P Y P', has the equation A Z + Z A' + B B' = P^2 B B' P'^2, whose error rows v
+and v A of fixed v tell.
 """
 
 from __future__ import annotations
@@ -17,13 +18,17 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.riccati.lyapunov import solve_lyapunov
+from middeck.control.robust.verification.shifted_inverses import Parts, find_parts, invert_turned
 from middeck.control.robust.verification.single_loop import EPS, relative_error
 from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.systems.state_space.balancing import balance
 
+multiply = sla.get_blas_funcs("gemm", dtype="d")
+"""a b (or a b') of matrices stored by columns, added to c if ``beta`` is one, without a copy."""
 SQUARINGS = 24
 """A pole that decays by 1e-6 of p or more is proved stable."""
 SMALL = 0.3
@@ -42,8 +47,8 @@ LOST = 1e140
 """Norm of a power of M beyond which its square may overflow."""
 DOUBT = 0.1
 """Growth by rounding, over all squarings, up to which a proof is one."""
-WELL = 1e6
-"""Condition of a block up to which the inverse of the whole is made from its own."""
+FEIGNED = 1e-11
+"""Rounding of M beyond which an inverse is made anew, with pivots across the parts."""
 
 
 def find_units(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, " state"]:
@@ -80,26 +85,19 @@ def _middle(poles: np.ndarray) -> float:
 
 
 class Way(NamedTuple):
-    """What all loops share: p, the most squarings, (A - p I)^-1 of their last states alone, and probes.
-
-    The last states are those whose block of A is that of the first loop in all, as a compensator's.
-    """
+    """What all loops share: p, the most squarings, the parts of (A - p I)^-1 if any, and probes."""
 
     pole: float
     most: int
-    last: np.ndarray
+    parts: Parts | None
     probes: np.ndarray
 
 
 def share_way(A: np.ndarray, scale: np.ndarray) -> Way:
     """What all loops ``A`` share in the units ``scale``."""
-    n, pole = A.shape[1], _middle(np.linalg.eigvals(A[0]))
+    pole = _middle(np.linalg.eigvals(A[0]))
     most = int(np.clip(np.log2(pole / GROWTH_LIMIT) - 3.0, 0, SQUARINGS))
-    unlike = np.argwhere((A[0] != A).any(axis=0)).min(axis=1)
-    first = max(int(unlike.max(initial=-1)) + 1, n // 2)
-    block = (A[0] * (scale / scale[:, None]))[first:, first:] - pole * np.eye(n - first)
-    apart = bool(len(block)) and np.linalg.cond(block) < WELL
-    return Way(pole, most, np.linalg.inv(block) if apart else np.zeros((0, 0)), _probes(n))
+    return Way(pole, most, find_parts(A, scale, pole), _probes(A.shape[1]))
 
 
 class Found(NamedTuple):
@@ -117,31 +115,33 @@ def square_loops(
 ) -> Found:
     """Inverses of all loops at once, then loop by loop, so that its few powers stay in the cache.
 
-    ``room`` holds a matrix for each power and four more, ``wide`` three for each loop: memory that is asked
+    ``room`` holds a matrix for each power and two more, ``wide`` two for each loop: memory that is asked
     for anew costs as much as the products.
     """
     count, n = A.shape[:2]
     proved, grown = np.zeros((2, count), bool)
     try:
-        inverse, feigned = _invert(A, way, wide)
+        turned, feigned = _invert(A, way, wide)
     except np.linalg.LinAlgError:  # a pole at p
         nothing = np.full(C.shape[:2], np.inf)
         return Found(proved, grown, nothing, nothing, np.full(count, np.nan))
-    columns, seen = np.sqrt(2.0 * way.pole) * (inverse @ B), np.sqrt(2.0 * way.pole) * (C @ inverse)
-    start = np.multiply(inverse, 2.0 * way.pole, out=wide[2])
-    start[:, range(n), range(n)] += 1.0
+    inverse, root = turned.swapaxes(1, 2), math.sqrt(2.0 * way.pole)
+    columns, seen = root * (inverse @ B), root * (C @ inverse)
+    turned *= 2.0 * way.pole
+    turned[:, range(n), range(n)] += 1.0
+    stores = [M.T for M in room]
     square, reach = np.zeros((2, *C.shape[:2]))
     gap, size = np.zeros((count, PROBES)), np.zeros(count)
     with np.errstate(over="ignore", invalid="ignore"):
         for i, lost in enumerate(feigned.tolist()):
-            powers, verdict = _square(start[i], lost, way.most, room[4:])
+            powers, verdict = _square(turned[i].T, lost, way.most, stores[2:])
             grown[i], proved[i] = verdict < 0, verdict > 0
             if proved[i] and B.shape[2]:
-                total = _summed(powers[:-1], columns[i], room)
-                square[i], gap[i] = _seen(powers[-1], total, C[i], A[i], way.probes)
+                total = _summed(powers[:-1], columns[i], stores)
+                square[i] = _seen(powers[-1], total, C[i])
+                gap[i] = _gap(powers[-1], total, A[i], B[i], way.probes)
                 reach[i], size[i] = _reach(powers, seen[i]), _norm(total)
-    driven = way.probes @ B
-    lost = _sizes(2.0 * gap + np.vecdot(driven, driven))
+    lost = _sizes(gap)
     whole = 2.0 * _sizes(A) * size + _sizes(B.swapaxes(1, 2) @ B)
     wrong = lost[:, None] * reach + EPS * np.vecdot(C, C) * size[:, None]
     residual = np.divide(lost, whole, out=np.zeros(count), where=whole != 0.0)
@@ -157,83 +157,90 @@ def square_loops(
     )
 
 
-def _square(M: np.ndarray, feigned: float, most: int, room: np.ndarray) -> tuple[list[np.ndarray], int]:
+def _square(
+    M: np.ndarray, feigned: float, most: int, stores: list[np.ndarray]
+) -> tuple[list[np.ndarray], int]:
     """Powers of M down to a small one, and 1 where it is proved stable, -1 to grow, 0 where neither is."""
-    n, powers, peak = len(M), [M], 1.0
+    powers, peak, enough, trace = [M], 1.0, GROWN * len(M), 0.0
     while True:
         power, k = powers[-1], len(powers) - 1
         size = _norm(power)
+        most_trace = size * size  # of the next power
         peak = max(peak, size)
         if size < SMALL:
             return powers, int(feigned * peak * peak * 3.0 * 2.0**k < DOUBT)
-        if size > GROWN * math.sqrt(n):  # no trace is more than n^1/2 of the norm
-            trace = abs(float(power.trace()))
-            if trace > GROWN * n and feigned * 2.0**k * size * size < DOUBT * trace * trace:
+        if trace > enough and feigned * 2.0**k * most_trace < DOUBT * trace * trace:
+            return powers, -1
+        if most_trace > enough:
+            trace = abs(float(power.ravel().dot(power.ravel("K"))))
+            if trace > enough and feigned * 2.0 ** (k + 1) * most_trace * most_trace < DOUBT * trace * trace:
                 return powers, -1
         if k == most or not size < LOST:
             return powers, 0
-        powers.append(np.dot(power, power, out=room[k]))
+        powers.append(multiply(1.0, power, power, c=stores[k], overwrite_c=1))
 
 
 def _invert(A: np.ndarray, way: Way, wide: np.ndarray) -> tuple[np.ndarray, Float[np.ndarray, " loop"]]:
-    """(A - p I)^-1; by how much rounding has changed M, as `PROBES` vectors see it, twice."""
+    """(A - p I)^-T; by how much rounding has changed M, as `PROBES` vectors see it, twice."""
     n = A.shape[1]
-    moved, inverse = wide[:2]
+    moved, turned = wide
     np.copyto(moved, A)
     moved[:, range(n), range(n)] -= way.pole
-    if len(way.last):
-        _invert_parts(moved, way.last, inverse)
-    else:
-        np.copyto(inverse, np.linalg.inv(moved))
-    columns = way.probes.T
+    anew = np.ones(len(A), bool)
+    if way.parts is not None:
+        with np.errstate(all="ignore"):  # a part may have a pole at p
+            invert_turned(moved, way.parts, turned)
+        feigned = _feigned(moved, turned, way)
+        anew = ~(feigned < FEIGNED)
+    if anew.any():
+        turned[anew] = np.linalg.inv(moved[anew]).swapaxes(1, 2)
+        feigned = _feigned(moved, turned, way)
+    return turned, feigned
+
+
+def _feigned(moved: np.ndarray, turned: np.ndarray, way: Way) -> Float[np.ndarray, " loop"]:
+    """By how much rounding has changed M, as `PROBES` vectors see it, twice."""
+    inverse, columns = turned.swapaxes(1, 2), way.probes.T
     gap = inverse @ (moved @ (inverse @ columns) - columns)
-    return inverse, EPS * n + 4.0 * way.pole * _sizes(gap) / np.sqrt(PROBES)
+    return EPS * moved.shape[1] + 4.0 * way.pole * _sizes(gap) / math.sqrt(PROBES)
 
 
-def _invert_parts(S: np.ndarray, last: np.ndarray, out: np.ndarray) -> None:
-    """``out`` = S^-1 by the Schur complement of the last block, whose inverse is ``last``."""
-    first = S.shape[1] - len(last)
-    own, rest = slice(None, first), slice(first, None)
-    across, down = S[:, own, rest] @ last, last @ S[:, rest, own]
-    inverse = np.linalg.inv(S[:, own, own] - across @ S[:, rest, own])
-    out[:, own, own] = inverse
-    np.matmul(-inverse, across, out=out[:, own, rest])
-    np.matmul(-down, inverse, out=out[:, rest, own])
-    np.matmul(down, -out[:, own, rest], out=out[:, rest, rest])
-    out[:, rest, rest] += last
-
-
-def _seen(
-    power: np.ndarray, total: np.ndarray, C: np.ndarray, A: np.ndarray, probes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """c X c' of each row of C, v X A' v' of each probe v; X sums P^j Y P'^j of a small P, Y = ``total``."""
-    n, outputs, last = len(A), len(C), len(C) + len(probes)
+def _seen(power: np.ndarray, total: np.ndarray, C: np.ndarray) -> Float[np.ndarray, " output"]:
+    """c X c' of each row of C; X sums P^j Y P'^j of a small P, Y = ``total``."""
     terms = math.ceil(math.log(LEFT) / (2.0 * math.log(max(_norm(power), EPS))))
-    rows = np.empty((terms, last + len(probes), n))
-    rows[0, :outputs], rows[0, outputs:last], rows[0, last:] = C, probes, probes @ A
+    rows = np.empty((terms, *C.shape))
+    rows[0] = C
     for j in range(1, terms):
         np.dot(rows[j - 1], power, out=rows[j])
-    half = (rows.reshape(-1, n) @ total).reshape(rows.shape)
-    square = np.vecdot(half[:, :outputs], rows[:, :outputs]).sum(axis=0)
-    return square, np.vecdot(half[:, outputs:last], rows[:, last:]).sum(axis=0)
+    half = (rows.reshape(-1, len(power)) @ total).reshape(rows.shape)
+    return np.vecdot(half, rows).sum(axis=0)
 
 
-def _summed(powers: list[np.ndarray], columns: np.ndarray, room: np.ndarray) -> np.ndarray:
+def _gap(
+    power: np.ndarray, total: np.ndarray, A: np.ndarray, B: np.ndarray, probes: np.ndarray
+) -> Float[np.ndarray, " probe"]:
+    """v (A Z + Z A' + B B' - P^2 B B' P'^2) v' of each probe v; Z = Y + P Y P', Y = ``total``."""
+    first = np.concatenate([probes, probes @ A])
+    second = first @ power
+    half = np.concatenate([first[:PROBES], second[:PROBES]]) @ total
+    crossed = np.vecdot(half, np.concatenate([first[PROBES:], second[PROBES:]])).reshape(2, -1).sum(axis=0)
+    driven, left = probes @ B, second[:PROBES] @ power @ B
+    return 2.0 * crossed + np.vecdot(driven, driven) - np.vecdot(left, left)
+
+
+def _summed(powers: list[np.ndarray], columns: np.ndarray, stores: list[np.ndarray]) -> np.ndarray:
     """Sum of M^i Y Y' M'^i over i below 2^len(powers): columns M^i Y while these are few, then X itself."""
     n, w = columns.shape
     few = max(0, min(len(powers), int(np.log2(n / w)) + 1))
-    wide = np.empty((n, w * 2**few))
-    wide[:, :w] = columns
+    wide = np.empty((w * 2**few, n))
+    wide[:w] = columns.T
     for power in powers[:few]:
-        np.matmul(power, wide[:, :w], out=wide[:, w : 2 * w])
+        np.dot(wide[:w], power.T, out=wide[w : 2 * w])
         w *= 2
-    total, half, more, power_t = room[:4]
-    np.dot(wide, wide.T, out=total)
+    total = multiply(1.0, wide.T, wide.T, c=stores[0], trans_b=1, overwrite_c=1)
     for power in powers[few:]:
-        np.dot(power, total, out=half)
-        power_t[:] = power.T  # products with a transposed matrix take twice as long as with its copy
-        np.dot(half, power_t, out=more)
-        total += more
+        half = multiply(1.0, power, total, c=stores[1], trans_b=1, overwrite_c=1)
+        total = multiply(1.0, half, power, beta=1.0, c=total, trans_b=1, overwrite_c=1)
     return total
 
 
@@ -241,7 +248,7 @@ def _reach(powers: list[np.ndarray], rows: np.ndarray) -> Float[np.ndarray, " ou
     """About the sum of |c M^i|^2 over all i, of each row c, from every third power."""
     total = np.vecdot(rows, rows)
     for k in range(0, len(powers), 3):
-        moved = rows @ powers[k]
+        moved = rows.dot(powers[k])
         total += 7.0 * 2.0**k * np.vecdot(moved, moved)
     return total
 
@@ -260,5 +267,5 @@ def _sizes(M: np.ndarray) -> Float[np.ndarray, " loop"]:
 
 def _norm(M: np.ndarray) -> float:
     """Frobenius norm."""
-    flat = M.ravel()
+    flat = M.ravel("K")
     return math.sqrt(flat.dot(flat))
