@@ -19,7 +19,7 @@ from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.files.studies.documents import load_study
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
+from middeck.realtime.engine.rigs.article import LinearArticle, linear_article, with_faults
 from middeck.realtime.engine.trials.monitors_from_record import find_reach, guard
 from middeck.realtime.package.build import package_law
 from middeck.realtime.package.package import ControllerPackage
@@ -40,6 +40,10 @@ TORQUE_RMS = 0.3
 """Of the disturbance at the gimbal of the development model in the laboratory [N m], up to 60 Hz."""
 ANGLE_NOISE, RATE_NOISE = 1e-5, 2e-4 * np.sqrt(500.0)
 """Rms of a sample: an encoder's step over the root of 12, and the gyro's of the study."""
+
+
+PIECE_S = 30.0
+"""Of a long run, between two looks of the supervisor."""
 
 
 @functools.cache
@@ -281,6 +285,40 @@ def wait_for_hold(engine: Supervisor) -> int:
         assert engine.sample < engine.settings.samples(120.0)
         engine.run(50, keep=False)
     return engine.sample
+
+
+def engaging_step(seed: int, *rig: str) -> float:
+    """The largest step of a command while the law fades in and out, beyond one between, over its limit."""
+    settings = settings_of(*rig)
+    limits = np.array([drive.upper for drive in settings.drives])
+    ramp = settings.samples(settings.ramp_s)
+    with Supervisor(settings, with_faults(nominal_article(*rig), seed=seed)) as engine:
+        engine.load(nominal_package(*rig))
+        engine.reset()
+        engine.run(2 * ramp, keep=False)
+        wait_for_hold(engine)
+        engine.command("engage", values=[1.0])
+        on, throughout = engine.run(ramp), engine.run(4 * ramp)
+        engine.command("disengage")
+        off = engine.run(ramp)
+        assert engine.state == "ready"
+    normal, *fading = (np.abs(np.diff(part["u"], axis=0)).max(axis=0) for part in (throughout, on, off))
+    return max(float(((steps - normal) / limits).max()) for steps in fading)
+
+
+def end_of_normal_operation(seed: int, article: str, seconds: float) -> tuple[str, list]:
+    """State and events of an engine after so long under control, disturbance and noise."""
+    settings = settings_of(article)
+    with Supervisor(settings, with_faults(nominal_article(article), seed=1000 + seed)) as engine:
+        engine.load(nominal_package(article))
+        engine.run(5000, keep=False)
+        engine.reset()
+        engine.run(5000, keep=False)
+        wait_for_hold(engine)
+        engine.command("engage", values=[1.0])
+        for _ in range(round(seconds / PIECE_S)):
+            engine.run(settings.samples(PIECE_S), keep=False)
+        return engine.state, engine.events()
 
 
 @functools.cache

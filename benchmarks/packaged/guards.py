@@ -15,14 +15,13 @@ import numpy as np
 
 from engine_destabilising import SLOW_S, Outcome, draw, judge
 from engine_faults import ARTICLE, KINDS, STATES, play
-from engine_rigs import nominal_article, nominal_package, settings_of, wait_for_hold
+from engine_rigs import end_of_normal_operation, engaging_step
 from measured.rows import row
 from middeck.campaign.cases import Case
-from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import with_faults
 from packaged.kept import kept
 
 CASE, WHOLE, SEEDS, HOURS = "guards", 1000, 25, 24
+HALF_AN_HOUR_S = 1800.0
 RIGS = (("dm", "lab"), ("simple", "lab"), ("simple", "orbit"), ("dm", "orbit"))
 
 
@@ -33,7 +32,7 @@ def rows(options: Any) -> list[dict]:
         *destabilised_rows("random, past the gate", _outcomes(random_outcome, options)),
         *destabilised_rows("stable on the model", _outcomes(shifted_outcome, options)),
         *(normal_row(article, kept(trips, halves, options)) for article, trips in NORMAL.items()),
-        engaging_row(kept(engaging_step, SEEDS, options)),
+        engaging_row(kept(step_of, SEEDS, options)),
     ]
 
 
@@ -91,29 +90,14 @@ def _counted(outcomes: Sequence[Outcome]) -> str:
 
 
 def one_axis_trips(case: Case, _: Any) -> bool:
-    return _trips("dm", case.index)
+    return end_of_normal_operation(case.index, "dm", HALF_AN_HOUR_S)[0] != "control"
 
 
 def five_motor_trips(case: Case, _: Any) -> bool:
-    return _trips("simple", case.index)
+    return end_of_normal_operation(case.index, "simple", HALF_AN_HOUR_S)[0] != "control"
 
 
 NORMAL = {"one axis": one_axis_trips, "five motors": five_motor_trips}
-
-
-def _trips(article: str, seed: int) -> bool:
-    """Whether half an hour under control ends otherwise."""
-    settings = settings_of(article)
-    with Supervisor(settings, with_faults(nominal_article(article), seed=1000 + seed)) as engine:
-        engine.load(nominal_package(article))
-        engine.run(5000, keep=False)
-        engine.reset()
-        engine.run(5000, keep=False)
-        wait_for_hold(engine)
-        engine.command("engage", values=[1.0])
-        for _ in range(60):
-            engine.run(settings.samples(30.0), keep=False)
-        return engine.state != "control"
 
 
 def normal_row(article: str, trips: Sequence[bool]) -> dict:
@@ -123,23 +107,8 @@ def normal_row(article: str, trips: Sequence[bool]) -> dict:
     )  # fmt: skip
 
 
-def engaging_step(case: Case, _: Any) -> float:
-    """The largest step while engaging and disengaging beyond a normal one, over the limit."""
-    settings = settings_of(*ARTICLE)
-    limits = np.array([drive.upper for drive in settings.drives])
-    ramp = settings.samples(settings.ramp_s)
-    with Supervisor(settings, with_faults(nominal_article(*ARTICLE), seed=case.index)) as engine:
-        engine.load(nominal_package(*ARTICLE))
-        engine.reset()
-        engine.run(2 * ramp, keep=False)
-        wait_for_hold(engine)
-        engine.command("engage", values=[1.0])
-        on = engine.run(ramp)["u"]
-        normal = np.abs(np.diff(engine.run(4 * ramp)["u"], axis=0)).max(axis=0)
-        engine.command("disengage")
-        off = engine.run(ramp)["u"]
-    steps = [np.abs(np.diff(part, axis=0)).max(axis=0) for part in (on, off)]
-    return max(float(((step - normal) / limits).max()) for step in steps)
+def step_of(case: Case, _: Any) -> float:
+    return engaging_step(case.index, *ARTICLE)
 
 
 def engaging_row(steps: Sequence[float]) -> dict:
