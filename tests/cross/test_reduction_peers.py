@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.control.reduction.balanced import hankel_values, reduce_balanced
+from hankel import hankel_values
+from middeck.control.reduction.balanced import reduce_balanced
 from middeck.control.reduction.separation import subtract
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.poles.resolvent import by_solving

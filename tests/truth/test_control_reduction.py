@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
+from hankel import hankel_values
 from middeck.control.law.pd_loops import close_inner_loop
-from middeck.control.reduction.balanced import hankel_values, reduce_balanced
+from middeck.control.reduction.balanced import reduce_balanced
 from middeck.control.reduction.gramian import factor_gramians
 from middeck.control.reduction.modal import reduce_modes
-from middeck.control.reduction.plants import reduce_plant
 from middeck.control.reduction.separation import separate_poles, separate_unstable
 from middeck.control.reduction.weighted import reduce_weighted
 from middeck.errors import ConfigError
@@ -196,11 +196,11 @@ def test_residualisation_keeps_the_static_gain_and_truncation_the_direct_term():
 
 
 def test_a_bound_asks_for_as_few_states_as_it_allows():
-    plant = mace_like.build("lab")
-    whole = reduce_plant(plant, bound=5.0)
+    system = mace_like.build("lab").system
+    whole = reduce_balanced(system, bound=5.0)
     assert whole.bound is not None
     assert whole.error <= whole.bound <= 5.0
-    one_less = reduce_plant(plant, whole.order - 1)
+    one_less = reduce_balanced(system, whole.order - 1)
     assert one_less.bound is not None
     assert one_less.bound > 5.0
 
@@ -228,26 +228,6 @@ def test_equal_singular_values_are_not_parted():
 
 
 # --- Plants ---------------------------------------------------------------------------------------------
-
-
-def test_rigid_modes_of_a_plant_stay_by_name():
-    plant = mace_like.build("orbit")
-    found = reduce_plant(plant, 34)
-    assert found.kept == tuple(f"rotation {i}" for i in range(7))
-    assert found.order == len(found.plant.system.A) == 34
-    # Exactly zero: 14 states are those of the modal form.
-    assert np.array_equal(found.plant.system.A[:14, :14], np.kron(np.eye(7), [[0.0, 1.0], [0.0, 0.0]]))
-    assert found.bound is not None
-    assert found.error <= found.bound
-    assert (found.plant.u, found.plant.y, found.plant.z, found.plant.w) == (
-        plant.u,
-        plant.y,
-        plant.z,
-        plant.w,
-    )
-    hz = np.geomspace(0.05, 80.0, 300)
-    change = evaluate_plant(found.plant, hz).H - evaluate_plant(plant, hz).H
-    assert np.linalg.norm(change, 2, axis=(1, 2)).max() <= found.error * (1.0 + 1e-6)
 
 
 def modal_plant():
@@ -316,11 +296,6 @@ def test_modes_that_do_not_decay_are_kept_or_refused():
         reduce_modes(modal_plant(), 2, band_hz=(2.0, 1.0))
     with pytest.raises(ConfigError, match="no input named 'v'"):
         reduce_modes(modal_plant(), 2, band_hz=(1.0, 2.0), inputs=("v",))
-
-
-def test_an_order_below_the_rigid_states_is_refused():
-    with pytest.raises(ConfigError, match="14 states of rigid modes are kept: rotation 0"):
-        reduce_plant(mace_like.build("orbit"), 10)
 
 
 # --- Weighted -------------------------------------------------------------------------------------------

@@ -21,19 +21,6 @@ from middeck.systems.state_space.statespace import StateSpace, add
 Sizes = Float[np.ndarray, " port"]
 
 
-def hankel_values(
-    system: StateSpace, *, input_size: Sizes | None = None, output_size: Sizes | None = None
-) -> Float[np.ndarray, " value"]:
-    """Hankel singular values of the part that decays, largest first.
-
-    >>> lag = StateSpace([[-2.0]], [[6.0]], [[4.0]], [[0.0]])             # half its static gain
-    >>> hankel_values(lag).tolist()
-    [6.0]
-    """
-    sized = in_sizes(system, input_size, output_size)
-    return balance(factor_gramians(separate_unstable(sized).rest)).hankel
-
-
 def reduce_balanced(
     system: StateSpace,
     order: int | None = None,

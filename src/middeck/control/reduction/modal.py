@@ -93,8 +93,7 @@ def _of_modal(
         method=_words(static),
         kept=smaller.names,
         dropped=gone.names,
-        hankel=shares,
-        bound=None,
+        contribution=shares,
         error=peak.gain,
         error_hz=peak.omega / (2.0 * np.pi),
     )
@@ -173,8 +172,7 @@ def _of_statespace(
         method=_words(static),
         kept=_pole_names(values[keep]),
         dropped=_pole_names(values[~keep]),
-        hankel=shares,
-        bound=None,
+        contribution=shares,
         error=peak.gain,
         error_hz=peak.omega / (2.0 * np.pi),
     )

@@ -48,13 +48,12 @@ class ReducedPlant:
     """A plant of lower order with the same ports.
 
     Attributes:
-        plant: The reduced plant; modal where modes of a modal plant were chosen.
+        plant: The reduced plant, modal if it was.
         order: Its states.
         method: Description of the method.
-        kept: Names of the modes (or other parts) kept exactly.
-        dropped: Names of the modes left out; empty for a balanced reduction, which mixes them.
-        hankel, bound, error, error_hz: As in `Reduction`; of a modal reduction ``hankel`` holds the modes'
-            contributions, largest first, and the error is that within the band.
+        kept, dropped: Names of the modes kept exactly, and of those left out.
+        contribution: Of each mode, largest first.
+        error, error_hz: The largest error within the band, and its frequency.
     """
 
     plant: Plant
@@ -62,8 +61,7 @@ class ReducedPlant:
     method: str
     kept: tuple[str, ...]
     dropped: tuple[str, ...]
-    hankel: Float[np.ndarray, " value"]
-    bound: float | None
+    contribution: Float[np.ndarray, " mode"]
     error: float
     error_hz: float
 

@@ -19,12 +19,13 @@ from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.reference_loop import ReferenceLoop
 from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.engine.trials.udp_client import RigClient
-from middeck.realtime.engine.trials.which_computer import Computer, which_computer
+from middeck.realtime.generate.compiler import find_compiler
 from middeck.realtime.package.binary import hash_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.values import record
 
 AnyRig = RigChoice | EngineRig
+Computer = Literal["auto", "engine", "reference"]
 SETTLE_S = 0.1
 """By the clock: until a rig answers in time."""
 PATIENCE = 10.0
@@ -87,7 +88,10 @@ def run_trial(
 
     Raises `ConfigError` where the reference law cannot drive the rig: converters, or by the clock.
     """
-    if which_computer(package, computer) == "engine":
+    if computer == "auto":
+        fits = not (package.single or package.paths)
+        computer = "engine" if fits and find_compiler() is not None else "reference"
+    if computer == "engine":
         if isinstance(rig, EngineRig):
             with ServedRig(rig) as served:
                 return _by_engine(package, settings, served, stages, real_time, program)
