@@ -336,9 +336,7 @@ def _pairs(card: Card) -> list[tuple[int, str]]:
     return out
 
 
-def _to_basic(
-    boundary: Boundary, places: Places, units: Units, where: str
-) -> tuple[np.ndarray, np.ndarray]:
+def _to_basic(boundary: Boundary, places: Places, units: Units, where: str) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates in SI and basic axes, six of each grid, times rows; and which six there are."""
     grids = len(boundary.grids)
     present = np.zeros((grids, 6), dtype=bool)
