@@ -100,14 +100,13 @@ def given(deck: Deck, name: str) -> Iterator[tuple[str, Fault]]:
             yield value, Fault(file=file, line=line, key=f"PARAM {name}", message="", value=value)
 
 
-def real_parameter(deck: Deck, name: str, default: float) -> float:
-    """A real PARAM > 0."""
-    found = default
-    for text, fault in given(deck, name):
-        value = real(text)
-        if value is None or not value > 0.0:
+def weight_factor(deck: Deck) -> float:
+    """The factor on every mass, PARAM WTMASS."""
+    found = 1.0
+    for text, fault in given(deck, "WTMASS"):
+        found = real(text) or 0.0
+        if found <= 0.0:
             raise_some([dataclasses.replace(fault, message="must be a real number > 0")])
-        found = value or default
     return found
 
 

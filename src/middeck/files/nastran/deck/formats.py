@@ -18,21 +18,11 @@ _BAR_ENDS = (
     "ga:n gb:n x1:g= x2:r= x3:r= offt:a= pa:i=0 pb:i=0 w1a:r=0 w2a:r=0 w3a:r=0 w1b:r=0 w2b:r=0 w3b:r=0"
 )
 # Loads of load sets that are no forces on grids; RFORCE and ACCEL depend on masses.
-OTHER_LOADS = (
-    *(
-        "PLOAD",
-        "PLOAD2",
-        "PLOAD4",
-        "PLOADX1",
-        "SLOAD",
-        "SPCD",
-        "DEFORM",
-        "RFORCE",
-        "RFORCE1",
-        "ACCEL",
-    ),
-    *("ACCEL1", "FORCE1", "FORCE2", "MOMENT1", "MOMENT2", "QVOL", "TEMP", "TEMPD", "TEMPRB", "LSEQ"),
-)
+_OTHER_LOADS = """
+PLOAD PLOAD2 PLOAD4 PLOADX1 SLOAD SPCD DEFORM RFORCE RFORCE1 ACCEL ACCEL1 FORCE1 FORCE2 MOMENT1 MOMENT2 QVOL
+TEMP TEMPD TEMPRB LSEQ
+"""
+OTHER_LOADS = tuple(_OTHER_LOADS.split())
 
 FORMATS: dict[str, str] = {
     "GRID": "id:n cp:i= x1:r=0 x2:r=0 x3:r=0 cd:i= ps:c= seid:i=",
