@@ -66,9 +66,15 @@ def frequencies(folder: Path, name: str) -> np.ndarray:
     return md.solve_modes(md.solve_equilibrium(structure, around), 8).frequency_hz[:8]
 
 
-def test_half_a_cantilever_by_matrices(tmp_path, capfd):
+@pytest.mark.parametrize("moves_in", [0, 6])
+def test_half_a_cantilever_by_matrices(tmp_path, capfd, moves_in):
+    """The matrices in the basic axes, and in those of the system in which GRDSET has all grids move."""
     held = GRIDS + PROPERTIES + "SPC1,1,123456,1\n"
     K, M = half(2)
+    if moves_in:  # its axes along basic y, z, x
+        held += "GRDSET,,,,,,6\nCORD2R,6,0,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"
+        own = np.concatenate([6 * k + np.array([1, 2, 0, 4, 5, 3]) for k in range(3)])
+        K, M = K[np.ix_(own, own)], M[np.ix_(own, own)]
     points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
     direct = punch("KHALF", K, points) + punch("MHALF", M, points) + punch("KIDLE", K, points)
     whole = held + "".join(map(bar, (1, 2, 3, 4)))
@@ -94,6 +100,7 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd):
         ("K2GG = KHALF\nM2GG = 2.0*MHALF\n", "a factor"),
         ("K2GG = KHALF\nM2GG = MHALF\nB2PP = KHALF\n", "B2PP"),
         ("K2GG = MHALF\nM2GG = KHALF\n", "mass"),
+        ("PARAM,CK2,2.\nK2GG = KHALF\nM2GG = MHALF\n", "PARAM CK2 = 2.: scales matrices"),
     ],
 )
 def test_matrices_that_are_no_component(tmp_path, capfd, case, said):

@@ -124,6 +124,8 @@ def test_a_2414_is_read_as_a_55(tmp_path: Path) -> None:
     assert count == 3
     (tmp_path / "m.unv").write_text(changed)
     assert md.load_measured_modes(tmp_path / "m.unv") == md.load_measured_modes(FOLDER / "normal-m.unv")
+    (tmp_path / "both.unv").write_text(text + changed)  # each mode stands there twice, and counts once
+    assert md.load_measured_modes(tmp_path / "both.unv") == md.load_measured_modes(FOLDER / "normal-m.unv")
 
 
 def change(tmp_path: Path, old: str, new: str, name: str = "normal-m.unv") -> Path:

@@ -337,6 +337,7 @@ def deck(names: Names) -> None:
     # A cantilever (Blevins 1979): 1.8751^2 sqrt(EI / rho A) / (2 pi), about both axes.
     first = 1.875104**2 * np.sqrt(7e10 * np.array([1.3e-8, 1.9e-8]) / (2700.0 * 4e-4)) / (2 * np.pi)
     np.testing.assert_allclose(names["held"].frequency_hz[:2], first, rtol=1e-3)
+    assert [port.name for port in names["plant"].outputs] == ["tip", "tip_rate"]
 
 
 def free_decay(names: Names) -> None:
@@ -362,6 +363,7 @@ def component(names: Names) -> None:
     """From above, and small; `test_superelements` compares the assembly with NX Nastran."""
     assert np.all(names["error"] > -1e-9)
     assert np.max(names["error"]) < 1e-5
+    np.testing.assert_allclose(names["floating"].frequency_hz[6], 12.0 / np.sqrt(1.0 - 6.0 / 50.0), rtol=1e-9)
     assert names["md"].structure.recover_outputs(names["modes"], "bus").modes.shape == (
         6,
         len(names["modes"].omega),

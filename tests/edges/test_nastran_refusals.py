@@ -313,6 +313,14 @@ def test_matrices_are_refused_where_selected(tmp_path):
         convert(write(tmp_path, dmig, case=["K2GG = KAAX"]))
 
 
+def test_masses_of_sets_that_are_not_selected_are_left_out(tmp_path):
+    sets = [(f"NSM{kind}", f"NSM{kind},9,PBAR,1,5.") for kind in ("", "1", "L", "L1")]
+    made = convert(write(tmp_path, *(card for _, card in sets)))
+    assert {name for name, _ in sets} <= {row[0] for row in made.left_out}
+    with pytest.raises(ConfigError, match="NSM: NSM sets are not converted yet"):
+        convert(write(tmp_path, sets[2][1], case=["NSM = 9"]))
+
+
 def test_links_and_averages_that_nothing_stands_on_are_left_out(tmp_path):
     made = convert(
         write(tmp_path, "GRID,8,,9.", "RBE3,30,,8,123456,1.,123,1,2", "GRID,9,,9.", "RBE2,31,1,12,9")

@@ -196,13 +196,20 @@ class _Systems:
 
 
 def _once(shapes: list[Shape]) -> list[Shape]:
-    """Of a mode and its complex conjugate the one that turns forward."""
-    roots = [s.root for s in shapes]
+    """Of a mode and its complex conjugate the one that turns forward; of what stands twice the first."""
 
-    def again(root: complex) -> bool:
-        return root.imag < 0.0 and any(abs(r - root.conjugate()) <= 1e-4 * abs(root) for r in roots)
+    def again(k: int, shape: Shape) -> bool:
+        back = shape.root.imag < 0.0 and any(
+            abs(s.root - shape.root.conjugate()) <= 1e-4 * abs(shape.root) for s in shapes
+        )
+        return back or any(_equal(s, shape) for s in shapes[:k])
 
-    return [s for s in shapes if not again(s.root)]
+    return [s for k, s in enumerate(shapes) if not again(k, s)]
+
+
+def _equal(one: Shape, other: Shape) -> bool:
+    same = one.root == other.root and one.rows.keys() == other.rows.keys()
+    return same and all(np.array_equal(row, other.rows[n]) for n, row in one.rows.items())
 
 
 def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, np.ndarray]:

@@ -19,7 +19,14 @@ from middeck.structure.assembly.components import component_states_at
 from middeck.structure.assembly.linked import link_part
 from middeck.structure.assembly.loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.assembly.places import At, carried_turning, moved_since, poses_at, symmetric, transport
+from middeck.structure.assembly.places import (
+    At,
+    carried_turning,
+    moved_since,
+    poses_at,
+    root_levers,
+    symmetric,
+)
 from middeck.structure.assembly.springs import (
     at_attach_points,
     at_poses,
@@ -36,7 +43,7 @@ from middeck.structure.elements.bushings import BushingState
 from middeck.structure.elements.component import ComponentState
 from middeck.structure.elements.devices import NO_SPRINGS, SpringState, spring_state
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.since_drawn import Lever, add_pull, lever_stiffness, summed
+from middeck.structure.elements.since_drawn import Lever, add_pull, lever_jacobian, lever_stiffness, summed
 from middeck.values import record
 
 
@@ -45,7 +52,8 @@ class Assembly:
     """The potential at one configuration.
 
     ``gradient`` and ``tangent`` are in the coordinates of the frame tree, the pull of links included (see
-    `linked`); ``jacobian`` takes them to poses.
+    `linked`); ``jacobian`` takes them to poses. ``strain`` of each beam element, on (stretch, y1, z1, y2, z2,
+    twist), and its ``slope`` in the poses of its ends.
     """
 
     energy: float
@@ -53,6 +61,8 @@ class Assembly:
     tangent: sp.csr_array
     jacobian: sp.csr_array
     tension: Inexact[np.ndarray, " device"]
+    strain: Inexact[np.ndarray, "element 6"]
+    slope: Inexact[np.ndarray, "element 6 12"]
 
 
 class TangentParts(NamedTuple):
@@ -112,7 +122,8 @@ def assemble_carried(
     total = _gather(model, at, loads, inner, model.inside)
     outside = _assembled(model, config, at, total, point_load)
     pull = outside.gradient - outside.jacobian.T @ total.excess.ravel()
-    T, parts = transport(config, model.tree), carried_turning(model, at, since, pull)
+    links = root_levers(config)
+    T, parts = lever_jacobian(links, model.tree.size), carried_turning(links, pull)
     back = T.T.tocsr()
     energy, gradient = outside.energy, back @ outside.gradient
     for state, links in _inside_parts(model, at, total, inner):
@@ -120,12 +131,12 @@ def assemble_carried(
         add_pull(links, state.gradient + state.excess, gradient)
         parts += lever_stiffness(links, _by_ends(state.gradient), state.material + state.geometric)
     tangent = back @ outside.tangent @ T + summed(parts, model.tree.size)
-    bare = Assembly(
+    bare = dataclasses.replace(
+        outside,
         energy=energy,
         gradient=gradient,
         tangent=symmetric(tangent),
         jacobian=outside.jacobian @ T,
-        tension=outside.tension,
     )
     return _with_links(model, config, bare, in_world=False)
 
@@ -145,7 +156,8 @@ def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.c
     out = _with_components(bare, total.components, lambda state: state.geometric)
     gradient = J.T @ total.gradient.ravel() + total.modal + sprung_joints(model, config)[1]
     if since is not None and since.carries:
-        T, parts = transport(config, model.tree), carried_turning(model, at, since, gradient)
+        links = root_levers(config)
+        T, parts = lever_jacobian(links, model.tree.size), carried_turning(links, gradient)
         gradient = T.T @ gradient
         for state, links in _inside_parts(model, at, total):
             add_pull(links, state.gradient, gradient)
@@ -188,7 +200,13 @@ def _assembled(
     bare = model.pattern.matrix(J.data, blocks, hinges)
     K = _with_components(bare, total.components, lambda state: state.material + state.geometric)
     return Assembly(
-        energy=total.energy + joint_energy, gradient=g, tangent=K, jacobian=J, tension=total.tension
+        energy=total.energy + joint_energy,
+        gradient=g,
+        tangent=K,
+        jacobian=J,
+        tension=total.tension,
+        strain=total.strain,
+        slope=total.slope,
     )
 
 
@@ -254,6 +272,8 @@ class _Total(NamedTuple):
     geometric: dict[str, np.ndarray]
     device: np.ndarray
     apart: list[BeamState]
+    strain: np.ndarray
+    slope: np.ndarray
 
 
 class _Members(NamedTuple):
@@ -269,6 +289,8 @@ class _Members(NamedTuple):
     geometric: np.ndarray
     force: np.ndarray
     apart: list[BeamState]
+    strain: np.ndarray
+    slope: np.ndarray
 
 
 def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None = None) -> _Total:
@@ -314,6 +336,8 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
         {"element": members.geometric, "spring": _between(own.geometric), "bushing": between.geometric},
         held,
         members.apart,
+        members.strain,
+        members.slope,
     )
 
 
@@ -330,6 +354,7 @@ def _gather_members(
     geometric = [np.zeros((0, 12, 12))]
     energy = 0.0
     forces: list[np.ndarray] = [np.zeros((0, 6))]
+    strains, slopes = [np.zeros((0, 6))], [np.zeros((0, 6, 12))]
     apart: list[BeamState] = []
     for rows in chunks(len(model.element_ends)):
         x, T, known = element_ends(model, at, rows)
@@ -344,6 +369,8 @@ def _gather_members(
         energy += np.sum(strain.energy + weight.energy)
         energy -= (beams.rho_A * beams.length) @ (at.world[ends[:, 0]] - x[:, 0]) @ loads.gravity
         forces.append(strain.force)
+        strains.append(strain.strain)
+        slopes.append(strain.slope)
         material.append(strain.material)
         geometric.append(strain.geometric + weight.hessian)
     energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
@@ -356,6 +383,8 @@ def _gather_members(
         np.concatenate(geometric),
         np.concatenate(forces),
         apart,
+        np.concatenate(strains),
+        np.concatenate(slopes),
     )
 
 

@@ -17,7 +17,15 @@ from middeck.structure.assembly.closing import NEARLY, Closing, close_rows
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.links import GROUND, LinkState, link_state
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.assembly.places import At, carried_turning, moved_since, poses_at, symmetric, transport
+from middeck.structure.assembly.places import (
+    At,
+    carried_turning,
+    moved_since,
+    poses_at,
+    root_levers,
+    symmetric,
+    transport,
+)
 from middeck.structure.elements.frames import Configuration, move_carried
 from middeck.structure.elements.since_drawn import summed, uncarried
 from middeck.structure.model.article import JointState
@@ -158,7 +166,7 @@ def link_part(
     since = config.since_drawn
     if in_world or since is None or not since.carries:
         return pull, bent
-    bent = T.T @ bent @ T + summed(carried_turning(model, at, since, pull), model.tree.size)
+    bent = T.T @ bent @ T + summed(carried_turning(root_levers(config), pull), model.tree.size)
     return T.T @ pull, symmetric(sp.csr_array(bent))
 
 

@@ -20,9 +20,10 @@ from middeck.structure.elements.frames import (
 )
 from middeck.structure.elements.since_drawn import (
     Entries,
+    Lever,
     SinceDrawn,
-    chain_jacobian,
     chain_within,
+    lever_jacobian,
     lever_stiffness,
     levers,
     whole_motion,
@@ -72,24 +73,25 @@ def drawn_places(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np
     return drawn, np.where(own[:, None], change, 0.0)
 
 
-def carried_turning(
-    model: Model, at: At, since: SinceDrawn, gradient: Inexact[np.ndarray, " coordinate"]
-) -> list[Entries]:
+def root_levers(config: Configuration) -> list[Lever]:
+    """How carried coordinates move the roots; none where nothing is carried."""
+    since, roots = config.since_drawn, np.arange(len(config.x))
+    if since is None or not since.carries:
+        return []
+    chain = chain_within(since, roots, np.full(len(roots), -1))
+    return levers((link[:, None] for link in chain), config.x, config.x[:, None])
+
+
+def carried_turning(links: list[Lever], gradient: Inexact[np.ndarray, " coordinate"]) -> list[Entries]:
     """Second-order motion of the roots in W by carried coordinates, weighted by the ``gradient`` in W."""
-    roots = np.flatnonzero(since.carrier >= 0)
-    over = chain_within(since, roots, np.full(len(roots), -1))
-    links = levers((link[:, None] for link in over), at.poses.p, at.poses.p[roots, None])
-    load = gradient[: 6 * model.tree.roots].reshape(-1, 1, 6)[roots]
-    return lever_stiffness(links, load)
+    roots = len(links[0].root)
+    return lever_stiffness(links, gradient[: 6 * roots].reshape(-1, 1, 6))
 
 
 def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
     """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
-    since, roots = config.since_drawn, np.arange(tree.roots)
-    if since is None or not since.carries:
-        return _identity(tree.size)
-    over = chain_within(since, roots, np.full(len(roots), -1))
-    return chain_jacobian(over, config.x, config.x, tree.size, len(tree.parent))
+    links = root_levers(config)
+    return lever_jacobian(links, tree.size) if links else _identity(tree.size)
 
 
 @functools.cache

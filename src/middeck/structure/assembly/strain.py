@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Inexact
 
 from middeck.structure.assembly.beam_ends import carried_levers, chunks, element_ends, tensioned_beams
 from middeck.structure.assembly.components import component_states
+from middeck.structure.assembly.energy import Assembly
 from middeck.structure.assembly.loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import At, poses_at, transport
@@ -33,7 +35,8 @@ def strain_energies(
     Nothing cancels but within a strain, so that it rounds by the square of the rounding of the shapes.
     """
     at = poses_at(model, config)
-    motion, ends, tied = _motions(model, config, at, shapes)
+    jacobian = model.pose_map.jacobian(at.poses) @ transport(config, model.tree)
+    motion, ends, tied = _motions(model, at, jacobian, shapes)
     out = np.zeros((shapes.shape[1], shapes.shape[1]))
     for rows in chunks(len(model.element_ends)):
         x, T, known = element_ends(model, at, rows)
@@ -83,33 +86,38 @@ def strain_pull(
 
 
 def predict_forces(
-    model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"]
+    model: Model,
+    config: Configuration,
+    loads: Loads,
+    q: Inexact[np.ndarray, " coordinate"],
+    before: Assembly,
 ) -> Inner:
-    """Forces after a step ``q`` in carried coordinates, to first order."""
+    """Forces after a step ``q`` in carried coordinates from ``config``, of the assembly ``before``.
+
+    To first order.
+    """
     at = poses_at(model, config)
-    motion, ends, tied = (m[..., 0] for m in _motions(model, config, at, q[:, None]))
-    forces = [np.zeros((0, 6))]
-    for rows in chunks(len(model.element_ends)):
-        x, T, known = element_ends(model, at, rows)
-        beams = tensioned_beams(model, loads, rows)
-        value, slope = beam_deformations(beams, x, T, known)
-        strain = value + (slope @ ends[rows][:, :, None])[:, :, 0]
-        forces.append(tensioned(beams, (beams.stiffness @ strain[:, :, None])[:, :, 0]))
+    motion, ends, tied = (m[..., 0] for m in _motions(model, at, before.jacobian, q[:, None]))
+    strain = before.strain + (before.slope @ ends[:, :, None])[:, :, 0]
+    beams = tensioned_beams(model, loads, slice(None))
+    force = tensioned(beams, (beams.stiffness @ strain[:, :, None])[:, :, 0])
     start, end = model.spring_ends.T
     own = predicted_tension(own_law(model), *own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *device_span(model, at, loads), motion[loads.attach_point, :3])
     between = own_bushings(model, at, inside=True).predicted(tied)
     ground = grounded(model, at, loads).predicted(on_ground(motion[loads.ground.point]))
-    return Inner(np.concatenate(forces), own, device, between, ground)
+    return Inner(force, own, device, between, ground)
 
 
 def _motions(
-    model: Model, config: Configuration, at: At, shapes: np.ndarray
+    model: Model, at: At, jacobian: sp.csr_array, shapes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see."""
+    """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see.
+
+    ``jacobian`` takes carried coordinates to poses.
+    """
     count = shapes.shape[1]
-    J = model.pose_map.jacobian(at.poses)
-    motion = (J @ (transport(config, model.tree) @ shapes)).reshape(len(at.world), 6, count)
+    motion = (jacobian @ shapes).reshape(len(at.world), 6, count)
     ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)
     tied = motion[model.bushing_ends].reshape(len(model.bushing_ends), 12, count)
     for moved, poses, part in (

@@ -114,7 +114,8 @@ def beam_properties(
 class BeamState(NamedTuple):
     """Strain energy [J], end forces and tangent in (dx1, theta1, dx2, theta2) of each element.
 
-    ``force`` [N, N m] works on the six deformations; ``excess`` is what the elements' own forces add to the
+    ``force`` [N, N m] works on the six deformations ``strain``, which have the ``slope`` (element, 6, 12) in
+    the pose coordinates; ``excess`` is what the elements' own forces add to the
     gradient where another has taken their place. The tangent is the sum of the ``material`` part, at
     which no force is present, and the ``geometric`` part, which is linear in the forces.
     """
@@ -125,6 +126,8 @@ class BeamState(NamedTuple):
     excess: Array
     material: Array
     geometric: Array
+    strain: Array
+    slope: Array
 
     @property
     def hessian(self) -> Array:
@@ -152,7 +155,8 @@ def beam_state(
     force = own if force is None else force
     gradient, excess = (((f[:, None]) @ strain.slope)[:, 0] for f in (force, own - force))
     material = np.swapaxes(strain.slope, 1, 2) @ (k @ strain.slope)
-    return BeamState(energy, force, gradient, excess, material, geometric_stiffness(strain, force))
+    geometric = geometric_stiffness(strain, force)
+    return BeamState(energy, force, gradient, excess, material, geometric, strain.value, strain.slope)
 
 
 def beam_deformations(
@@ -205,6 +209,9 @@ def beam_weight(
     """
     n = len(beams.length)
     W = (beams.rho_A * beams.length)[:, None] * gravity
+    dtype = np.result_type(W, x, T)
+    if not np.any(W):
+        return BeamWeight(np.zeros(n, dtype), np.zeros((n, 12), dtype), np.zeros((n, 12, 12), dtype))
     lever = np.where(beams.straight, 0.0, beams.length / 12.0)
     along = np.where(beams.straight, 0.0, -(beams.length / 20.0))
     e, span = chord(x)
@@ -213,7 +220,6 @@ def beam_weight(
     mean = 0.5 * (x[:, 0] + x[:, 1]) + lever[:, None] * (t - q)
     aside = 0.5 * mass_arms(beams, T)
     energy = -np.einsum("ei,ei->e", W, mean + aside[:, 0] + aside[:, 1]) - along * down * lean
-    dtype = np.result_type(W, x, T)
     d_down, d_lean = np.zeros((n, 12), dtype), np.zeros((n, 12), dtype)
     for slope, vector in ((d_down, W), (d_lean, t - q)):
         across = (vector - np.einsum("ei,ei->e", vector, e)[:, None] * e) / span[:, None]

@@ -7,6 +7,9 @@ from jaxtyping import Float, Inexact
 
 # Of x, y, z the one that follows, and the one before.
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+# Of a cross-product matrix: which of x, y, z stands where, and its sign.
+OTHER = np.array([[0, 2, 1], [2, 0, 0], [1, 0, 0]])
+SIGN = np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]])
 
 
 def skew(v: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
@@ -16,11 +19,7 @@ def skew(v: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"
     [2.0, -1.0, 0.0]
     """
     v = np.asarray(v)
-    out = np.zeros((*v.shape, 3), dtype=np.result_type(v, float))
-    out[..., 0, 1], out[..., 0, 2] = -v[..., 2], v[..., 1]
-    out[..., 1, 0], out[..., 1, 2] = v[..., 2], -v[..., 0]
-    out[..., 2, 0], out[..., 2, 1] = -v[..., 1], v[..., 0]
-    return out
+    return v.take(OTHER, -1) * SIGN
 
 
 def cross(

@@ -139,32 +139,6 @@ def chain_within(
     return out
 
 
-def chain_jacobian(
-    chain: list[np.ndarray],
-    origin: Inexact[np.ndarray, "root 3"],
-    world: np.ndarray,
-    size: int,
-    joints: int = 0,
-) -> sp.csr_array:
-    """First-order change of poses at ``world`` by the carried coordinates of the roots in their chains.
-
-    Below the poses so many ``joints``, the last coordinates, follow as they are.
-    """
-    rows = [6 * len(world) + np.arange(joints)]
-    columns = [size - joints + np.arange(joints)]
-    values = [np.ones(joints)]
-    for link in chain:
-        pose = np.flatnonzero(link >= 0)
-        block = np.tile(np.eye(6), (len(pose), 1, 1))
-        block[:, :3, 3:] = -skew(world[pose] - origin[link[pose]])
-        at, row, column = np.nonzero(block)
-        rows.append(6 * pose[at] + row)
-        columns.append(6 * link[pose][at] + column)
-        values.append(block[at, row, column])
-    index = (np.concatenate(rows), np.concatenate(columns))
-    return sp.coo_array((np.concatenate(values), index), shape=(6 * len(world) + joints, size)).tocsr()
-
-
 class Lever(NamedTuple):
     """One link of the chains of elements' ends: its roots, -1 where a chain has ended, and what they move.
 
@@ -239,9 +213,10 @@ def lever_stiffness(
     F, M = load[..., :3], load[..., 3:]
     width = 6 * load.shape[1]
     end = np.arange(load.shape[1])
+    by_shift, by_moment = skew(F), 0.5 * skew(M)
     for k, inner in enumerate(links):
         # An outer rotation o: o . (e x F) for a shift e, o . ((e x arm) x F + (e x M)/2) for a turn e.
-        pull = np.concatenate([-skew(F), skew(F) @ skew(inner.arm) - 0.5 * skew(M)], axis=3)
+        pull = np.concatenate([-by_shift, by_shift @ skew(inner.arm) - by_moment], axis=3)
         worked = None if hessian is None else hessian @ inner.motion
         for outer in links[k:]:
             there = ((inner.root >= 0) & (outer.root >= 0))[:, :, None, None]
@@ -270,6 +245,14 @@ def summed(parts: Iterable[Entries], size: int) -> sp.csr_array:
     """The square matrix of all the entries."""
     row, column, value = (np.concatenate(some) for some in zip(*parts, strict=True))
     return sp.coo_array((value, (row, column)), shape=(size, size)).tocsr()
+
+
+def lever_jacobian(links: list[Lever], size: int) -> sp.csr_array:
+    """First-order change of all roots, and of what follows them as it is, by carried coordinates."""
+    own = np.arange(links[0].root.size * 6).reshape(-1, 6)
+    last = np.arange(own.size, size)
+    moved = [_entries(own, link.coordinates, link.motion) for link in links]
+    return summed([*moved, Entries(last, last, np.ones(len(last)))], size)
 
 
 def uncarried(at: SinceDrawn | None, size: int) -> Bool[np.ndarray, " coordinate"]:

@@ -101,7 +101,7 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
         at = assemble_carried(model, config, loads, None, inner)
         left.append(imbalance(at, free, scale))
         settled = left[-1] < TOLERANCE and _is_settled(left, before, longest)
-        if settled or (rough and before < NEARBY * longest):
+        if settled:
             break
         held = holding(free.matrix(at.tangent), free.matrix(mass))
         q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
@@ -116,12 +116,14 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
         if not step < (CONTRACTION * before if longest > 0.0 else LONGEST_STEP):
             return _Newton(min(fitting, 0.5) if longest > 0.0 else fitting)
         longest, before = max(longest, step), step
-        inner = predict_forces(model, config, loads, q)
+        inner = predict_forces(model, config, loads, q, at)
         moved = closed(model, move_carried(model.tree, config, q))
         if moved is None:
             return _Newton(0.5)
         config = moved
         inner = with_linear_springs(model, config, loads, inner)
+        if rough and step < NEARBY * longest:
+            break
     else:
         return _Newton(0.5)
     return _Newton(fitting, _Way(config, inner), tuple(left))
@@ -189,19 +191,19 @@ def displace(
     pushed[: moved.size] = moved.ravel()
     drawn_along = followed(model, config, pushed)
     pushed = pushed + drawn_along
-    K = assemble_carried(model, config, loads).tangent
-    factor = positive_factor(free.matrix(K))
+    at = assemble_carried(model, config, loads)
+    factor = positive_factor(free.matrix(at.tangent))
     turn = turn_of(moved[:, 3:])
     shifted = since.shift + moved[:, :3]
     displaced = placed(
         SinceDrawn(since.drawn, since.carrier, shifted, since.turn + turn + turn @ since.turn), config.angle
     )
-    q = None if factor is None else free.spread(-factor.solve(free.part(K @ pushed)))
+    q = None if factor is None else free.spread(-factor.solve(free.part(at.tangent @ pushed)))
     there = move_carried(model.tree, displaced, drawn_along if q is None else drawn_along + q)
     there = closed(model, there)
     if there is None:
         raise torn(model, config, pushed)
-    return there, None if q is None else predict_forces(model, config, loads, pushed + q)
+    return there, None if q is None else predict_forces(model, config, loads, pushed + q, at)
 
 
 def with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:

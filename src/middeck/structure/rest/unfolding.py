@@ -67,7 +67,7 @@ def unfold(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
             stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None
             return Settled(config, at, residual, enough, tuple(history), stable)
         q = q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP))
-        inner = predict_forces(model, config, loads, q)
+        inner = predict_forces(model, config, loads, q, at)
         moved = closed(model, move_carried(model.tree, config, q))
         if moved is None:
             return None

@@ -47,9 +47,9 @@ def count_converted(basis: Basis, parts: Parts, standing: Standing) -> dict[str,
 
 def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[LeftOut]:
     """Cards that changed nothing, with the reason: rows (card, how many, why)."""
-    entries, deck, direct = basis.entries, basis.deck, parts.direct
+    entries, deck = basis.entries, basis.deck
     rows = [(name, len(entries.of(name)), why) for why, names in NO_PART.items() for name in names]
-    if not parts.scalars and (direct is None or not direct.modal):  # else its modal coordinates
+    if not parts.scalars and not standing.joined:  # else modal coordinates of components
         rows.append(("SPOINT", len(entries.of("SPOINT")), "nothing stands on these scalar points"))
     rows += [(name, count, _why_idle(name)) for name, count in sorted(entries.idle.items())]
     inside = [e for e in entries.of("GRID") if e["seid"]]

@@ -19,7 +19,7 @@ from middeck.files.nastran.article.struts import pin_tables, strut_tables
 from middeck.files.nastran.article.wholeness import check_whole
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
-from middeck.files.nastran.deck.deck import Deck, real_parameter
+from middeck.files.nastran.deck.deck import Deck, weight_factor
 from middeck.files.nastran.deck.entries import raise_some
 from middeck.files.nastran.deck.units import Units, guess_units
 from middeck.files.nastran.members.sections_of_bars import read_material
@@ -52,7 +52,7 @@ class Conversion(NamedTuple):
 def likely_units(deck: Deck) -> list[Units]:
     """Units in which the materials and the size of ``deck`` are plausible, the likeliest first."""
     places = place_grids(deck.entries).grids
-    factor = real_parameter(deck, "WTMASS", 1.0)
+    factor = weight_factor(deck)
     x = np.array(list(places.values())).reshape(-1, 3)
     size = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) else 0.0
     materials: list[tuple[float, float]] = []

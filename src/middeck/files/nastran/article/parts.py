@@ -11,7 +11,7 @@ from middeck.files.nastran.components.direct_input import direct_component, lone
 from middeck.files.nastran.constraints.constraints import Constraint, read_constraints, term_rows
 from middeck.files.nastran.constraints.restraints import read_restraints
 from middeck.files.nastran.deck.coordinates import Places, place_grids
-from middeck.files.nastran.deck.deck import Deck, real_parameter
+from middeck.files.nastran.deck.deck import Deck, weight_factor
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
 from middeck.files.nastran.deck.numbers import integer
 from middeck.files.nastran.deck.units import Units
@@ -54,7 +54,7 @@ class Basis(NamedTuple):
     @property
     def mass_unit(self) -> float:
         """Kilograms of one unit of mass, after the deck's factor of weights."""
-        return self.units.mass * real_parameter(self.deck, "WTMASS", 1.0)
+        return self.units.mass * weight_factor(self.deck)
 
 
 class Parts(NamedTuple):
@@ -101,7 +101,7 @@ def read_parts(basis: Basis) -> Parts:
     if lone is not None and lone.what == "stiffness":
         ties += direct_ties(lone, places, faults)
     elif lone is not None:
-        masses += direct_masses(lone, places, real_parameter(deck, "WTMASS", 1.0), faults)
+        masses += direct_masses(lone, places, weight_factor(deck), faults)
     if direct is not None and direct.modal and scalars:
         what = "matrices by direct input have scalar points of their own: not converted yet beside them"
         faults.append(scalars[0].entry.fault(what))

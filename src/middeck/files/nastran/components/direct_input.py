@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, component_of
 from middeck.files.nastran.deck.cards import Card
-from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.deck import Deck, given
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
@@ -98,9 +99,9 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
             hint = "one name; a sum or a factor goes into the matrix itself"
             faults.append(_fault(deck, command, f"no DMIG {matrix}", hint))
     faults += [
-        entry.fault("scales matrices by direct input: not converted yet", "v1")
-        for entry in deck.entries.of("PARAM")
-        if chosen and entry.id in SCALES
+        dataclasses.replace(fault, message="scales matrices by direct input: not converted yet")
+        for name in (SCALES if chosen else ())
+        for _, fault in given(deck, name)
     ]
     if faults or not set(READ) <= set(chosen):
         return None

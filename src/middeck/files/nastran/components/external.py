@@ -204,7 +204,7 @@ def component_of(
             where=source,
             hint="give the article's [damping] a ratio, or leave K4 out",
         )
-    turn, present = _to_basic(boundary, cards, places, units)
+    turn, present = _to_basic(boundary, places, units, where)
     energy = units.mass * units.length**2 / units.time**2
 
     def si(matrix: np.ndarray | None, time: float) -> np.ndarray | None:
@@ -248,7 +248,7 @@ def basic_matrix(
         raise DataError(f"{name} is zero", where=where)
     if np.abs(matrix - matrix.T).max() > UNEQUAL * np.abs(matrix).max():
         raise DataError(f"the {what} is not symmetric", where=f"{where}, matrix {name!r}")
-    turn, _ = _to_basic(boundary, cards, places, BARE)
+    turn, _ = _to_basic(boundary, places, BARE, where)
     return boundary.grids, boundary.scalars, turn @ matrix @ turn.T
 
 
@@ -336,23 +336,17 @@ def _pairs(card: Card) -> list[tuple[int, str]]:
     return out
 
 
-def _to_basic(
-    boundary: Boundary, cards: Sequence[Card], places: Places, units: Units
-) -> tuple[np.ndarray, np.ndarray]:
+def _to_basic(boundary: Boundary, places: Places, units: Units, where: str) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates in SI and basic axes, six of each grid, times rows; and which six there are."""
-    cd = {
-        entry.id: entry["cd"] or 0
-        for entry in read_entries([c for c in cards if c.name in GEOMETRY]).of("GRID")
-    }
     grids = len(boundary.grids)
     present = np.zeros((grids, 6), dtype=bool)
     turn = np.zeros((6 * grids + len(boundary.scalars), boundary.size))
     row = 0
     for i, (grid, comps) in enumerate(zip(boundary.grids, boundary.components, strict=True)):
-        system = cd[grid]
+        system = places.moves_in[grid]
         if system not in places.systems:
-            raise DataError(f"grid {grid} has no coordinate system {system} (CD)", where=cards[0].line()[1])
-        axes = places.systems[system].axes_at(places.grids[grid])
+            raise DataError(f"grid {grid} has no coordinate system {system} (CD)", where=where)
+        axes = places.displacement_axes(grid)
         whole = np.kron(np.eye(2), axes) * np.repeat([1.0 / units.length, 1.0], 3)[:, None]
         index = np.array([int(c) - 1 for c in comps])
         turn[6 * i : 6 * i + 6, row : row + len(index)] = whole[:, index]

@@ -187,10 +187,6 @@ def _joined(group: list[Row]) -> Card:
     head, fields, _, _, line = group[0]
     if len(group) == 1:
         return Card(head, _filled(list(fields)), ((0, line),))
-    if len(group) == 2 and not (group[0][LARGE] or group[1][LARGE]):
-        _, more, _, _, other = group[1]
-        fields = fields if len(fields) == ROW else (*fields, *BLANKS[len(fields) :])
-        return Card(head, _filled([*fields, *more]), ((0, line), (ROW, other)))
     joined: list[str] = []
     lines: list[tuple[int, Line]] = []
     half = False

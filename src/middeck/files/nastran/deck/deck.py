@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -84,41 +85,33 @@ def _without_collection() -> Generator[None]:
             gc.enable()
 
 
-def real_parameter(deck: Deck, name: str, default: float) -> float:
-    """A real PARAM of bulk data, or of case control, which goes before it."""
-    found = default
+def given(deck: Deck, name: str) -> Iterator[tuple[str, Fault]]:
+    """What PARAM says of ``name``, in bulk data and then in case control, which goes before it.
+
+    Each with a complaint about it that has no message yet.
+    """
     for entry in deck.entries.of("PARAM"):
         if entry.id == name:
-            value = real(entry["v1"])
-            if value is None or not value > 0.0:
-                raise_some([entry.fault("must be a real number > 0", "v1")])
-            found = value or default
-    for line in deck.selection.params:
-        parts = line[0].upper().replace(",", " ").split()
+            yield entry["v1"], entry.fault("", "v1")
+    for text, file, line in deck.selection.params:
+        parts = text.upper().replace(",", " ").split()
         if parts[1:2] == [name]:
-            value = real(parts[2]) if len(parts) > 2 else None
-            if value is None or not value > 0.0:
-                raise_some(
-                    [
-                        Fault(
-                            file=line[1],
-                            line=line[2],
-                            key=f"PARAM {name}",
-                            message="must be a real > 0",
-                        )
-                    ]
-                )
-            found = value or default
+            value = "".join(parts[2:3])
+            yield value, Fault(file=file, line=line, key=f"PARAM {name}", message="", value=value)
+
+
+def weight_factor(deck: Deck) -> float:
+    """The factor on every mass, PARAM WTMASS."""
+    found = 1.0
+    for text, fault in given(deck, "WTMASS"):
+        found = real(text) or 0.0
+        if found <= 0.0:
+            raise_some([dataclasses.replace(fault, message="must be a real number > 0")])
     return found
 
 
 def asked_formulation(deck: Deck) -> str:
     """The mass that the deck's own program would give its bars, by PARAM COUPMASS: coupled or lumped."""
-    texts = [entry["v1"] for entry in deck.entries.of("PARAM") if entry.id == "COUPMASS"]
-    texts += [
-        parts[2]
-        for line in deck.selection.params
-        if (parts := line[0].upper().replace(",", " ").split())[1:2] == ["COUPMASS"] and len(parts) > 2
-    ]
+    texts = [text for text, _ in given(deck, "COUPMASS")]
     coupled = any(text in ("YES", "ON") or (integer(text) or -1) > 0 for text in texts)
     return "coupled" if coupled else "lumped"

@@ -17,8 +17,7 @@ FORMAT = re.compile(r"(?:1P,?)?(\d+)[ED](\d+)\.(\d+)")
 # A Fortran exponent of three digits may stand without its letter.
 NUMBER = re.compile(r"([+-]?\d+\.\d*|[+-]?\.\d+)(?:[ED]?([+-]\d+)|[ED](\d+))?")
 INTEGER = re.compile(r" *-?\d+")
-# Name and header end here; older files state no format.
-HEADER, PLAIN = 40, (5, 16)
+PLAIN = (5, 16)  # of older files, which state no format
 
 
 class TextSource:
