@@ -139,7 +139,7 @@ def test_the_deck_is_sound(tmp_path):
             "GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2",
             "RBE3 30 field 4 (REFGRID) = 8: component 5 of grid 8 is dependent and held by the ground",
         ),
-        ("FORCE,5,9,,1.,1.", "nothing stands on grid 9"),
+        ("FORCE,5,9,,1.,1.", "grid 9 has no element or mass"),
         ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
         ("LOAD,5,1.,1.,8", "no factor and set of loads"),
         ("GRAV,5,7,9.8,,,-1.", "GRAV 5 field 3 (CID) = 7: there is no rectangular coordinate system 7"),

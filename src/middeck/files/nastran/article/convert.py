@@ -103,7 +103,7 @@ def convert_deck(
 
     left_out += account_left_out(basis, parts, standing)
     if idle := len(parts.held) - len(clamps):
-        left_out.append(("SPC, PS", idle, "at grids on which nothing stands"))
+        left_out.append(("SPC, PS", idle, "at grids without an element or a mass"))
     left_out += sets.refused
     converted = count_converted(basis, parts, standing)
     converted |= {"clamped grids": len(clamps), "load cases": len(cases), "gravity": min(len(constants), 1)}

@@ -161,7 +161,7 @@ class LoadSets:
         grid, cid = entry["g"], entry["cid"]
         carrier = self.standing.carrier(grid)
         if carrier not in self.standing.kept:
-            faults.append(entry.fault(f"nothing stands on grid {grid}, or it is not there", "g"))
+            faults.append(entry.fault(f"grid {grid} has no element or mass, or there is no such grid", "g"))
         elif cid not in self.places.systems:
             faults.append(entry.fault(f"there is no coordinate system {cid}", "cid"))
         else:
