@@ -278,8 +278,23 @@ def test_damaged_stiffness_is_not_taken(folder, campaign):
     read(folder)
 
 
+@pytest.mark.parametrize("grids", [[101.0, 102.0], [101, 102], [b"101", b"102"], ["101", "102"]])
+def test_names_of_grids_are_what_other_programs_make_of_them(tmp_path, component, grids):
+    arrays = {"K": component.stiffness, "M": component.mass, "grids": grids, "positions": component.positions}
+    np.savez(tmp_path / "a.npz", **arrays)
+    assert load_component(tmp_path / "a.npz").grids == ("101", "102")
+
+
 def test_files_that_hold_no_component(tmp_path, component):
     arrays = {"stiffness": component.stiffness, "mass": component.mass}
+    whole = arrays | {"grids": ["a", "b"], "positions": component.positions}
+    for more, said in (
+        ({"K": component.stiffness}, "stiffness under two"),
+        ({"grids": ["a", "a"]}, "one name"),
+    ):
+        np.savez(tmp_path / "a.npz", **(whole | more))
+        with pytest.raises(DataError, match=said):
+            load_component(tmp_path / "a.npz")
     np.savez(tmp_path / "a.npz", **arrays)
     with pytest.raises(DataError, match="no grids, positions"):
         load_component(tmp_path / "a.npz")
