@@ -288,7 +288,10 @@ def wait_for_hold(engine: Supervisor) -> int:
 
 
 def engaging_step(seed: int, *rig: str) -> float:
-    """The largest step of a command while the law fades in and out, beyond one between, over its limit."""
+    """The most that the fade of a law, in and out, adds to a step of a command, over its limit.
+
+    Beside the larger step of the same sample without it: of the hold alone, or with the whole law.
+    """
     settings = settings_of(*rig)
     limits = np.array([drive.upper for drive in settings.drives])
     ramp = settings.samples(settings.ramp_s)
@@ -297,13 +300,16 @@ def engaging_step(seed: int, *rig: str) -> float:
         engine.reset()
         engine.run(2 * ramp, keep=False)
         wait_for_hold(engine)
-        engine.command("engage", values=[1.0])
-        on, throughout = engine.run(ramp), engine.run(4 * ramp)
-        engine.command("disengage")
-        off = engine.run(ramp)
-        assert engine.state == "ready"
-    normal, *fading = (np.abs(np.diff(part["u"], axis=0)).max(axis=0) for part in (throughout, on, off))
-    return max(float(((steps - normal) / limits).max()) for steps in fading)
+        parts = [engine.run(1)]
+        for word, state in (("engage", "control"), ("disengage", "ready")):
+            assert engine.command(word, values=[1.0]).done
+            parts.append(engine.run(ramp + 1))
+            assert engine.state == state
+    taken = np.concatenate(parts)
+    faded, alone, whole = (
+        np.abs(np.diff(u, axis=0)) for u in (taken["u"], taken["hold"], taken["hold"] + taken["wanted_0"])
+    )
+    return float(((faded - np.maximum(alone, whole)) / limits).max())
 
 
 def end_of_normal_operation(seed: int, article: str, seconds: float) -> tuple[str, list]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.rounding import LinearLaw, unfold_law
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 
@@ -19,8 +21,11 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract
 PERIOD_S = 0.002
 ALIGNED = 64
 """As a compiler lays a state that is static."""
+BLOCK = 200
+"""Samples of a response at a time."""
 RUN = """
 int run(law_state *s, const law_real *y, law_real *u, int count);
+int run_applied(law_state *s, const law_real *y, law_real *u, const law_real *applied, int count);
 unsigned long size(void);
 int run(law_state *s, const law_real *y, law_real *u, int count)
 {
@@ -28,6 +33,16 @@ int run(law_state *s, const law_real *y, law_real *u, int count)
 
     for (k = 0; k < count; ++k)
         taken += law_step(s, y + k * LAW_INPUTS, u + k * LAW_OUTPUTS);
+    return taken;
+}
+int run_applied(law_state *s, const law_real *y, law_real *u, const law_real *applied, int count)
+{
+    int k, taken = 0;
+
+    for (k = 0; k < count; ++k) {
+        taken += law_compute(s, y + k * LAW_INPUTS, u + k * LAW_OUTPUTS);
+        law_commit(s, applied + k * LAW_OUTPUTS);
+    }
     return taken;
 }
 unsigned long size(void)
@@ -68,16 +83,19 @@ def random_law(
     return Compensator(system, *ports(states, inputs, outputs), applied=E)
 
 
-def compile_law(package: ControllerPackage, folder: Path, *flags: str) -> Callable[[np.ndarray], np.ndarray]:
-    """The law of ``package`` in C, from a reset: samples of y to samples of u."""
+def compile_law(package: ControllerPackage, folder: Path, *flags: str) -> Callable[..., np.ndarray]:
+    """The law of ``package`` in C, from a reset: samples of y (and of what is applied) to samples of u."""
     prepare = steps_in_c(package, folder, *flags)
-    return lambda y: prepare(y)().astype(float)
+    return lambda *y: prepare(*y)().astype(float)
 
 
 def steps_in_c(
     package: ControllerPackage, folder: Path, *flags: str
-) -> Callable[[np.ndarray], Callable[[], np.ndarray]]:
-    """For samples of y, a call that takes the steps from a reset, and does nothing else."""
+) -> Callable[..., Callable[[], np.ndarray]]:
+    """For samples of y, a call that takes the steps from a reset, and does nothing else.
+
+    With samples of commands, these are applied; else the law's own are.
+    """
     made = generate_c(package, "law")
     (folder / "law.h").write_text(made.header)
     (folder / "law.c").write_text(made.source + RUN)
@@ -91,16 +109,18 @@ def steps_in_c(
     loaded.size.restype = ctypes.c_ulong
     real = np.float32 if package.single else np.float64
 
-    def prepare(y: np.ndarray) -> Callable[[], np.ndarray]:
+    def prepare(y: np.ndarray, *applied: np.ndarray) -> Callable[[], np.ndarray]:
         room = ctypes.create_string_buffer(loaded.size() + ALIGNED)
         state = (ctypes.c_char * loaded.size()).from_buffer(room, -ctypes.addressof(room) % ALIGNED)
         given, u = np.ascontiguousarray(y, dtype=real), np.zeros((len(y), len(package.outputs)), real)
-        places = ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(u.ctypes.data)
+        rows = given, u, *(np.ascontiguousarray(one, dtype=real) for one in applied)
+        places = [ctypes.c_void_p(one.ctypes.data) for one in rows]
+        steps = loaded.run_applied if applied else loaded.run
 
         def run() -> np.ndarray:
-            assert len(given) == len(u)
+            assert all(len(one) == len(u) for one in rows)
             loaded.law_reset(state)
-            loaded.run(state, *places, len(u))
+            steps(state, *places, len(u))
             return u
 
         return run
@@ -115,3 +135,66 @@ def replay(package: ControllerPackage, folder: Path, *flags: str) -> int:
     (folder / "law.c").write_text(made.source)
     subprocess.run(["cc", *STRICT, *flags, "-DLAW_MAIN", "law.c", "-o", "replay"], cwd=folder, check=True)
     return subprocess.run(["./replay"], cwd=folder, check=False).returncode
+
+
+def worst_error(
+    package: ControllerPackage, single: ControllerPackage, count: int, folder: Path
+) -> np.ndarray:
+    """Largest difference of outputs in C, ``single`` to ``package``, which ``count`` samples find.
+
+    Inputs are those of `worst_signs` in full and at three tenths, and noise. What is applied is the law's own
+    command, or one within its limits.
+    """
+    runs, m = [compile_law(one, folder) for one in (package, single)], len(package.inputs)
+    noise = np.sign(np.random.default_rng(5).standard_normal((count, m + len(package.outputs))))
+    worst = np.zeros(len(package.outputs))
+    for signs in (*worst_signs(package, count), noise):
+        for part in (1.0, 0.3):
+            y = (part * single.input_range * signs[:, :m]).astype(np.float32).astype(float)
+            tried = [(y,)]
+            if package.core.drives:
+                limit = np.where(signs[:, m:] > 0.0, single.upper, single.lower)
+                tried.append((y, np.where(signs[:, m:] == 0.0, 0.0, part * limit).astype(np.float32)))
+            for given in tried:
+                exact, rounded = (run(*given) for run in runs)
+                worst = np.maximum(worst, np.abs(exact - rounded).max(axis=0))
+    return worst
+
+
+def worst_signs(package: ControllerPackage, count: int) -> Iterator[np.ndarray]:
+    """For each output, signs of y and of commands applied of which rounded coefficients err most.
+
+    At the last sample: they are the signs of the response of what is cut, backwards (Desoer and Vidyasagar
+    1975, section 4.8). Between the limits.
+    """
+    exact, rounded = (_estimating(unfold_law(package, single=single)) for single in (False, True))
+    n = len(exact.F)
+    F = np.block([[exact.F, np.zeros((n, n))], [rounded.F - exact.F, rounded.F]])
+    G = np.vstack([exact.G, rounded.G - exact.G])
+    outputs = list(exact.wanted)
+    for h, direct in zip(
+        np.hstack([rounded.H - exact.H, rounded.H])[outputs], (rounded.J - exact.J)[outputs], strict=True
+    ):
+        signs = np.sign(np.vstack([direct, *_response(F, G, h, count - 1)])[:count])
+        yield signs[::-1]
+
+
+def _estimating(law: LinearLaw) -> LinearLaw:
+    """``law`` of y and of what is applied, a = w + e, without the errors of its sums."""
+    p, w = len(law.wanted), list(law.wanted)
+    m = law.first - len(law.F) - p
+    y, e = slice(0, m), slice(m, m + p)
+    by_e = law.G[:, e]
+    G = np.hstack([law.G[:, y] - by_e @ law.J[w, y], by_e])
+    return dataclasses.replace(law, F=law.F - by_e @ law.H[w], G=G, J=law.J[:, : m + p])
+
+
+def _response(F: np.ndarray, G: np.ndarray, h: np.ndarray, count: int) -> Iterator[np.ndarray]:
+    """h F^k G in blocks."""
+    rows = np.empty((BLOCK, len(F)))
+    for k in range(BLOCK):
+        rows[k], h = h, h @ F
+    leap = np.linalg.matrix_power(F, BLOCK)
+    for _ in range(0, count, BLOCK):
+        yield rows @ G
+        G = leap @ G

@@ -114,7 +114,7 @@ def step_of(case: Case, _: Any) -> float:
 def engaging_row(steps: Sequence[float]) -> dict:
     return row(
         CASE,
-        "engaging and disengaging: largest step beyond a normal one, over the limit",
+        "engaging and disengaging: the most that the fade adds to a step, over the limit",
         "",
         max(steps),
         0.01,

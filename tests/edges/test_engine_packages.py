@@ -192,7 +192,8 @@ def test_what_only_small_processors_run_is_refused():
     from middeck.realtime.package.vectors import add_test_vectors
 
     with Supervisor(plain_settings(), random_article()) as engine:
-        assert engine.load(to_single(package_law(law, "s", input_range=1.0))).word == "single precision"
+        small = to_single(package_law(law, "s", input_range=1.0, limit=1.0))
+        assert engine.load(small).word == "single precision"
         assert engine.load(add_test_vectors(inner, 6)).word == "inner loop"
         assert engine.command("load", values=[np.nan]).word == "bad length"
         assert engine.command("load", values=[1e300]).word == "bad length"

@@ -40,7 +40,7 @@ PACKAGES = {
     "dense": lambda: package_law(random_law(np.random.default_rng(2), 4, 1, 1), "d", form="dense"),
     "gain": lambda: package_law(random_law(np.random.default_rng(3), 0, 1, 2, applied=False), "g"),
     "single": lambda: to_single(
-        package_law(random_law(np.random.default_rng(4), 4, 2, 1), "s", input_range=1.0)
+        package_law(random_law(np.random.default_rng(4), 4, 2, 1), "s", input_range=1.0, limit=9.0)
     ),
 }
 

@@ -88,7 +88,7 @@ def test_stop_takes_one_sample(state):
 
 @pytest.mark.parametrize("article", repeats(["dm", "simple"]))
 def test_engaging_adds_at_most_one_hundredth_of_the_limit_to_a_step(article):
-    """Beside a run that is engaged throughout; disengaging too."""
+    """Sample by sample, beside the step that hold or whole law would take there."""
     for seed in repeats(range(25)):
         assert engaging_step(seed, article) <= 0.01
 

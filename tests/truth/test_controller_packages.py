@@ -30,7 +30,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
-from packaged_laws import PERIOD_S, compile_law, ports, random_law
+from packaged_laws import PERIOD_S, compile_law, ports, random_law, worst_error
 from plant_builders import unit_weights
 from repeats import LONG
 
@@ -258,16 +258,6 @@ def test_peaks_are_bounded_from_above_and_closely():
     assert 1e5 <= float(bound_peaks(slow, np.eye(1), np.eye(1), np.zeros((1, 1)))[0, 0]) < 1.1e5
 
 
-def bad_inputs(package, rng, count):
-    """What moves a law most: each pole's rhythm as a square wave, constants, and noise of full range."""
-    k, m = np.arange(count)[:, None], len(package.inputs)
-    for pole in np.linalg.eigvals(package.core.A):
-        for phase in rng.uniform(0.0, 6.3, (2, m)):
-            yield np.sign(np.sin(abs(np.angle(pole)) * k + phase))
-    yield np.ones((count, m))
-    yield np.sign(rng.standard_normal((count, m)))
-
-
 @pytest.mark.parametrize("applied", [False, True])
 def test_single_precision_stays_within_its_bound(applied, tmp_path, campaign):
     ratios = []
@@ -275,17 +265,23 @@ def test_single_precision_stays_within_its_bound(applied, tmp_path, campaign):
         rng = np.random.default_rng(seed)
         states, inputs, outputs = rng.integers(1, 16), rng.integers(1, 4), rng.integers(1, 3)
         law = random_law(rng, int(states), int(inputs), int(outputs), applied=applied, radii=(0.8, 0.998))
-        package = package_law(law, "law", input_range=rng.uniform(0.01, 1.0), limit=rng.choice([0.3, np.inf]))
+        limit = rng.choice([0.3, 30.0 if applied else np.inf])
+        package = package_law(law, "law", input_range=rng.uniform(0.01, 1.0), limit=limit)
         single = to_single(package)
-        double_run, single_run = compile_law(package, tmp_path), compile_law(single, tmp_path)
-        worst = np.zeros(len(law.outputs))
-        for y in bad_inputs(package, rng, 3000):
-            for part in (1.0, 0.3):
-                given = (part * y * single.input_range).astype(np.float32).astype(float)
-                worst = np.maximum(worst, np.abs(double_run(given) - single_run(given)).max(axis=0))
+        worst = worst_error(package, single, 3000, tmp_path)
         assert np.all(worst <= single.error_bound)
         ratios += (single.error_bound / worst).tolist()
     assert np.median(ratios) < 100.0
+
+
+def test_the_bound_in_single_precision_holds_for_commands_that_others_add(tmp_path):
+    """A slow estimate that almost nothing but the applied command moves."""
+    slow = SampledStateSpace([[0.99973]], [[1e-4]], [[0.7]], [[0.0]], period_s=PERIOD_S)
+    law = Compensator(slow, *ports(1, 1, 1), applied=np.array([[1e-4]]))
+    package = package_law(law, "law", input_range=1e-3, limit=5.0)
+    single = to_single(package)
+    worst = worst_error(package, single, 30_000, tmp_path)
+    assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
 
 
 def test_what_has_no_bound_is_refused():
@@ -295,12 +291,14 @@ def test_what_has_no_bound_is_refused():
     with pytest.raises(ConfigError, match="slew limit"):
         to_single(package_law(law, "law", input_range=1.0, slew_rate=1.0))
     with pytest.raises(ConfigError, match="already"):
-        to_single(to_single(package_law(law, "law", input_range=1.0)))
+        to_single(to_single(package_law(law, "law", input_range=1.0, limit=1.0)))
+    with pytest.raises(ConfigError, match="what is applied has no limit"):
+        to_single(package_law(law, "law", input_range=1.0))
     loud = dataclasses.replace(law, applied=5.0 * np.ones((4, 1)))
     with pytest.raises(ConfigError, match=r"may amplify|no peak is bounded"):
         to_single(package_law(loud, "law", input_range=1.0, limit=0.1))
     with pytest.raises(ConfigError, match="overflows"):
-        to_single(package_law(law, "law", input_range=1e37))
+        to_single(package_law(law, "law", input_range=1e37, limit=1.0))
     s = law.sampled
     for huge in (1e300, 1e31):  # beyond single precision; and beyond what sums may reach
         loud = SampledStateSpace(s.A, s.B, s.C, [[huge]], period_s=s.period_s)

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.special import lambertw
 
 from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.stability.delayed_roots import follow_roots
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
@@ -300,3 +301,28 @@ def test_weak_loops_of_light_modes_drawn_at_random(seed: int) -> None:
     g = 2.0 * rng.choice(zeta) * 10.0 ** rng.uniform(-1.0, 1.0)
     loop = WeakLoop(omega, zeta, amplitude, tau, float(rng.choice(omega) * 10.0 ** rng.uniform(-0.7, 0.7)))
     _check_weak(loop, min(g, 5e-3))
+
+
+@pytest.mark.parametrize("shift", [1e-10, 2e-9, 5e-9])
+def test_a_root_beside_a_pole_that_rounding_has_moved_as_far(shift: float) -> None:
+    """f = c + r / (s^2 + 2 zeta omega s + omega^2) has its root in closed form, ``shift`` of the pole away.
+
+    Eigenvalues among close poles err by as much: Newton's method then ends on the pole it is told of.
+    """
+    omega, zeta, c = 0.155, 0.39, 2e4
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        r = 2.0 * omega**2 * shift * c * rng.choice([-1.0, 1.0])
+        pole = complex(-zeta * omega, omega * np.sqrt(1.0 - zeta**2))
+        root = complex(-zeta * omega, np.sqrt(omega**2 * (1.0 - zeta**2) + r / c))
+
+        def halves(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            rest = 1.0 - c - r / (s**2 + 2.0 * zeta * omega * s + omega**2)  # noqa: B023
+            return rest[:, None, None], np.ones((len(s), 1, 1))
+
+        known, near = (z * (1.0 + e * complex(*rng.normal(size=2))) for z, e in ((pole, 1e-9), (root, 5e-9)))
+        roots, _ = follow_roots(
+            halves, np.array([near, near.conjugate()]), np.array([known, known.conjugate()]), 10.0
+        )
+        assert len(roots) == 2
+        assert abs(roots[0] - root) < 5e-9 * omega

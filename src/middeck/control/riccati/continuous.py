@@ -37,12 +37,12 @@ WEIGH_IT = "weigh an output that sees it; of a filter, let process noise reach i
 
 @record
 class RiccatiSolution:
-    """The stabilising solution of A'X + XA - (XB + S) R^-1 (XB + S)' + Q = 0.
+    """The stabilising solution of a Riccati equation, continuous or of discrete time.
 
     Attributes:
         X: Symmetric solution.
-        gain: K = R^-1 (XB + S)'; the regulator is u = -K x.
-        poles: Eigenvalues of A - BK [rad/s].
+        gain: K of the regulator u = -K x.
+        poles: Eigenvalues of A - BK [rad/s], or in the z-plane.
         residual: Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's
             coordinates.
     """

@@ -13,35 +13,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.riccati.balancing import fold_weights, unit_diagonal, unit_scales
-from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS
+from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS, RiccatiSolution
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.errors import NumericalError
-from middeck.values import record
 
 DOUBLINGS = 60
 """Number of doublings for a pole at 1 - 1e-16, the closest to the circle in double precision."""
-
-
-@record
-class DiscreteRiccatiSolution:
-    """The stabilising solution of A'XA - X - (A'XB + S)(R + B'XB)^-1 (A'XB + S)' + Q = 0.
-
-    Attributes:
-        X: Symmetric solution.
-        gain: K = (R + B'XB)^-1 (A'XB + S)'; the regulator is u = -K x.
-        poles: Eigenvalues of A - BK in the z-plane.
-        residual: Frobenius norm of the left-hand side over the sum of its terms' norms, in the caller's
-            coordinates.
-    """
-
-    X: Float[np.ndarray, "state state"]
-    gain: Float[np.ndarray, "input state"]
-    poles: Complex[np.ndarray, " state"]
-    residual: float
 
 
 def solve_discrete_riccati(
@@ -53,7 +34,7 @@ def solve_discrete_riccati(
     *,
     names: Sequence[str] = (),
     complaint: str = "no input reaches it",
-) -> DiscreteRiccatiSolution:
+) -> RiccatiSolution:
     """Solve A'XA - X - (A'XB + S)(R + B'XB)^-1 (A'XB + S)' + Q = 0 for the stabilising X.
 
     ``A`` may be singular; ``names`` (one per state) and ``complaint`` (of what B does not reach) are used in
@@ -87,7 +68,7 @@ def solve_discrete_riccati(
             residual=residual,
             poles=poles,
         )
-    return DiscreteRiccatiSolution(X, gain, poles, residual)
+    return RiccatiSolution(X, gain, poles, residual)
 
 
 def _solve_scaled(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:

@@ -15,7 +15,8 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.riccati.discrete import DiscreteRiccatiSolution, solve_discrete_riccati
+from middeck.control.riccati.continuous import RiccatiSolution
+from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant
 from middeck.control.sampled.integrals import integrate_along
 from middeck.errors import ConfigError
@@ -43,8 +44,8 @@ class SampledLQG(Compensator):
 
     authority: float
     form: Form
-    regulator: DiscreteRiccatiSolution
-    estimator: DiscreteRiccatiSolution
+    regulator: RiccatiSolution
+    estimator: RiccatiSolution
     cost: float
     noise_cost: float
     inert: tuple[str, ...]
@@ -155,7 +156,7 @@ def _require_no_loop(system: SampledStateSpace, form: Form) -> None:
 def _join(
     plant: SampledStateSpace,
     K: np.ndarray,
-    estimator: DiscreteRiccatiSolution,
+    estimator: RiccatiSolution,
     sensor: np.ndarray,
     form: Form,
 ) -> tuple[SampledStateSpace, Float[np.ndarray, "state state"]]:

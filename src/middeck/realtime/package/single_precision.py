@@ -34,11 +34,12 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
 
     ``error_bound`` holds for all inputs, which are kept within their ranges, and whatever the limits do: the
     difference to the law of ``package`` in double precision never exceeds it. No operation overflows there.
-    Where a law estimates from what was applied, limits and fade act as gains from 0 to 1; about one half they
-    must not amplify errors without end (Khalil 2002, section 7.1).
+    Where a law estimates from what was applied, that may be anything within the limits, as the law's own
+    command is; limits and fade act as gains from 0 to 1, which about one half must not amplify errors
+    without end (Khalil 2002, section 7.1).
 
-    Raises `ConfigError` for a law that is single already, unstable, without a range at an input, or with a
-    slew limit, in which roundings add up without end; and where no bound is found.
+    Raises `ConfigError` for a law that is single already, unstable, without a range at an input or a limit of
+    what is applied, or with a slew limit, in which roundings add up without end; and where no bound is found.
     """
     if package.single:
         raise ConfigError("the package is in single precision already", hint="leave it as it is")
@@ -68,13 +69,16 @@ def bound_error(package: ControllerPackage) -> Array:
     linear = unfold_law(package)
     closed = _close_limits(package, linear)
     m, p = len(package.inputs), len(package.outputs)
+    limits = np.maximum(np.abs(package.lower), np.abs(package.upper))
+    if package.core.drives and not np.isfinite(limits).all():
+        raise ConfigError("what is applied has no limit: its error has no bound", hint="limits of outputs")
     try:
         gain = bound_peaks(closed.F, closed.G, closed.H, closed.J)
     except NumericalError as error:
         raise ConfigError(f"no bound of the error in single precision: {error.what}", hint=DOUBLE) from None
     by_y, by_e, by_error = gain[:, :m], gain[:, m : m + p], gain[:, m + p :]
     # Ranges are rounded too.
-    peaks = _with_limits(package, linear, by_y @ (package.input_range * (1.0 + UNIT)), by_e)
+    peaks = _with_limits(package, linear, by_y @ (package.input_range * (1.0 + UNIT)), by_e, limits)
     errors, limited = np.zeros(len(peaks)), np.zeros(p)
     for _ in range(ROUNDS):
         # A signal with its error in it rounds a little more: until what is assumed holds what comes out.
@@ -123,7 +127,7 @@ def _close_limits(package: ControllerPackage, linear: LinearLaw) -> _Closed:
 
 
 def _with_limits(
-    package: ControllerPackage, linear: LinearLaw, alone: Array, by_e: Array, more: Array | float = 0.0
+    package: ControllerPackage, linear: LinearLaw, alone: Array, by_e: Array, more: Array
 ) -> Array:
     """Peaks of the signals where |e'| <= (|p| + |c|)/2 + ``more`` feeds back; ``alone`` without it."""
     if not package.core.drives:

@@ -13,8 +13,8 @@ from middeck.errors import ConfigError
 from middeck.values import record
 
 WAYS = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
-# Of the geometric mean of two diagonals: digits that were printed; and of the largest entry, see `op4`.
-UNEQUAL, ROUNDED = 1e-7, 1e-7
+# Of the geometric mean of two sizes (`_sizes`): digits that were printed.
+UNEQUAL = 1e-7
 # Of the sum of the terms of a row: what it may leave in a motion as one body.
 RESISTS = 1e-6
 # The same as energy over the kinetic energy of that motion at the lowest elastic frequency.
@@ -147,7 +147,14 @@ def component_faults(component: Component) -> Iterator[str]:
         yield f"{name} has two grids of one name: {', '.join(component.grids)}"
     named = {"stiffness": component.stiffness, "mass": component.mass}
     named |= {} if component.damping is None else {"damping": component.damping}
-    faults = [fault for what, matrix in named.items() for fault in _unsymmetric(component, what, matrix)]
+    faults = [fault for what, matrix in named.items() for fault in _not_finite(component, what, matrix)]
+    if not faults:
+        # Neither units nor a stiffness that is rounding alone, of a determinate boundary, have a say in them.
+        shift, size = _sizes(component)
+        by = {"stiffness": size, "mass": size / np.sqrt(shift), "damping": size / shift**0.25}
+        faults = [
+            f for what, matrix in named.items() for f in _unsymmetric(component, what, matrix, by[what])
+        ]
     if faults:
         yield from (f"{name}: {fault}" for fault in faults)
         return
@@ -198,14 +205,24 @@ def coordinate_name(component: Component, index: int) -> str:
     return f"modal coordinate {index - 6 * len(component.grids) + 1}"
 
 
-def _unsymmetric(component: Component, what: str, matrix: np.ndarray) -> Iterator[str]:
-    if not np.all(np.isfinite(matrix)):
-        i, j = np.argwhere(~np.isfinite(matrix))[0].tolist()
+def _not_finite(component: Component, what: str, matrix: np.ndarray) -> Iterator[str]:
+    for i, j in np.argwhere(~np.isfinite(matrix))[:1].tolist():
         yield f"its {what} is not finite at {coordinate_name(component, i)}, {coordinate_name(component, j)}"
-        return
-    size = np.sqrt(np.abs(np.diagonal(matrix)))
-    allowed = UNEQUAL * np.outer(size, size) + ROUNDED * np.abs(matrix).max(initial=0.0)
-    apart = np.abs(matrix - matrix.T) - allowed
+
+
+def _sizes(component: Component) -> tuple[float, np.ndarray]:
+    """A typical omega^2 and, of each coordinate, the root of k + omega^2 m: the scale of its entries."""
+    k, m = (np.abs(np.diagonal(A)) for A in (component.stiffness, component.mass))
+    both = (k > 0.0) & (m > 0.0)
+    # A determinate boundary has rounding alone for stiffness: the modal coordinates tell how fast it is.
+    modal = both & (np.arange(len(k)) >= 6 * len(component.grids))
+    both = modal if np.any(modal) else both
+    shift = float(np.median(k[both] / m[both])) if np.any(both) else 1.0
+    return shift, np.sqrt(k + shift * m)
+
+
+def _unsymmetric(component: Component, what: str, matrix: np.ndarray, size: np.ndarray) -> Iterator[str]:
+    apart = np.abs(matrix - matrix.T) - UNEQUAL * np.outer(size, size)
     i, j = divmod(int(np.argmax(apart)), len(apart))
     if apart[i, j] > 0.0:
         yield (
@@ -261,13 +278,8 @@ def _indefinite(component: Component) -> Iterator[str]:
     some = np.ix_(there, there)
     K, M = (0.5 * (A + A.T)[some] for A in (component.stiffness, component.mass))
     index = np.flatnonzero(there)
-    k, m = np.diagonal(K), np.diagonal(M)
-    both = (k > 0.0) & (m > 0.0)
-    # A determinate boundary has rounding alone for stiffness: the modal coordinates tell how fast it is.
-    modal = both & (index >= 6 * len(component.grids))
-    both = modal if np.any(modal) else both
-    shift = float(np.median(k[both] / m[both])) if np.any(both) else 1.0
-    size = np.sqrt(np.abs(np.diagonal(K + shift * M)))
+    shift, size = _sizes(component)
+    size = size[there]
     if not np.all(size > 0.0):
         lost = coordinate_name(component, int(index[np.argmin(size)]))
         yield f"{lost} has neither stiffness nor mass"
@@ -289,7 +301,7 @@ def _indefinite(component: Component) -> Iterator[str]:
         return
     with np.errstate(divide="ignore"):
         squared = np.where(share > NEGATIVE_MASS * share[-1], 1.0 / share - shift, np.inf)
-    elastic = squared[squared > 1e-8 * shift]
+    elastic = squared[squared > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
     lowest = float(elastic.min(initial=np.inf)) if np.isfinite(elastic.min(initial=np.inf)) else shift
     if squared.min() < -NEGATIVE * lowest:
         worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, np.argmin(squared)]))]))

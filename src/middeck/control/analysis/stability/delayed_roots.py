@@ -11,8 +11,9 @@ from middeck.systems.plants.plant import remove_delays
 LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
 NEWTON_STEPS = 12
-UNMOVED = 1e-9
-"""Relative shift by the loop below which a mode's root is found from its open pole, to first order."""
+UNMOVED, BESIDE = 1e-9, 1e-8
+"""Relative shift by the loop below which a mode's root is found from its open pole, to first order; and below
+which it is where Newton's method ends at no root, as it does on a pole that is only known to such a shift."""
 CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16.0)
 """Directions of a mean that keeps the constant term, to the 16th power of the relative radius."""
 ON_ROOT = 1e-2
@@ -82,9 +83,10 @@ def _newton(
     A mode that the loop does not move is a root of this product, though not of f (`_beside_pole`).
     """
     size = np.maximum(np.abs(start), 1e-3 * reach)
-    unmoved = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) <= UNMOVED * size
+    shift = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) / size
+    unmoved = shift <= UNMOVED
     s, real = start.copy(), np.imag(start) == 0.0
-    s[unmoved] = _beside_pole(halves, s[unmoved], open_poles)
+    s[unmoved] = _beside_pole(halves, s[unmoved], open_poles, 2.0 * UNMOVED)
     on_root = rests = np.zeros(len(s), dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON_STEPS):
@@ -100,16 +102,21 @@ def _newton(
             s = np.where(real, np.real(s) + 0.0j, s)
         h = 0.1 * np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
         rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
-    ended = np.where(np.imag(s) < 0.0, np.conj(s), s)
-    return ended, unmoved | on_root | rests
+    is_root = unmoved | on_root | rests
+    lost = ~is_root & (shift <= 100.0 * BESIDE)
+    s[lost] = _beside_pole(halves, start[lost], open_poles, BESIDE)
+    is_root |= lost & (s != start)
+    return np.where(np.imag(s) < 0.0, np.conj(s), s), is_root
 
 
-def _beside_pole(halves: Halves, near: np.ndarray, open_poles: np.ndarray) -> Complex[np.ndarray, " root"]:
+def _beside_pole(
+    halves: Halves, near: np.ndarray, open_poles: np.ndarray, most: float
+) -> Complex[np.ndarray, " root"]:
     """The root of f = r / (s - p) + c beside each pole p that is ``near``: p - r / c.
 
     More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. Returns
-    ``near`` unchanged where other poles are too close, and where the root belongs to another pole: a copy of
-    the mode that no port observes stays on the pole.
+    ``near`` unchanged where other poles are too close, and where the root is further than ``most`` of the
+    pole and belongs to another: a copy of the mode that no port observes stays on the pole.
     """
     if not len(near):
         return near
@@ -121,7 +128,7 @@ def _beside_pole(halves: Halves, near: np.ndarray, open_poles: np.ndarray) -> Co
     with np.errstate(all="ignore"):
         there = _determinant(halves, (pole[:, None] + h[:, None] * CIRCLE).ravel()).reshape(-1, len(CIRCLE))
         moved = -h * np.mean(there * CIRCLE, axis=1) / np.mean(there, axis=1)
-    clear = np.isfinite(moved) & (np.abs(moved) < 2.0 * UNMOVED * np.abs(pole))
+    clear = np.isfinite(moved) & (np.abs(moved) < most * np.abs(pole))
     clear &= 100.0 * np.abs(moved) < h
     return np.where(clear, pole + np.where(clear, moved, 0.0), near)
 

@@ -97,16 +97,13 @@ class _Resolver:
         self.faults: dict[str, Fault] = {}
 
     def places(self) -> Places:
-        for cid, entry in self.defined.items():
-            self._resolve(("system", cid), entry)
+        for cid in self.defined:
+            self._resolve(("system", cid))
         for number, entry in self.grid.items():
-            cp = entry["cp"]
-            if cp is None:
-                cp = self.cp
-            if cp == 0:
+            if (self.cp if entry["cp"] is None else entry["cp"]) == 0:
                 self.grids[number] = np.array(entry.values[2:5])
             else:
-                self._resolve(("grid", number), entry)
+                self._resolve(("grid", number))
         raise_some(list(self.faults.values()))
         return Places(self.systems, self.grids, self.moves_in)
 
@@ -124,7 +121,7 @@ class _Resolver:
             return [(key, ("grid", entry[key])) for key in ("g1", "g2", "g3")]
         return [("rid", ("system", entry["rid"]))]
 
-    def _resolve(self, first: tuple[str, int], user: Entry) -> None:
+    def _resolve(self, first: tuple[str, int]) -> None:
         """Everything that ``first`` needs, then itself; without recursion, as chains may be long."""
         stack, within = [first], {first}
         while stack:
