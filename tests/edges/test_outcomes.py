@@ -95,7 +95,7 @@ def test_modes_that_cross_are_found_by_name(tmp_path: Path):
     by_number = compared(tmp_path, mode(1.7579, number=1) + mode(1.6923, number=2))
     assert [(v["inside"], v["open"]) for v in by_number["verdicts"]] == [(False, True)] * 2
     assert (
-        "by number alone, and it lies within the interval of mode 2 (first bending x-z)"
+        "by its number alone; it lies within the interval of mode 2 (first bending x-z)"
         in (by_number["remarks"][0])
     )
     assert compared(tmp_path, mode(1.6923, number=1))["remarks"] == []
@@ -124,7 +124,7 @@ def test_shapes_that_few_channels_do_not_tell_apart_are_open(tmp_path: Path):
     said = "\n".join(found["remarks"])
     assert "2 of 3 channels of the survey are in the promise" in said
     assert "30 Hz resembles none that was promised" in said
-    assert "which of them came is open" in said
+    assert "which mode it is stays open" in said
 
 
 @pytest.mark.parametrize(
@@ -175,4 +175,4 @@ def test_the_verb_says_by_what_modes_were_paired(tmp_path: Path, capfd: pytest.C
     (tmp_path / "outcome.toml").write_text(HEAD + mode(1.7579, number=1), encoding="utf-8")
     said = middeck(capfd, "outcome", PROMISE, tmp_path / "outcome.toml").out
     assert "number: open" in said
-    assert "which of them came is open" in said
+    assert "which mode it is stays open" in said

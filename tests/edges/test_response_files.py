@@ -113,4 +113,4 @@ def test_a_response_that_cannot_be_is_refused(folder: Path, old: str, new: str, 
 def test_a_loop_without_a_response_is_refused(folder: Path, capfd: pytest.CaptureFixture[str]):
     ended = middeck(capfd, "refine", ARTICLE, written(folder, ""))
     assert ended.code == ConfigError.exit_code
-    assert "no survey has loop.delay_s" in ended.err
+    assert "has a parameter loop.delay_s" in ended.err

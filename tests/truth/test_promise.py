@@ -325,7 +325,7 @@ def test_compensators_that_cannot_be_promised_are_refused(refined: Refined):
         with pytest.raises(ConfigError, match=what):
             promise(refined, asked)
     named = dataclasses.replace(case.plan([1.0], 1), laws={"LQG 0": direct})
-    with pytest.raises(ConfigError, match="as one of the ladder"):
+    with pytest.raises(ConfigError, match="one of the ladder are both called"):
         promise(refined, named)
     with pytest.raises(ConfigError, match="rising"):
         case.plan([10.0, 1.0], 1)
@@ -375,7 +375,7 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
     "changed", [{"weights": np.zeros(1)}, {"intensity": np.zeros(1)}, {"weights": [-1.0]}]
 )
 def test_a_performance_that_is_nothing_is_refused(changed: dict[str, list[float]]):
-    with pytest.raises(ConfigError, match="nothing to promise"):
+    with pytest.raises(ConfigError, match=r"(weights|intensities) of (0|-1)"):
         dataclasses.replace(case.plan([1.0], 1), **changed)
 
 

@@ -136,9 +136,17 @@ def test_shares_of_gravity_are_those_beside_a_softer_link_or_refused(seed: int):
     if refusal(lambda: budget(with_link(case, ratio, SOFTER)), ratio):
         return
     found, expected = budget(with_link(case, ratio, SOFTER)), budget(with_link(case, SOFTER))
-    shift = np.abs(found.shift_hz).max()
-    assert found.share_hz.sum(axis=1) == pytest.approx(found.shift_hz, abs=1e-12 * shift)
-    assert np.abs(found.share_hz - expected.share_hz).max() < 1e-3 * np.abs(expected.share_hz).max()
+    size = np.abs(found.corner).reshape(6, -1).max(axis=1) * found.hz_per_omega2
+    assert np.all(np.abs(found.share_hz.sum(axis=1) - found.shift_hz) < 1e-14 * size + 1e-12)
+    # Rows that lose their shape are told; and the highest modes may be the softer link's own.
+    hung, softer = found.frequency_hz[:, 1], expected.frequency_hz[:, 1]
+    same = np.abs(hung - softer) < 1e-4 * softer
+    assert np.all(same[:4])
+    same[list(found.doubtful)] = False
+    assert (
+        np.abs((found.share_hz - expected.share_hz)[same]).max()
+        < 1e-3 * np.abs(expected.share_hz[same]).max()
+    )
 
 
 def rubbing(case: Case) -> Equilibrium:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.law.intensity_checks import require_intensity
-from middeck.control.law.partition import partition_modes
-from middeck.control.loop.closed_loop import ClosedLoop, close_loop
+from middeck.control.loop.closed_loop import ClosedLoop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms
-from middeck.systems.plants.plant import Plant, name_states
-from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 
@@ -68,37 +62,3 @@ def require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
         raise ConfigError(
             f"{count} {what} for {len(ports)} ports ({names})", hint="one for each, in their order"
         )
-
-
-def commands_rms(plant: Plant, compensator: Compensator, performance: Performance) -> Float[np.ndarray, " u"]:
-    """Rms of each command under the disturbance in the band, without sensor noise; ``inf`` if unstable."""
-    loop = close_loop(_show_commands(plant, compensator), compensator)
-    return loop_rms(loop, performance)
-
-
-def _show_commands(plant: Plant, compensator: Compensator) -> Plant:
-    """The plant with the compensator's commands as its performance outputs.
-
-    Disturbances get separate inputs: at a port that is also driven, a disturbance is no command.
-    """
-    active = partition_modes(plant).active
-    system, w = active.system, active.input_indices(active.w)
-    u, _ = locate_ports(compensator, active.inputs, active.outputs)
-    echo = np.eye(len(active.inputs))[u]
-    commands = tuple(Port(f"command {port.name}", port.unit) for port in compensator.outputs)
-    disturbances = tuple(Port(f"disturbance {active.inputs[i].name}", active.inputs[i].unit) for i in w)
-    shown = StateSpace(
-        system.A,
-        np.hstack([system.B, system.B[:, w]]),
-        np.vstack([system.C, 0.0 * system.B.T[u]]),
-        np.block([[system.D, system.D[:, w]], [echo, 0.0 * echo[:, w]]]),
-    )
-    return dataclasses.replace(
-        active,
-        dynamics=shown,
-        inputs=(*active.inputs, *disturbances),
-        outputs=(*active.outputs, *commands),
-        w=tuple(port.name for port in disturbances),
-        z=tuple(port.name for port in commands),
-        state_names=name_states(active),
-    )

@@ -1,1 +1,1 @@
-"""Linear-quadratic Gaussian designs: weights, filter, regulator, shaping filters and topologies."""
+"""Linear-quadratic Gaussian designs: weights, filter, regulator and shaping filters."""

@@ -132,7 +132,7 @@ def _promised(
             scale = most[gauge.name]
             if not scale > gauge.std:
                 raise ConfigError(
-                    f"it reads {scale:.2g} {gauge.unit} at most, within its deviation of {gauge.std:.2g}",
+                    f"it reads {scale:.2g} {gauge.unit} at most, less than its deviation of {gauge.std:.2g}",
                     where=f"promised gauge {gauge.name!r}",
                     hint="leave it out, or promise what it reads under another load",
                 )

@@ -146,7 +146,7 @@ def remarks_on(promised: PromisedModes, paired: Sequence[Paired]) -> tuple[str, 
     """A sentence for each pair that is open."""
     return tuple(
         f"{promised.environment}: {p.frequency_hz:.5g} Hz is compared with {promised.called(p.index)} "
-        f"by {p.by}{' alone' if p.by == 'number' else ''}, and {p.open}"
+        f"by its {p.by}{' alone' if p.by == 'number' else ''}; {p.open}"
         for p in paired
         if p.open
     )
@@ -193,7 +193,7 @@ def _by_number_alone(promised: PromisedModes, index: int, hz: float) -> str:
     ):
         others = [promised.called(k) for k in np.flatnonzero(near).tolist() if k != index]
         if others:
-            return f"{words.format(' and of '.join(others))}: which of them came is open"
+            return f"{words.format(' and of '.join(others))}: which mode it is stays open"
     return ""
 
 
@@ -202,7 +202,7 @@ def _as_alike(promised: PromisedModes, index: int, mac: np.ndarray) -> str:
     if not others:
         return ""
     named = " and ".join(f"{promised.called(k)}, MAC {mac[k]:.2f}" for k in others)
-    return f"it resembles {named}, as much (MAC {mac[index]:.2f}): which of them came is open"
+    return f"it resembles {named}, as much (MAC {mac[index]:.2f}): which mode it is stays open"
 
 
 def _of_the_survey(

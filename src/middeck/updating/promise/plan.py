@@ -100,9 +100,9 @@ class Plan:
                 )
             if not np.all(np.isfinite(given)) or np.any(given < 0.0) or not np.any(given):
                 raise ConfigError(
-                    f"{what} of {', '.join(f'{x:g}' for x in given)}: nothing to promise",
+                    f"{what} of {', '.join(f'{x:g}' for x in given)}",
                     where="promise",
-                    hint="from zero, one above it at least",
+                    hint="zero or positive, and not all zero",
                 )
 
 
@@ -153,7 +153,7 @@ def weights_of(plan: Plan, drives: Sequence[Port], reads: Sequence[Port]) -> LQG
     unknown = [p for p in reads if p.unit not in plan.noise]
     if unknown:
         raise ConfigError(
-            f"{unknown[0].name} reads {unknown[0].unit}, and the plan states no noise for it",
+            f"{unknown[0].name} reads {unknown[0].unit}, and the plan states no noise in that unit",
             where="promise",
             hint=f"noise is stated for {', '.join(plan.noise) or 'nothing'}",
         )

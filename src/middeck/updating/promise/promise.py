@@ -120,9 +120,9 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
     alone = uncontrolled_rms(anyone.plants, weights, plan.band_hz)
     if not np.all(np.isfinite(alone)):
         raise ConfigError(
-            "without a compensator the performance has no rms: a mode that it sees does not decay",
+            "without a compensator the performance has no finite rms: a mode that it sees does not decay",
             where=f"promise in {place.title}",
-            hint="inner loops that hold the article, against whose rms the decibels count",
+            hint="inner loops that hold the article; decibels are relative to the rms with them alone",
         )
     outlooks = tuple(look_ahead(name, law, *seen[name], alone, plan.band_hz) for name, law in laws.items())
     slip_time = None
@@ -164,7 +164,9 @@ def _together(
     twice = sorted(set(given) & set(ladder))
     if twice:
         raise ConfigError(
-            f"a compensator is called {twice[0]!r} as one of the ladder", where="promise", hint="another name"
+            f"a given compensator and one of the ladder are both called {twice[0]!r}",
+            where="promise",
+            hint="another name",
         )
     return {**given, **ladder}
 

@@ -93,7 +93,7 @@ def run_slips(
     found = {name: _joined(each) for name, each in parts.items()}
     if not np.all(np.isfinite(found[None].db)):
         raise ConfigError(
-            "without a compensator a joint or the performance does not come to rest",
+            "without a compensator a joint or a performance output grows without bound",
             where="joint",
             hint="inner loops that hold the article",
         )

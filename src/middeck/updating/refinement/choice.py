@@ -49,11 +49,13 @@ class Choice:
     def reason(self, number: int) -> str:
         """Why an unknown is better left out or merged; empty for one that can stand."""
         if number in self.weak:
-            return "not seen: its spread moves nothing by more than the noise of the tests"
+            return "not seen: over its whole spread no test changes by more than its noise"
         for group in self.alike:
             if number in group:
                 others = ", ".join(self.unknowns[k].name for k in group if k != number)
-                return f"moves everything as {others}: move them as one, or keep one"
+                return (
+                    f"changes all tests in the same proportions as {others}: make them one group, or keep one"
+                )
         return ""
 
 

@@ -72,24 +72,24 @@ def _mixing(compared: Compared, some: Sequence[tuple[float, float]]) -> str:
     named = ", ".join(f"{a:.4g} and {b:.4g} Hz" for a, b in some[:NAMED])
     more = f" and {len(some) - NAMED} more pairs" if len(some) > NAMED else ""
     return (
-        f"{compared.survey.name}: no shape says how the model's modes mix at {named}{more}, which are close: "
-        "another answer may fit as well"
+        f"{compared.survey.name}: the model's modes at {named}{more} are close, and no measured shape tells "
+        "them apart: another set of unknowns may fit as well"
     )
 
 
 def _of_the_search(refined: Refined) -> Iterator[str]:
     if not refined.converged:
         yield (
-            f"the search did not settle: its last step moved an unknown by {refined.history[-1]:.2g} of its "
-            "deviation; narrower spreads or fewer unknowns may help"
+            f"the refinement did not converge: its last step moved an unknown by {refined.history[-1]:.2g} "
+            "standard deviations; narrower spreads or fewer unknowns may help"
         )
     pairs = sum(len(c.pairs) for c in refined.compared)
     readings = sum(len(c.value) for c in refined.statics)
     if pairs + readings < len(refined.unknowns):
         beside = f" and {readings} static readings" if readings else ""
         yield (
-            f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: most of what is stated of "
-            "these was thought before; more modes, or set-ups with other angles and masses, would tell more"
+            f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: the values of most "
+            "follow from their priors; more modes, other gimbal angles or added masses would tell more"
         )
 
 
@@ -97,13 +97,13 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
     for unknown, x in zip(refined.unknowns, refined.estimate.x, strict=True):
         if abs(x) > FAR * unknown.spread:
             yield (
-                f"{unknown.name} ends {abs(x) / unknown.spread:.1f} deviations from what was thought: is the "
-                "prior right, or does it stand for something that is not in the model?"
+                f"{unknown.name} ends {abs(x) / unknown.spread:.1f} standard deviations from its prior: is "
+                "the prior right, or does it make up for something that the model lacks?"
             )
     if names := unseen(refined):
-        yield f"the surveys do not see {', '.join(names)}"
+        yield f"the tests say nothing about {', '.join(names)}"
     for group in together(refined):
-        yield f"the surveys see {' and '.join(group)} together, but not each"
+        yield f"the tests determine a combination of {' and '.join(group)}, but not each of them"
 
 
 def _of_the_model(refined: Refined) -> Iterator[str]:
@@ -115,21 +115,20 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
             sort, size = SORTS[k], tau[k]
             if size > ABOVE * noise:
                 yield (
-                    f"the {sort} modes are off by {100.0 * size:.2g} % beside the {100.0 * noise:.2g} % that "
-                    "the test states, whatever the unknowns: an error of the model, carried into what is "
-                    "predicted"
+                    f"the {sort} modes stay {100.0 * size:.2g} % off whatever the unknowns, where the test "
+                    f"states {100.0 * noise:.2g} %: an error of the model, which predictions carry"
                 )
     shown, std = refined.shear
     if -shown > ABOVE * std:
         yield (
-            f"the modes show {shown:.2g} +- {std:.2g} of what the model lacks in shear and elements, which "
-            "is less than nothing: another error falls on all modes with one sign"
+            f"the modes ask for {shown:.2g} +- {std:.2g} times the shear and finer mesh that the model "
+            "lacks, a negative amount: another error moves all modes one way"
         )
     if shown > ABOVE * std:
         yield (
-            f"the modes show {shown:.2g} +- {std:.2g} of what the model lacks in shear and elements (1 is "
-            "the shear of tubes and an endless mesh): carried into what is predicted; a shear stiffness with "
-            "the members, or more elements, would be better"
+            f"the modes ask for {shown:.2g} +- {std:.2g} times the shear and finer mesh that the model lacks "
+            "(1: shear of tubes, infinitely many elements); predictions carry it, but members with a shear "
+            "stiffness, or more elements, would be better"
         )
     if refined.statics:
         yield from _of_statics(refined, *tau[MODAL:].tolist())
@@ -140,13 +139,13 @@ def _of_responses(refined: Refined) -> Iterator[str]:
         if heard.miss > MISSED:
             yield (
                 f"{heard.survey}: the response is off by {heard.magnitude_db:.2g} dB and "
-                f"{heard.phase_deg:.2g} deg, {heard.miss:.1f} times what noise and the stated errors of the "
-                "model explain: its rows count so much less"
+                f"{heard.phase_deg:.2g} deg, {heard.miss:.1f} times what noise and the stated model error "
+                "explain: its weight is reduced by that factor"
             )
         for zero in heard.lost:
             yield (
                 f"{heard.survey}: the model has no anti-resonance from {zero.input} to {zero.output} near "
-                f"{zero.frequency_hz:.4g} Hz: that one was left out"
+                f"{zero.frequency_hz:.4g} Hz: the measured one was left out"
             )
 
 
@@ -154,12 +153,12 @@ def _of_statics(refined: Refined, shared: float, own: float) -> Iterator[str]:
     noise = float(np.median(np.concatenate([c.std for c in refined.statics])))
     if shared > ABOVE * noise:
         yield (
-            f"under load the members yield otherwise than the refined numbers say by {100.0 * shared:.2g} %, "
-            f"beside the {100.0 * noise:.2g} % that the gauges state: an error of the model, shared by load "
-            "cases that strain them alike and carried into what is predicted"
+            f"deflections under load differ from the refined model by {100.0 * shared:.2g} %, where the "
+            f"gauges state {100.0 * noise:.2g} %: an error of the model, common to load cases that strain "
+            "the same members, which predictions carry"
         )
     if own > ABOVE * noise:
         yield (
-            f"static readings scatter by {100.0 * own:.2g} %, beside the {100.0 * noise:.2g} % that the "
-            "gauges state: of the rig or of the model, carried into every prediction"
+            f"static readings scatter by {100.0 * own:.2g} %, where the gauges state {100.0 * noise:.2g} %: "
+            "an error of the rig or of the model, which every prediction carries"
         )

@@ -289,9 +289,9 @@ def _places(
         in_loop = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard)
         if not in_loop and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
             raise ConfigError(
-                f"no survey has {', '.join(unknown.parameters)}",
+                f"no article, environment or loop under test has a parameter {', '.join(unknown.parameters)}",
                 where=f"unknown {unknown.name!r}",
-                hint="`middeck sensitivity` lists the parameters; those of a loop are those of a response",
+                hint="`middeck sensitivity` lists the parameters; those of a loop need a measured response",
             )
     return _Places(surveyed, loaded)
 
@@ -313,7 +313,7 @@ def _moved(places: _Places, x: np.ndarray, step: np.ndarray) -> tuple[np.ndarray
         except NumericalError:
             step = 0.5 * step
     raise NumericalError(
-        "the article has no rest state near the unknowns that fit best",
+        "the article has no equilibrium at the values towards which the refinement moves the unknowns",
         where="refinement",
         hint="narrower spreads, or fewer unknowns",
     )

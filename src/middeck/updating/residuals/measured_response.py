@@ -79,14 +79,15 @@ class MeasuredResponse:
                 hint="its variance, as `estimate_response` gives it",
             )
         if isinstance(self.response, FrequencyResponse) and self.response.hold_s:
-            raise ConfigError("the response holds its inputs' hold", where=WHERE, hint="`release_hold` first")
+            raise ConfigError(
+                "the response includes the hold of its inputs", where=WHERE, hint="`release_hold`"
+            )
         if isinstance(self.response, ModelCovariance) and not (self.band_hz and self.band_hz[0] > 0.0):
             raise ConfigError("a fitted response without its band", where=WHERE, hint="band_hz, from above 0")
         both = [z for z in self.anti_resonances if (z.output, z.input) in self._heard]
         if both:
             raise ConfigError(
-                f"response and anti-resonances from {both[0].input} to {both[0].output}: the one holds the "
-                "other",
+                f"the response from {both[0].input} to {both[0].output} is given, its anti-resonances again",
                 where=WHERE,
                 hint="either",
             )

@@ -53,7 +53,7 @@ class Unknown:
     def __post_init__(self) -> None:
         if not (0.0 < self.spread < np.inf and np.isfinite(self.mean)):
             raise ConfigError(
-                f"a spread of {self.spread} about {self.mean}",
+                f"a spread of {self.spread} and a mean of {self.mean}",
                 where=f"unknown {self.name!r}",
                 hint="a positive standard deviation, e.g. 0.1 for 10 % of a factor",
             )
@@ -62,11 +62,11 @@ class Unknown:
         of_environment = {name.startswith(ENVIRONMENT) for name in self.parameters}
         if not self.parameters or len(of_environment) > 1:
             raise ConfigError(
-                "parameters of the article and of the environment together"
+                "one unknown changes parameters of both the article and the environment"
                 if self.parameters
                 else "no parameter",
                 where=f"unknown {self.name!r}",
-                hint="one or more of the article, as members.E, or of the environment",
+                hint="parameters of the article alone, such as members.E, or of the environment alone",
             )
 
 
@@ -95,9 +95,9 @@ def _fitting(unknown: Unknown, every: Sequence[Parameter]) -> tuple[Parameter, .
         some = choose_parameters(every, [name], missing=name.startswith(ENVIRONMENT))
         if some and not unknown.added and not any(p.value for p in some):
             raise ConfigError(
-                f"a factor on {some[0].name} = 0 changes nothing",
+                f"{some[0].name} is 0: a factor on it changes nothing",
                 where=f"unknown {unknown.name!r}",
-                hint="added = true adds to it",
+                hint="added = true adds the unknown instead of multiplying by it",
             )
         found += [p for p in some if unknown.added or p.value]
     return tuple(found)
