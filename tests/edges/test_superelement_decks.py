@@ -63,6 +63,8 @@ def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
         ([(MAIN, "\nENDDATA", "")], r"inboard\.pch:130: the deck ends here without ENDDATA"),
         ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA", "")], r"outboard\.pch:\d+: the deck ends here without"),
         ([(MAIN, OUTER, "INCLUDE 'gone.pch'")], r"assemble\.dat:\d+: INCLUDE = gone\.pch: there is no such"),
+        ([("outboard.asm", PAIRS, f"{PAIRS}\nINCLUDE 'gone.blk'")], r"\.asm:\d+: INCLUDE = gone\.blk: there"),
+        ([(MAIN, OUTER, f"{OUTER}\nBEGIN SUPER=ALL")], r"BEGIN SUPER=ALL"),
         ([("outboard.pch", POINTS, f"ENDDATA\n{POINTS}")], "this file has an ENDDATA, and cards"),
         ([("outboard.pch", POINTS, f"{OUTER}\n{POINTS}")], "includes itself"),
     ],

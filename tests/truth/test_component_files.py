@@ -13,8 +13,11 @@ import middeck as md
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
 from middeck.files.articles.components import load_component, write_component
+from middeck.files.articles.document import document_text
+from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.components.external import read_external
 from middeck.files.nastran.components.external_write import write_external
+from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
 from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, write_op4
 
@@ -50,7 +53,6 @@ def test_there_and_back_as_a_superelement(tmp_path, component):
         "CONM2,5,2,,0.25\nINCLUDE 'part.pch'\nENDDATA\n"
     )
     (tmp_path / "join.dat").write_text(deck.replace("CONM2,5,2,,0.25\n", ""))
-    from middeck.files.nastran.article.convert import convert_deck
     from middeck.files.nastran.components.assembly import read_assembly
 
     deck, parts = read_assembly(tmp_path / "join.dat", SI, "join")
@@ -281,8 +283,23 @@ def test_damaged_stiffness_is_not_taken(folder, campaign):
     read(folder)
 
 
+@pytest.mark.parametrize("grids", [[101.0, 102.0], [101, 102], [b"101", b"102"], ["101", "102"]])
+def test_names_of_grids_are_what_other_programs_make_of_them(tmp_path, component, grids):
+    arrays = {"K": component.stiffness, "M": component.mass, "grids": grids, "positions": component.positions}
+    np.savez(tmp_path / "a.npz", **arrays)
+    assert load_component(tmp_path / "a.npz").grids == ("101", "102")
+
+
 def test_files_that_hold_no_component(tmp_path, component):
     arrays = {"stiffness": component.stiffness, "mass": component.mass}
+    whole = arrays | {"grids": ["a", "b"], "positions": component.positions}
+    for more, said in (
+        ({"K": component.stiffness}, "stiffness under two"),
+        ({"grids": ["a", "a"]}, "one name"),
+    ):
+        np.savez(tmp_path / "a.npz", **(whole | more))
+        with pytest.raises(DataError, match=said):
+            load_component(tmp_path / "a.npz")
     np.savez(tmp_path / "a.npz", **arrays)
     with pytest.raises(DataError, match="no grids, positions"):
         load_component(tmp_path / "a.npz")
@@ -336,6 +353,26 @@ def test_matrices_that_are_not_said_to_be_symmetric(tmp_path, component, form):
     write_op4(tmp_path / "part.op4", [*others, K4])
     with pytest.raises(DataError, match="structural damping"):
         read_external([tmp_path / "part.pch"], tmp_path / "part.op4", SI)
+
+
+def test_links_inside_an_article_do_not_keep_it_from_being_reduced(tmp_path):
+    """A mass on some components of an average, seen by the boundary to rounding only, in many turned axes."""
+    beam = ["CEND", "BEGIN BULK", "MAT1,1,7.+10,,.3,2700.", "PBAR,1,1,4.-4,1.3-8,1.9-8,2.3-8"]
+    beam += [f"CBAR,{i},1,{i},{i + 1},.3,1.,.2" for i in (1, 2, 3)]
+    beam += ["RBE3,90,,5,123456,1.,123,1,2", ",3,4", "RBE2,91,5,1346,6", "CBUSH,70,7,5,6,,,,0"]
+    beam += ["PBUSH,7,K,1.+4,1.+4,1.+4,1.+4,1.+4,1.+4", "CONM2,80,6,,1.", ",.1,,.1,,,.1", "ENDDATA"]
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        places, axes = rng.uniform(-1.0, 1.0, (6, 3)), np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        rows = [places[5], places[5] + axes[2], places[5] + axes[0], *places]
+        a, b, c, *grids = (",".join(f"{value:.6f}" for value in row) for row in rows)
+        cards = [f"GRID,{k},,{at}{',5' * (k > 4)}" for k, at in enumerate(grids, 1)]
+        text = "\n".join([*beam[:2], f"CORD2R,5,0,{a},{b}", f",{c}", *cards, *beam[2:]])
+        (tmp_path / "a.dat").write_text(text)
+        made = convert_deck(read_deck(tmp_path / "a.dat"), SI, "consistent", "a")
+        (tmp_path / "a.toml").write_text(document_text(made.document, "a"))
+        reduced = md.reduce_structure(md.load_structure(tmp_path / "a.toml"), ["g1"], count=6)
+        assert reduced.component.modal == 6
 
 
 def test_grids_are_written_in_ascending_order(tmp_path, component):

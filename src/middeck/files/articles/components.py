@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -61,12 +62,16 @@ def load_component(path: str | Path) -> Component:
     Raises `DataError` naming file and array for what is missing, broken or no component.
     """
     where = str(path)
-    arrays = {ALSO.get(key, key): value for key, value in _arrays(Path(path)).items()}
+    given = [(ALSO.get(key, key), value) for key, value in _arrays(Path(path)).items()]
+    arrays = dict(given)
+    twice = [key for key, count in Counter(key for key, _ in given).items() if count > 1]
+    if twice:
+        raise DataError(f"{twice[0]} under two names", where=where, hint="leave one of them out")
     missing = [key for key in ("stiffness", "mass", "grids", "positions") if key not in arrays]
     if missing:
         there = ", ".join(arrays) or "nothing"
         raise DataError(f"no {', '.join(missing)}; there is {there}", where=where, hint=HINT)
-    grids = tuple(str(name) for name in np.ravel(arrays["grids"]).tolist())
+    grids = _names(arrays["grids"])
     try:
         return require_component(
             Component(
@@ -78,12 +83,20 @@ def load_component(path: str | Path) -> Component:
                 mass=_real(arrays, "mass"),
                 damping=_real(arrays, "damping") if "damping" in arrays else None,
                 present=_real(arrays, "present") != 0.0 if "present" in arrays else None,
-                outputs=tuple(str(name) for name in np.ravel(arrays.get("outputs", [])).tolist()),
+                outputs=_names(arrays.get("outputs", [])),
                 recovery=_real(arrays, "recovery") if "recovery" in arrays else None,
             )
         )
     except ConfigError as error:
         raise DataError(error.what, where=where, hint=error.hint or HINT) from None
+
+
+def _names(given: Any) -> tuple[str, ...]:
+    """Texts; MATLAB has whole numbers as floats, and others texts as bytes."""
+    found = np.ravel(given).tolist()
+    return tuple(
+        x.decode() if isinstance(x, bytes) else f"{x:{'.15g' * isinstance(x, float)}}" for x in found
+    )
 
 
 def _arrays(path: Path) -> dict[str, Any]:

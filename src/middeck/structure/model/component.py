@@ -143,6 +143,8 @@ def component_faults(component: Component) -> Iterator[str]:
             f"coordinates, {sizes[1]} frames and {sizes[2]} places"
         )
         return
+    if len(set(component.grids)) < len(component.grids):
+        yield f"{name} has two grids of one name: {', '.join(component.grids)}"
     named = {"stiffness": component.stiffness, "mass": component.mass}
     named |= {} if component.damping is None else {"damping": component.damping}
     faults = [fault for what, matrix in named.items() for fault in _not_finite(component, what, matrix)]

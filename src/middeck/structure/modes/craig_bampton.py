@@ -163,7 +163,8 @@ def _independent(model: Model, config: Configuration, rows: np.ndarray, inside: 
     state, close = close_links(model, config, inside)
     C = state.jacobian
     boundary = sp.csr_array(unit[:, rows] + sp.csr_array(close.follow(C[:, rows].toarray())))
-    left, scale = (abs(C @ boundary)).sum(axis=1), (abs(C) @ abs(boundary)).sum(axis=1)
+    # And of a row that the boundary has no part in, which is rounding there.
+    left, scale = abs(C @ boundary).sum(axis=1), abs(C) @ (1.0 + abs(boundary).sum(axis=1))
     worst = int(np.argmax(left - TIED * scale))
     if left[worst] > TIED * scale[worst]:
         raise ConfigError(

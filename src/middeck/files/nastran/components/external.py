@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,19 +21,10 @@ from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import Places, place_grids
 from middeck.files.nastran.deck.entries import read_entries
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.sections import (
-    ENDDATA,
-    Line,
-    absent,
-    counts,
-    file_beside,
-    included,
-    no_end,
-    text_of,
-)
+from middeck.files.nastran.deck.sections import Line, Lines, raise_at
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
-from middeck.files.toml.faults import Fault, raise_fault, raise_faults
+from middeck.files.toml.faults import Fault, raise_faults
 from middeck.structure.model.component import UNEQUAL, Component, require_component
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
@@ -48,7 +40,6 @@ GEOMETRY = ("GRID", "GRDSET", "CORD1R", "CORD2R", "CORD1C", "CORD2C", "CORD1S", 
 ALL = "123456"
 _SUPER = re.compile(r"\s*BEGIN(?:\s+BULK)?\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNORECASE)
 _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
-DEPTH = 32
 
 
 class Bulk(NamedTuple):
@@ -76,59 +67,27 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     missing: list[str] = []
     cut: Line | None = None
     for path in paths:
-        lines = _lines(Path(path), Path(path), missing, 0)
-        cut = lines[-1] if lines and not ENDDATA.match(lines[-1][0]) else None
-        begun = not any(_BULK.match(line[0]) for line in lines)
-        into = main if begun else head
-        for line in lines:
-            found = _SUPER.match(line[0])
-            if found:
-                into = supers.setdefault(int(found[1]), [])
-            elif _BULK.match(line[0]):
-                into = main
-            elif ENDDATA.match(line[0]):
-                break
-            else:
-                into.append(line)
+        reader = Lines(Path(path))
+        lines, begins = reader.lines, reader.begins
+        missing += reader.missing
+        cut = None if reader.ended or not lines else lines[-1]
+        bulk = [at for at in begins if _BULK.match(lines[at][0])]
+        before = head if bulk else main
+        before += lines[: (*begins, len(lines))[0]]
+        for start, end in pairwise((*begins, len(lines))):
+            found = _SUPER.match(lines[start][0])
+            if not found and start not in bulk:
+                raise_at(
+                    lines[start], "", "no BEGIN BULK or BEGIN SUPER with a number", lines[start][0].strip()
+                )
+            into = supers.setdefault(int(found[1]), []) if found else main
+            into += lines[start + 1 : end]
     return Bulk(head, join_cards(main), {n: join_cards(found) for n, found in supers.items()}, missing, cut)
 
 
 def has_card(path: str | Path, name: str) -> bool:
     """Whether any line of a deck and its includes begins with ``name``; no card is cut up for that."""
-    lines = _lines(Path(path), Path(path), [], 0)
-    return any(line[0].lstrip().upper().startswith(name) for line in lines)
-
-
-def _lines(path: Path, deck: Path, missing: list[str], depth: int) -> list[Line]:
-    """Lines of a file and of what it includes, up to ENDDATA."""
-    file, number, texts = str(path), 0, text_of(path).split("\n")
-    out: list[Line] = []
-    begun = False
-    while number < len(texts):
-        text, number = texts[number], number + 1
-        include = included(text, texts, number)
-        if include is None:
-            bare = text.split("$")[0]
-            begun = begun or bool(_BULK.match(bare))
-            out += [(bare, file, number)] if bare.strip() else []
-            if ENDDATA.match(bare):
-                break
-            continue
-        named, number = include
-        line, found = (text, file, number), file_beside(named, path, deck)
-        if found is not None and depth == DEPTH:
-            raise_fault(Fault(file=file, line=number, key="INCLUDE", message="includes itself", value=named))
-        if found is not None:
-            out += _lines(found, deck, missing, depth + 1)
-        elif begun:
-            raise_fault(absent(named, line, path))
-        else:
-            missing.append(f"{named} ({file}:{number})")
-        if out and ENDDATA.match(out[-1][0]):
-            if any(map(counts, texts[number:])):
-                no_end(line)
-            break
-    return out
+    return any(line[0].lstrip().upper().startswith(name) for line in Lines(Path(path)).lines)
 
 
 class Boundary(NamedTuple):

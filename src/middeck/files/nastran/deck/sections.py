@@ -10,8 +10,8 @@ from middeck.files.toml.faults import Fault, raise_fault
 
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*=?\s*(.*)", re.IGNORECASE | re.DOTALL)
 _BEGIN = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK|\s+SUPER|\s*$)", re.IGNORECASE)
-_CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
-ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
+CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
+_ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 # A path in quotes may go on over so many lines.
 PATH_LINES = 8
 DEPTH = 32
@@ -33,67 +33,72 @@ class Sections(NamedTuple):
 def read_sections(path: str | Path) -> Sections:
     """The sections of the deck ``path``; a file with neither CEND nor BEGIN BULK is bulk data alone.
 
-    Includes are sought beside the file that names them, then beside the deck. Raises `ConfigError` for a file
-    that cannot be read, an include that is missing after BEGIN BULK or includes itself, a part superelement,
-    and a deck without BEGIN BULK or ENDDATA: it is cut off.
+    Raises `ConfigError` as `Lines` does, for part superelements, and for a deck that is cut off: no BEGIN
+    BULK or ENDDATA.
     """
-    reader = _Reader(Path(path))
-    reader.read(Path(path), ())
-    head, bulk = reader.head, reader.bulk
-    cend = next((i for i, line in enumerate(head) if _CEND.match(line[0])), None)
-    if not reader.begun:
+    reader = Lines(Path(path))
+    begin, *others = (*reader.begins, len(reader.lines))
+    head, bulk = reader.lines[:begin], reader.lines[begin + 1 :]
+    parts = [at for at in reader.begins if at > begin or "SUPER" in reader.lines[at][0].upper()]
+    if parts:
+        message = "a second bulk data section: part superelements are not read"
+        raise_at(reader.lines[parts[0]], "BEGIN", message, hint="a deck without superelements")
+    cend = next((i for i, line in enumerate(head) if CEND.match(line[0])), None)
+    if not others:
         if cend is not None:
             cut_off(head[-1], "BEGIN BULK")
-        if reader.absent:
-            raise_fault(reader.absent[0])
         return Sections((), (), tuple(head), ())
     if not reader.ended:
-        cut_off(bulk[-1] if bulk else head[-1], "ENDDATA")
-    missing = tuple(f"{fault.value} ({fault.place})" for fault in reader.absent)
+        cut_off(reader.lines[-1], "ENDDATA")
     at = -1 if cend is None else cend
-    return Sections(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), missing)
+    return Sections(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.missing)
+
+
+def raise_at(line: Line, key: str, message: str, value: str = "", hint: str = "") -> NoReturn:
+    """Raise `ConfigError` about a line."""
+    raise_fault(Fault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint))
 
 
 def cut_off(last: Line, end: str) -> NoReturn:
     """Refuse a deck whose ``last`` line is not its ``end``."""
-    raise_fault(
-        Fault(
-            file=last[1],
-            line=last[2],
-            key="",
-            message=f"the deck ends here without {end}",
-            hint="is the file whole?",
-        )
-    )
+    raise_at(last, "", f"the deck ends here without {end}", hint="is the file whole?")
 
 
-def counts(text: str) -> bool:
+def _counts(text: str) -> bool:
     """Whether a line is part of a card, no comment and no ENDDATA."""
-    return bool(text.split("$")[0].strip()) and not ENDDATA.match(text)
+    return bool(text.split("$")[0].strip()) and not _ENDDATA.match(text)
 
 
-def no_end(line: Line) -> NoReturn:
-    """Refuse an INCLUDE of a file with ENDDATA, behind which cards would not count."""
-    message = "this file has an ENDDATA, and cards follow here, which would not count"
-    raise_fault(
-        Fault(file=line[1], line=line[2], key="INCLUDE", message=message, hint="take that ENDDATA out")
-    )
+class Lines:
+    """All lines of a deck with what it includes, up to ENDDATA.
 
+    Includes are sought beside the file that names them, then beside the deck. Raises `ConfigError` for a file
+    that cannot be read, and an include that includes itself, or is missing in bulk data.
 
-class _Reader:
-    """Files read so far: the lines before and after BEGIN BULK."""
+    Attributes:
+        lines: Without comments, blank ones and ENDDATA.
+        begins: Places of the lines that begin bulk data.
+        ended: Whether there is an ENDDATA.
+    """
 
     def __init__(self, deck: Path) -> None:
         self.deck = deck
-        self.head: list[Line] = []
-        self.bulk: list[Line] = []
-        self.absent: list[Fault] = []
-        self.begun = self.ended = False
+        self.lines: list[Line] = []
+        self.begins: list[int] = []
+        self.ended = False
+        self._absent: list[Fault] = []
+        self._read(deck, ())
+        if self._absent and not self.begins and not any(CEND.match(line[0]) for line in self.lines):
+            raise_fault(self._absent[0])
 
-    def read(self, path: Path, within: tuple[Path, ...]) -> None:
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Includes before bulk data that are not there, with their places."""
+        return tuple(f"{fault.value} ({fault.place})" for fault in self._absent)
+
+    def _read(self, path: Path, within: tuple[Path, ...]) -> None:
         """Append the lines of ``path`` and of what it includes."""
-        file, number, texts = str(path), 0, text_of(path).split("\n")
-        lines = self.bulk if self.begun else self.head
+        file, number, texts, lines = str(path), 0, text_of(path).split("\n"), self.lines
         while number < len(texts) and not self.ended:
             text = texts[number]
             number += 1
@@ -103,50 +108,43 @@ class _Reader:
             if not bare:
                 continue
             if bare[0] in "IiBbEe":  # what may steer the reader
-                include = included(text, texts, number)
+                include = _INCLUDE.match(text)
                 if include:
-                    named, number = include
+                    named, number = _quoted(include[1], texts, number)
                     self._include(named, (text, file, number), path, within)
-                    lines = self.bulk if self.begun else self.head
-                    if self.ended and any(map(counts, texts[number:])):
-                        no_end((text, file, number))
+                    if self.ended and any(map(_counts, texts[number:])):
+                        what = "this file has an ENDDATA, and cards follow here, which would not count"
+                        raise_at((text, file, number), "INCLUDE", what, hint="take that ENDDATA out")
                     continue
                 if _BEGIN.match(text):
-                    self._begin((text, file, number))
-                    lines = self.bulk
-                    continue
-                if ENDDATA.match(text):
+                    self.begins.append(len(lines))
+                elif _ENDDATA.match(text):
                     self.ended = True
                     continue
             lines.append((text, file, number))
 
-    def _begin(self, line: Line) -> None:
-        if self.begun or "SUPER" in line[0].upper():
-            raise_fault(
+    def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
+        given = Path(named.replace("\\", "/"))
+        found = next((p for p in (path.parent / given, self.deck.parent / given) if p.is_file()), None)
+        if found is None:
+            hint = f"put it beside {path.name}"
+            self._absent.append(
                 Fault(
                     file=line[1],
                     line=line[2],
-                    key="BEGIN",
-                    message="a second bulk data section: part superelements are not read",
-                    hint="a deck without superelements",
+                    key="INCLUDE",
+                    message="there is no such file",
+                    value=named,
+                    hint=hint,
                 )
             )
-        self.begun = True
-
-    def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
-        found = file_beside(named, path, self.deck)
-        fault = absent(named, line, path)
-        if found is None:
-            if self.begun:
-                raise_fault(fault)
-            self.absent.append(fault)
+            if self.begins:
+                raise_fault(self._absent[-1])
             return
         chain = (*within, path.resolve())
         if found.resolve() in chain or len(chain) > DEPTH:
-            raise_fault(
-                Fault(file=line[1], line=line[2], key="INCLUDE", message="includes itself", value=named)
-            )
-        self.read(found, chain)
+            raise_at(line, "INCLUDE", "includes itself", named)
+        self._read(found, chain)
 
 
 def text_of(path: Path) -> str:
@@ -168,33 +166,6 @@ def text_of(path: Path) -> str:
             Fault(file=str(path), line=0, key="", message="a binary file", hint="a Nastran deck is text")
         )
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def included(text: str, texts: list[str], number: int) -> tuple[str, int] | None:
-    """The path that an INCLUDE names, and the number of its last line; None for a line that is none.
-
-    ``texts`` are all of its file, ``number`` that of the line, counted from one.
-    """
-    found = _INCLUDE.match(text)
-    return _quoted(found.group(1), texts, number) if found else None
-
-
-def file_beside(named: str, path: Path, deck: Path) -> Path | None:
-    """The file that ``path`` includes, beside it or else beside the deck; None where neither is there."""
-    given = Path(named.replace("\\", "/"))
-    return next((place for place in (path.parent / given, deck.parent / given) if place.is_file()), None)
-
-
-def absent(named: str, line: Line, path: Path) -> Fault:
-    """What is wrong with an INCLUDE of a file that is not there."""
-    return Fault(
-        file=line[1],
-        line=line[2],
-        key="INCLUDE",
-        message="there is no such file",
-        value=named,
-        hint=f"put it beside {path.name}",
-    )
 
 
 def _quoted(rest: str, texts: list[str], number: int) -> tuple[str, int]:
