@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.faults.runs import Found, Signal, fault
+from middeck.identification.faults.equal_runs import Found, Signal, fault
 
 # Samples that may be lost, parts of a period, and by how much what a period leaves of the others differs
 # between two parts before shifts are tried: noise has as much in all.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
-from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.deck.deck import Deck, asked_formulation
 from middeck.files.nastran.deck.formats import DIVIDING
 from middeck.files.nastran.deck.numbers import integer
