@@ -63,6 +63,7 @@ def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
         ([(MAIN, "\nENDDATA", "")], r"inboard\.pch:130: the deck ends here without ENDDATA"),
         ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA", "")], r"outboard\.pch:\d+: the deck ends here without"),
         ([(MAIN, OUTER, "INCLUDE 'gone.pch'")], r"assemble\.dat:\d+: INCLUDE = gone\.pch: there is no such"),
+        ([(MAIN, OUTER, f"INCLUDE '{'x' * 300}'")], r"assemble\.dat:\d+: INCLUDE = x+: there is no such"),
         ([("outboard.pch", POINTS, f"ENDDATA\n{POINTS}")], "this file has an ENDDATA, and cards"),
         ([("outboard.pch", POINTS, f"{OUTER}\n{POINTS}")], "includes itself"),
     ],

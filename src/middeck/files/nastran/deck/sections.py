@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from os.path import isfile
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -182,7 +183,7 @@ def included(text: str, texts: list[str], number: int) -> tuple[str, int] | None
 def file_beside(named: str, path: Path, deck: Path) -> Path | None:
     """The file that ``path`` includes, beside it or else beside the deck; None where neither is there."""
     given = Path(named.replace("\\", "/"))
-    return next((place for place in (path.parent / given, deck.parent / given) if place.is_file()), None)
+    return next((place for place in (path.parent / given, deck.parent / given) if isfile(place)), None)
 
 
 def absent(named: str, line: Line, path: Path) -> Fault:
