@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 import middeck as md
@@ -74,6 +75,21 @@ def test_of_two_periods_none_is_accused(campaign) -> None:
             assert [
                 run[0] <= place <= run[1] for run, place in zip(found.samples, (at, 400 + at), strict=True)
             ] == [True] * 2
+
+
+@pytest.mark.parametrize("triggered", [True, False])
+def test_a_loss_that_stays_spoils_the_periods_after_it(triggered: bool, campaign) -> None:
+    """A recorder that starts each period anew is right again in the next; one that runs on is not."""
+    for seed in campaign(20):
+        rng = np.random.default_rng([63, seed])
+        periods = int(rng.integers(4, 8))
+        x = np.tile(rng.standard_normal(400), periods) + 0.05 * rng.standard_normal(400 * periods)
+        at = 400 * (periods - 2) + int(rng.integers(50, 350))
+        end = 400 * (periods - 1) if triggered else len(x)
+        x[at:end] = np.append(x[at + 1 : end], x[end - 400])
+        (found,) = find_lost_in_period(x, 400)
+        assert f"in period {periods - 1} of" in found.what
+        assert ("those after it" in found.hint) is not triggered
 
 
 def test_no_samples_are_lost_in_clean_periods(campaign) -> None:

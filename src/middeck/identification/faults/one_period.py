@@ -57,8 +57,17 @@ def find_lost_in_period(x: Signal, period: int) -> list[Found]:
         f"answers {abs(shift)} samples {way} in period {p + 1} of {len(rows)} than in the others, from near "
         f"sample {near} on: samples were {lost} there"
     )
-    hint = "leave that period out; check buffers and clocks"
+    out = "that period and those after it" if _stays(rows, p, shift) else "that period"
+    hint = f"leave {out} out; check buffers and clocks"
     return [fault("shift", what, hint, samples=((max(near - 1, 0), near + 1),))]
+
+
+def _stays(rows: Signal, p: int, shift: int) -> bool:
+    """Whether the period after ``p`` runs ahead, too, of those before: no clock was set right between."""
+    if not 0 < p < len(rows) - 1:
+        return False
+    before, after = rows[:p].mean(axis=0), rows[p + 1]
+    return bool(np.sum((after - np.roll(before, -shift)) ** 2) < np.sum((after - before) ** 2))
 
 
 def _step(y: Signal, others: Signal) -> tuple[int, int, float] | None:
