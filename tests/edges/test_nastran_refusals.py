@@ -339,6 +339,8 @@ def test_a_deck_that_is_cut_off(tmp_path, cut):
 def test_includes_that_are_missing_or_close(tmp_path):
     with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE = gone.blk: there is no such file"):
         read_deck(write(tmp_path, "INCLUDE 'gone.blk'"))
+    with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE = x+: there is no such file"):
+        read_deck(write(tmp_path, f"INCLUDE '{300 * 'x'}'"))  # longer than a name can be
     (tmp_path / "c.blk").write_text("GRID,7\nENDDATA\n")
     assert read_deck(write(tmp_path, "INCLUDE 'c.blk'", "$ end")).entries.numbered("GRID")[7]
     with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE: this file has an ENDDATA, and cards follow"):
