@@ -11,7 +11,7 @@ from reduced import bent_beam, with_component
 
 import middeck as md
 from cli_runner import middeck
-from middeck.errors import ConfigError, DataError
+from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.articles.components import load_component, write_component
 from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
@@ -355,24 +355,35 @@ def test_matrices_that_are_not_said_to_be_symmetric(tmp_path, component, form):
         read_external([tmp_path / "part.pch"], tmp_path / "part.op4", SI)
 
 
-def test_links_inside_an_article_do_not_keep_it_from_being_reduced(tmp_path):
-    """A mass on some components of an average, seen by the boundary to rounding only, in many turned axes."""
+def averaged(folder, seed, *more):
+    """A mass on some components of an average, in turned axes that the ``seed`` draws."""
     beam = ["CEND", "BEGIN BULK", "MAT1,1,7.+10,,.3,2700.", "PBAR,1,1,4.-4,1.3-8,1.9-8,2.3-8"]
     beam += [f"CBAR,{i},1,{i},{i + 1},.3,1.,.2" for i in (1, 2, 3)]
-    beam += ["RBE3,90,,5,123456,1.,123,1,2", ",3,4", "RBE2,91,5,1346,6", "CBUSH,70,7,5,6,,,,0"]
-    beam += ["PBUSH,7,K,1.+4,1.+4,1.+4,1.+4,1.+4,1.+4", "CONM2,80,6,,1.", ",.1,,.1,,,.1", "ENDDATA"]
+    beam += ["RBE3,90,,5,123456,1.,123,1,2", ",3,4", "RBE2,91,5,1346,6", "CONM2,80,6,,1.", ",.1,,.1,,,.1"]
+    rng = np.random.default_rng(seed)
+    places, axes = rng.uniform(-1.0, 1.0, (6, 3)), np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    rows = [places[5], places[5] + axes[2], places[5] + axes[0], *places]
+    a, b, c, *grids = (",".join(f"{value:.6f}" for value in row) for row in rows)
+    cards = [f"GRID,{k},,{at}{',5' * (k > 4)}" for k, at in enumerate(grids, 1)]
+    text = "\n".join([*beam[:2], f"CORD2R,5,0,{a},{b}", f",{c}", *cards, *beam[2:], *more, "ENDDATA"])
+    (folder / "a.dat").write_text(text)
+    made = convert_deck(read_deck(folder / "a.dat"), SI, "consistent", "a")
+    (folder / "a.toml").write_text(document_text(made.document, "a"))
+    return md.load_structure(folder / "a.toml")
+
+
+def test_links_inside_an_article_do_not_keep_it_from_being_reduced(tmp_path):
+    """The boundary has a part in them that is rounding only."""
+    springs = "CBUSH,70,7,5,6,,,,0", "PBUSH,7,K,1.+4,1.+4,1.+4,1.+4,1.+4,1.+4"
     for seed in range(12):
-        rng = np.random.default_rng(seed)
-        places, axes = rng.uniform(-1.0, 1.0, (6, 3)), np.linalg.qr(rng.standard_normal((3, 3)))[0]
-        rows = [places[5], places[5] + axes[2], places[5] + axes[0], *places]
-        a, b, c, *grids = (",".join(f"{value:.6f}" for value in row) for row in rows)
-        cards = [f"GRID,{k},,{at}{',5' * (k > 4)}" for k, at in enumerate(grids, 1)]
-        text = "\n".join([*beam[:2], f"CORD2R,5,0,{a},{b}", f",{c}", *cards, *beam[2:]])
-        (tmp_path / "a.dat").write_text(text)
-        made = convert_deck(read_deck(tmp_path / "a.dat"), SI, "consistent", "a")
-        (tmp_path / "a.toml").write_text(document_text(made.document, "a"))
-        reduced = md.reduce_structure(md.load_structure(tmp_path / "a.toml"), ["g1"], count=6)
+        reduced = md.reduce_structure(averaged(tmp_path, seed, *springs), ["g1"], count=6)
         assert reduced.component.modal == 6
+
+
+@pytest.mark.parametrize("seed", [1, 17])
+def test_what_is_loose_inside_is_told_however_its_pivots_round(tmp_path, seed):
+    with pytest.raises(NumericalError, match="still loose"):
+        md.reduce_structure(averaged(tmp_path, seed), ["g1"], count=6)
 
 
 def test_grids_are_written_in_ascending_order(tmp_path, component):

@@ -200,16 +200,20 @@ def _basis(
     Kii, Mii = (sp.csr_array(A[boundary:][:, boundary:]) for A in (K, M))
     factor = positive_factor(Kii)
     if factor is None:
-        raise NumericalError(
-            "with its boundary held the article is still loose, or unstable",
-            where="boundary",
-            hint="more boundary nodes, or springs at its joints",
-        )
+        raise _loose()
     psi = -factor.solve(K[boundary:][:, :boundary].toarray())
     lam, shapes, above = _fixed_modes(Kii, Mii, count, upto_hz)
     chi = _residuals(factor, lam, shapes, loaded[:, boundary:].toarray().T)
     vectors, added = _modal_form(Kii, Mii, shapes, chi)
     return _Basis(psi, vectors, np.sqrt(lam) / (2.0 * np.pi), added, above)
+
+
+def _loose() -> NumericalError:
+    return NumericalError(
+        "with its boundary held the article is still loose, or unstable",
+        where="boundary",
+        hint="more boundary nodes, or springs at its joints",
+    )
 
 
 def _fixed_modes(
@@ -221,6 +225,8 @@ def _fixed_modes(
         pairs = solve_pairs(K, M, wanted)
         if pairs is None:
             raise NumericalError("a motion inside has neither mass nor stiffness", where="reduction")
+        if np.any(pairs.lam <= pairs.noise):  # the pivots of what is loose may round to either sign
+            raise _loose()
         hz = np.sqrt(np.maximum(pairs.lam, 0.0)) / (2.0 * np.pi)
         kept = count if count is not None else int(np.sum(hz <= (upto_hz or 0.0)))
         if all_cost_less(K, wanted) or kept < len(hz):
