@@ -39,11 +39,11 @@ def check_up(up: str | None, file: str | None) -> None:
     """Fails where nothing is drawn upwards: beside no figure, and beside a file in the world's own axes."""
     if up is not None and file is None:
         raise click.UsageError(
-            f"--up {up} turns what --figure draws, and no figure is asked for; which way is down for the "
-            "article, the environment says: gravity_direction in its [constants]"
+            f"--up {up} turns what --figure draws, and there is no --figure; the direction of gravity is "
+            "gravity_direction in the [constants] of the environment"
         )
     if up is not None and Path(str(file)).suffix.lower() == ".vtu":
-        raise click.UsageError(f"--up {up} turns pictures; a .vtu has the world's own axes")
+        raise click.UsageError(f"--up {up} turns pictures, but a .vtu file has the axes of the world")
 
 
 def write_figure(drawn: Figure, file: str, *, key: str, title: str, description: str) -> None:

@@ -83,8 +83,8 @@ def model_plant(
     if np.any(remove_delays(fitted).system.D):
         raise ConfigError(
             f"the model has a constant term {between}: it passes white noise at infinite rms",
-            hint="identify RECORD... --states N, whose fit has none unless asked for; of "
-            "velocities identify --relative-degree 1; an acceleration has one",
+            hint="identify RECORD... --states N fits none by default; for velocities add "
+            "--relative-degree 1; accelerations have one",
         )
     plant = approximate_delays(fitted, pade_order)
     return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(said_of_path))

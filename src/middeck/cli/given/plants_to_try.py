@@ -136,18 +136,18 @@ def _held_or_not(name: str, plant: Plant, law: Compensator, weights: LQGWeights,
     period_s = law.sampled.period_s
     rate, half_s = f"{1.0 / period_s:g} Hz", 0.5 * period_s
     assumed = (
-        f"{name}, {rate}: the model does not say whether a computer held the inputs of its data; taken as "
-        "not held (middeck identify --held or --not-held)"
+        f"{name}, {rate}: the model does not state whether its inputs were held from sample to sample; "
+        "assumed: not held (middeck identify --held or --not-held)"
     )
     if np.min(plant.delay_s) - delay_s < half_s:
-        return f"{assumed}; at this rate they were not, as a delay is less than half a period"
+        return f"{assumed}; a delay is less than half a period, so they were not held at this rate"
     (row,) = qualify_compensator(law, {name: delay_plant(plant, -half_s)}, weights)
     if not row.stable:
-        return f"{assumed}; held at this rate, half a period would count twice, and the row would be unstable"
+        return f"{assumed}; had they been held at this rate, half a period less would make it unstable"
     gain = min((loop.gain_db for loop in row.loops), default=np.inf)
     phase = min((np.degrees(loop.phase_limit_rad) for loop in row.loops), default=np.inf)
     return (
-        f"{assumed}; held at this rate, half a period counts twice, and without that the row would be "
+        f"{assumed}; had they been held at this rate, the row would have half a period of delay less: "
         f"stable, gain {gain:.2f} dB, phase {phase:.1f} deg, {row.db:.2f} dB"
     )
 

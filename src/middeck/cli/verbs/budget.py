@@ -117,5 +117,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         Table("shares of the shift, Hz", headers, rows),
         "\nsusp.: devices; stiff.: inner forces and weight; deform.: the static shape. Means over six orders;"
         "\norder: the widest range of a share over them. The sum of the shares is the shift.",
-        *(["* in some state between, less than half of its shape in 0-g"] if doubt else []),
+        *(
+            ["* keeps less than half of its 0-g shape when some effects are off: shares are unclear"]
+            if doubt
+            else []
+        ),
     ]

@@ -232,7 +232,7 @@ def _rigid_below(plant: Plant, low_hz: float) -> list[str]:
         return []
     return [
         f"the band of the rms begins at {low_hz:.3g} Hz, above {count} rigid mode{'s' * (count > 1)}, whose "
-        "rms without control is not finite: the dB leave their improvement out; --band LO,HI begins lower"
+        "rms without control is not finite: the dB do not count them; --band LO,HI begins lower"
     ]
 
 

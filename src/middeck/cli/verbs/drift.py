@@ -123,8 +123,8 @@ def _unlike_holds(before: MeasurementModel, after: MeasurementModel) -> list[str
     if None not in (before.hold_s, after.hold_s) or not any(known):
         return []
     return [
-        "a hold is taken out of one model, and of the other it is not known: their delays may differ by half "
-        "a period; middeck identify --held or --not-held for both"
+        "one model's delays are without the hold of its inputs, the other does not state it: delays may "
+        "differ by half a period; give both middeck identify --held or --not-held"
     ]
 
 
