@@ -8,7 +8,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")

@@ -9,7 +9,7 @@ import numpy as np
 
 from measured.rows import row
 from middeck.systems.norms.rms import band_rms
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
 
 CASE = "band_rms"

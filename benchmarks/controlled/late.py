@@ -23,7 +23,7 @@ from middeck.control.noise import measure_noise_rms
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 CASE = "late loops"

@@ -11,7 +11,7 @@ import scipy.io
 
 from measured.rows import cell, peer, row
 from middeck.systems.plants.response import statespace_response
-from middeck.systems.state_space.modal import ModalSystem, modal_response
+from middeck.systems.state_space.modal_system import ModalSystem, modal_response
 from middeck.systems.state_space.statespace import StateSpace
 
 CASE = "response"

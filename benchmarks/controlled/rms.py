@@ -17,7 +17,7 @@ from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.norms.rms import band_rms
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 
 CASE, REPEATS = "rms", 5
 UNIT = 2.0 * np.pi * 3.0  # the reference case's time runs in 1/(2 pi 3 Hz)

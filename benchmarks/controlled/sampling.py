@@ -15,7 +15,7 @@ from middeck.control.sampled.held_plant import hold_plant
 from middeck.control.sampled.loop_rms import measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 CASE = "sampling"
 RATES_HZ, AUTHORITY, MATCH_HZ, REPEATS = (100.0, 250.0, 500.0, 1000.0), 100.0, 5.0, 9

@@ -25,7 +25,7 @@ from middeck.systems.poles.stability import is_stable
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import stream
 from middeck.systems.state_space.feedback import feedback
-from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import SampledStateSpace
 
 CASE = "simulation"

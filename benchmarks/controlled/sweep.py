@@ -17,7 +17,7 @@ from middeck.control.lqg.estimator import design_filter
 from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, subsystem
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 CASE = "sweep"
 LEVELS = 10.0 ** np.linspace(-1.5, 4.5, 25)

@@ -17,7 +17,7 @@ import numpy as np
 
 from measured.rows import row
 from middeck.control.law.compensator import Compensator
-from middeck.files.promises.build import build_modal_test, build_plan
+from middeck.files.promises.study_table import build_modal_test, build_plan
 from middeck.files.studies.documents import Study, load_study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.friction import find_friction, without_friction

@@ -141,7 +141,7 @@ def test_verbs_that_cannot_use_a_case_say_so(
     more = {"level": ["--free", "end.z", "--about", "x"]}.get(verb, [])
     ended = middeck(capfd, verb, files[0], "--environment", files[1], "--load-case", "pull", *more)
     assert ended.code != 0
-    assert {"level": "nothing hangs", "budget": "applied loads make one as well"}[verb] in ended.err
+    assert {"level": "nothing hangs", "budget": "applied loads shift the frequencies too"}[verb] in ended.err
 
 
 WRONG = {

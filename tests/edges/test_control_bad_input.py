@@ -35,7 +35,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import sample_dynamics
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
 from plant_builders import grouped_plant, sum_of_modes
 

@@ -530,6 +530,7 @@ def study_copy(tmp_path: Path, *changes: tuple[str, str]) -> Path:
         ("band_hz = [0.1, 60.0]", "band_hz = [60.0, 0.1]", "control.band_hz", "must ascend", ""),
         ("delay_s = 0.010", "delay_ms = 10.0", "rig.delay_ms", "'delay_s' is expected, in s", "convert to s"),
         ("mace-dm.toml", "mace-md.toml", "article.dm", "no such file", "study file's own folder"),
+        ("mace-dm.toml", f"{300 * 'x'}.toml", "article.dm", "no such file", "study file's own folder"),
         (
             'article = "simple"',
             'article = "simpel"',

@@ -18,7 +18,7 @@ from middeck.errors import DataError
 from middeck.realtime.engine.interface.commands import ANSWERS
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.shared_file import STAGING
-from middeck.realtime.engine.process.build import engine_sources
+from middeck.realtime.engine.process.compile import engine_sources
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.generate.compiler import FLAGS
 from middeck.realtime.package.binary import decode_package, encode_package

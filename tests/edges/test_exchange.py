@@ -39,7 +39,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, group_ports, name_s
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import tustin
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from plant_builders import grouped_plant, unit_weights
 

@@ -19,7 +19,7 @@ from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 MULTISINE = ("multisine", "--band", "0.5,30", "--period", "8", "--rate", "128")
 

@@ -15,7 +15,7 @@ from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import find_periodic_state, simulate
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 PERIODS, SAMPLE_HZ = 4, 128.0
 

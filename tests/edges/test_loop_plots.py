@@ -13,7 +13,7 @@ from middeck.plot.nichols import draw_nichols
 from middeck.plot.nyquist import draw_nyquist, title_of
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
 
 FORCE, WAY, RATE = Port("force", "N"), Port("way", "m"), Port("rate", "m/s")

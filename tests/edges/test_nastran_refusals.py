@@ -139,7 +139,7 @@ def test_the_deck_is_sound(tmp_path):
             "GRID,8,,5.,,,,5\nRBE3,30,,8,123456,1.,123,1,2",
             "RBE3 30 field 4 (REFGRID) = 8: component 5 of grid 8 is dependent and held by the ground",
         ),
-        ("FORCE,5,9,,1.,1.", "nothing stands on grid 9"),
+        ("FORCE,5,9,,1.,1.", "grid 9 has no element or mass"),
         ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
         ("LOAD,5,1.,1.,8", "no factor and set of loads"),
         ("GRAV,5,7,9.8,,,-1.", "GRAV 5 field 3 (CID) = 7: there is no rectangular coordinate system 7"),
@@ -339,6 +339,8 @@ def test_a_deck_that_is_cut_off(tmp_path, cut):
 def test_includes_that_are_missing_or_close(tmp_path):
     with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE = gone.blk: there is no such file"):
         read_deck(write(tmp_path, "INCLUDE 'gone.blk'"))
+    with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE = x+: there is no such file"):
+        read_deck(write(tmp_path, f"INCLUDE '{300 * 'x'}'"))  # longer than a name can be
     (tmp_path / "c.blk").write_text("GRID,7\nENDDATA\n")
     assert read_deck(write(tmp_path, "INCLUDE 'c.blk'", "$ end")).entries.numbered("GRID")[7]
     with pytest.raises(ConfigError, match=r"a.dat:15: INCLUDE: this file has an ENDDATA, and cards follow"):

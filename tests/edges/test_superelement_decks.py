@@ -65,6 +65,7 @@ def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
         ([(MAIN, OUTER, "INCLUDE 'gone.pch'")], r"assemble\.dat:\d+: INCLUDE = gone\.pch: there is no such"),
         ([("outboard.asm", PAIRS, f"{PAIRS}\nINCLUDE 'gone.blk'")], r"\.asm:\d+: INCLUDE = gone\.blk: there"),
         ([(MAIN, OUTER, f"{OUTER}\nBEGIN SUPER=ALL")], r"BEGIN SUPER=ALL"),
+        ([(MAIN, OUTER, f"INCLUDE '{'x' * 300}'")], r"assemble\.dat:\d+: INCLUDE = x+: there is no such"),
         ([("outboard.pch", POINTS, f"ENDDATA\n{POINTS}")], "this file has an ENDDATA, and cards"),
         ([("outboard.pch", POINTS, f"{OUTER}\n{POINTS}")], "includes itself"),
     ],

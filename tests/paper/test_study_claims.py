@@ -26,7 +26,7 @@ from middeck.study.chapters.zero_g_control.computation import study_zero_g_contr
 from middeck.study.chapters.zero_g_control.numbers import figure_7_claims
 from middeck.study.shared import find_modes
 from middeck.systems.plants.response import evaluate_plant, statespace_response
-from middeck.systems.state_space.modal import output_rows
+from middeck.systems.state_space.modal_system import output_rows
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.systems.state_space.modal import modal_response
+from middeck.systems.state_space.modal_system import modal_response
 
 trees = st.tuples(st.integers(0, 10**6), st.integers(2, 4), st.integers(0, 3))
 PORTS = ("t0", "t1", "t2")

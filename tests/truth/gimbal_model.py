@@ -7,7 +7,7 @@ import numpy as np
 
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 NAMES = ("first", "second", "third", "fourth", "fifth")
 

@@ -12,7 +12,7 @@ from middeck.control.law.pd_loops import PDLoops
 from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 CONTROLS = ("bus_x", "bus_y", "bus_z", "pri_rel_x", "pri_rel_z")
 DISTURBANCES = ("sec_rel_x", "sec_rel_z")

@@ -6,7 +6,7 @@ from middeck.control.law.uncertainty import ModeShift, Uncertainty
 from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 UNIT_S = 1.0 / (2.0 * np.pi * 3.0)  # seconds in a unit of time
 HZ = np.array([1.1, 1.7, 7.0, 8.8, 9.4])

@@ -20,7 +20,7 @@ from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.excitation.sweep import design_sweep
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 
 SCORED = gimbal_record.SCORED_HZ

@@ -16,7 +16,7 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.ticks.simulation import cut_blocks, simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace
 from rig_checks import on_rig
 

@@ -18,7 +18,7 @@ from middeck.structure.gimbals.branches import JointSystem, solve_undamped
 from middeck.structure.gimbals.damped import follow_damped, pair_undamped
 from middeck.structure.model.article import JointState
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from repeats import repeats
 from rig_checks import run_through
 from structure_builders import body, joint, node, structure

@@ -11,7 +11,7 @@ from middeck.errors import ConfigError
 from middeck.systems.sampling import simulation
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import find_periodic_state, simulate, stream
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace
 from plant_builders import sum_of_modes
 

@@ -20,8 +20,14 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.gramian import factor_gramians, restrict
-from middeck.control.reduction.loop import absorb, gramians_in_loop, pose_loop, proper_law, response_in_loop
 from middeck.control.reduction.separation import subtract
+from middeck.control.reduction.weighted_loop import (
+    absorb,
+    gramians_in_loop,
+    pose_loop,
+    proper_law,
+    response_in_loop,
+)
 from middeck.control.shaping.sections import second_order_section, shape_compensator
 from middeck.errors import ConfigError
 from middeck.files.studies.documents import load_study
@@ -33,7 +39,7 @@ from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.poles.resolvent import by_solving
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, gain_system, poles, series
 from repeats import LONG, repeats
 

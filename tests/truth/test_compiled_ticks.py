@@ -18,7 +18,7 @@ from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.generate import compiler
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace
 from rig_checks import on_rig, run_through
 

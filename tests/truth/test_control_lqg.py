@@ -23,7 +23,7 @@ from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, gain_system
 from plant_builders import grouped_plant, sum_of_modes, unit_weights
 

@@ -23,7 +23,7 @@ from middeck.systems.plants.plant import subsystem
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.poles.stability import growth_rates
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace, add, gain_system, poles, series
 from plant_builders import grouped_plant
 

@@ -16,7 +16,7 @@ from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from plant_builders import unit_weights
 
 ROOT = Path(__file__).parents[2]

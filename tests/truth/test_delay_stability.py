@@ -27,7 +27,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from plant_builders import BODY, FORCE, RATE, WAY, gain, sum_of_modes, unit_weights
 from repeats import repeats

@@ -19,7 +19,7 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
-from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import gain_system
 from plant_builders import grouped_plant, sum_of_modes, unit_weights
 

@@ -11,7 +11,7 @@ from middeck.systems.delay.delay_approximation import approximate_delays, evalua
 from middeck.systems.plants.plant import Plant, delay_plant, name_states
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.poles.resolvent import by_solving
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
 
 HZ = np.array([0.3, 1.0, 3.0, 9.0])

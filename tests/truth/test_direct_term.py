@@ -20,7 +20,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
-from middeck.systems.state_space.modal import (
+from middeck.systems.state_space.modal_system import (
     ModalSystem,
     modal_response,
     modal_to_statespace,

@@ -16,7 +16,7 @@ from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.port_rows import accelerometer_offset, output_rows
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters
-from middeck.systems.state_space.modal import modal_response
+from middeck.systems.state_space.modal_system import modal_response
 from structure_builders import TUBE, body, member, node, structure
 
 MASS, INERTIA = 2.0, (0.3, 0.2, 0.1)

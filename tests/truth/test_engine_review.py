@@ -30,7 +30,7 @@ from engine_cases import (
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.shared_file import open_shared_file
-from middeck.realtime.engine.process.build import build_engine, engine_sources
+from middeck.realtime.engine.process.compile import build_engine, engine_sources
 from middeck.realtime.engine.process.supervisor import DriverRig, Supervisor
 from middeck.realtime.engine.rigs.article import Fault, LinearArticle, with_faults
 from middeck.realtime.package.section import LoopPath, static_gain

@@ -20,7 +20,7 @@ from middeck.errors import NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.poles.stability import GROWTH_LIMIT
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from plant_builders import sum_of_modes
 
 NEAR = (1e-5, 1e-4, 1e-2, 0.5)

@@ -15,7 +15,7 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 
 BANK = signals()
 

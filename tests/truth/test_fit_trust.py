@@ -10,7 +10,7 @@ from middeck.errors import FitError
 from middeck.identification.faults import detect_faults
 from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.fit.standing import checked_covariance
+from middeck.identification.fit.mode_trust import checked_covariance
 from middeck.identification.fit.tidy import mode_significance, with_split, without_modes
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz

@@ -22,7 +22,7 @@ from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.systems.state_space.modal import modal_response
+from middeck.systems.state_space.modal_system import modal_response
 from structure_builders import GRAVITY, body, joint, node, structure
 
 G = 9.80665

@@ -26,7 +26,7 @@ from middeck.systems.poles.stability import growth_rates
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.feedback import feedback
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from rig_checks import on_rig, run_through
 

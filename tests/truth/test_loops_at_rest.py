@@ -21,7 +21,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.poles.integrators import part_integrators, realise_residues
 from middeck.systems.poles.stability import growth_rates, is_stable
 from middeck.systems.sampling.sampling import sample_dynamics
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from plant_builders import grouped_plant, sum_of_modes, unit_weights
 from repeats import LONG, repeats

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 import middeck as md
 from middeck.identification.faults import detect_faults
+from middeck.identification.faults.one_period import find_lost_in_period
 
 SAMPLES, RATE_HZ = 512, 64.0
 
@@ -47,10 +49,47 @@ def test_samples_lost_in_one_period_are_told_with_their_place(campaign) -> None:
         found = detect_faults(dataclasses.replace(record, y=y[None, :, :, None]))
         found = [fault for fault in found if fault.kind == "shift"]
         assert len(found) == 1
-        if len(y) > 2:  # of two periods, either may be the one
+        if len(y) == 2:
+            assert "the two periods" in found[0].what
+        else:
             assert f"in period {period + 1} of" in found[0].what
             # The motion of one mode is nearly the same a cycle later, which leaves the place open, too.
             assert abs(found[0].samples[0][0] - period * SAMPLES - at) < 40
+
+
+def test_of_two_periods_none_is_accused(campaign) -> None:
+    """Lost in one is repeated in the other: whichever has them, the same is said of both places."""
+    for seed in campaign(20):
+        rng = np.random.default_rng([62, seed])
+        at, shift = int(rng.integers(50, 350)), int(rng.choice([-3, -1, 1, 2]))
+        steady = rng.standard_normal(400)
+        moved = np.append(steady[:at], np.roll(steady, -shift)[at:])
+        noise = 0.05 * rng.standard_normal((2, 400))
+        said = [
+            find_lost_in_period((np.array(rows) + noise).ravel(), 400)[0]
+            for rows in ([steady, moved], [moved, steady])
+        ]
+        for found in said:
+            assert f"{abs(shift)} samples apart" in found.what
+            assert "lost or repeated in one of them" in found.what
+            assert [
+                run[0] <= place <= run[1] for run, place in zip(found.samples, (at, 400 + at), strict=True)
+            ] == [True] * 2
+
+
+@pytest.mark.parametrize("triggered", [True, False])
+def test_a_loss_that_stays_spoils_the_periods_after_it(triggered: bool, campaign) -> None:
+    """A recorder that starts each period anew is right again in the next; one that runs on is not."""
+    for seed in campaign(20):
+        rng = np.random.default_rng([63, seed])
+        periods = int(rng.integers(4, 8))
+        x = np.tile(rng.standard_normal(400), periods) + 0.05 * rng.standard_normal(400 * periods)
+        at = 400 * (periods - 2) + int(rng.integers(50, 350))
+        end = 400 * (periods - 1) if triggered else len(x)
+        x[at:end] = np.append(x[at + 1 : end], x[end - 400])
+        (found,) = find_lost_in_period(x, 400)
+        assert f"in period {periods - 1} of" in found.what
+        assert ("those after it" in found.hint) is not triggered
 
 
 def test_no_samples_are_lost_in_clean_periods(campaign) -> None:

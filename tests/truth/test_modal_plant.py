@@ -17,7 +17,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.systems.state_space.modal import modal_response
+from middeck.systems.state_space.modal_system import modal_response
 from structure_builders import body, joint, node, on_cables, structure, tube_bus
 
 X, Y, Z = np.eye(3)

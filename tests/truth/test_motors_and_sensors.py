@@ -23,7 +23,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from plant_builders import sum_of_modes
 

@@ -17,7 +17,7 @@ from middeck.laboratory.rig.runs import run_open_loop
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem, modal_response
+from middeck.systems.state_space.modal_system import ModalSystem, modal_response
 from middeck.systems.state_space.statespace import StateSpace
 from repeats import repeats
 

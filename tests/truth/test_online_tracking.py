@@ -15,9 +15,11 @@ from middeck.identification.tracking.lag import SCORE, add, behind, mean_lag, no
 from middeck.identification.tracking.recovery import (
     BLOCK,
     BLOCKS,
+    MEMORY,
     WATCHED,
     healed,
     is_large,
+    is_trusted,
     no_blocks,
     opening,
     patience,
@@ -198,6 +200,17 @@ def test_without_drift_the_filter_has_the_bound_of_its_record():
     # Derivatives are taken along the way, at estimates that are off by what was known before.
     np.testing.assert_allclose(np.concatenate(has), bound, rtol=0.15)
     assert np.abs((found.natural_hz[-1] - MODES) / found.frequency_std_hz[-1]).max() < 4.0
+
+
+def test_white_innovations_are_distrusted_as_rarely_as_chi_square_says():
+    """Sixteen squares have a longer tail than a normal number, as which they were bounded."""
+    rng, count = np.random.default_rng(0), 2.0 * MEMORY
+    draws = np.hstack([np.ones((40_000, 1)), rng.standard_normal((40_000, WATCHED)) / np.sqrt(count)])
+    assert all(is_trusted(means, 1.0, 1) for means in draws)
+    assert np.max(count * np.sum(draws[:, 1:] ** 2, axis=1)) > WATCHED + 5.0 * np.sqrt(2.0 * WATCHED)
+    # Not white: every correlation two of its deviations, or one ten.
+    for correlated in (np.full(WATCHED, 2.0), 10.0 * np.eye(WATCHED)[3]):
+        assert not is_trusted(np.concatenate([[1.0], correlated / np.sqrt(count)]), 1.0, 1)
 
 
 def test_blocks_are_nothing_but_blocks():

@@ -26,7 +26,7 @@ from middeck.control.robust.verification.monte_carlo import verify_robustness
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import name_states
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from plant_builders import grouped_plant, unit_weights
 from repeats import repeats
 

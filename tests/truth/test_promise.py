@@ -24,7 +24,7 @@ from middeck.structure.model.environment import Environment
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
-from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise.confidence import probability_interval

@@ -21,7 +21,7 @@ from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.plants.response import evaluate_plant
-from middeck.systems.state_space.modal import modal_response, output_rows
+from middeck.systems.state_space.modal_system import modal_response, output_rows
 from structure_builders import TURNING_TUBE, body, member, node, on_cables, spin, structure, tube_bus
 
 BARE = Section(

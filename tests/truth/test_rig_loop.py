@@ -9,14 +9,14 @@ import pytest
 
 from middeck.control.law.compensator import Compensator
 from middeck.laboratory.bench import Bench
-from middeck.laboratory.loop import RigView, fastest_pole, judge_loop, view_rig
+from middeck.laboratory.loop_stability import RigView, fastest_pole, judge_loop, view_rig
 from middeck.laboratory.rig.plant.drift import Drift, age_plant, nearest_modes
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.poles.stability import GROWTH_LIMIT
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import grouped_plant
 

@@ -15,7 +15,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from plant_builders import unit_weights
 from structure_builders import node, structure
 

@@ -52,7 +52,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.sampling.delayed_sampling import sample_delayed
 from middeck.systems.sampling.sampling import tustin
-from middeck.systems.state_space.modal import modal_to_statespace
+from middeck.systems.state_space.modal_system import modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import grouped_plant, sum_of_modes, unit_weights
 from repeats import repeats

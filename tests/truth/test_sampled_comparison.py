@@ -21,7 +21,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, name_states, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
-from middeck.systems.state_space.modal import ModalSystem, select_modes
+from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace, poles
 from plant_builders import sum_of_modes, unit_weights
 

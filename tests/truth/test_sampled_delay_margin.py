@@ -16,7 +16,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from plant_builders import sum_of_modes
 from repeats import repeats

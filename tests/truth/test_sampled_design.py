@@ -25,7 +25,7 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays, subsystem
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.delayed_sampling import sample_delayed
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from plant_builders import grouped_plant, sum_of_modes, unit_weights
 

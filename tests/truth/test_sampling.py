@@ -15,7 +15,7 @@ from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.stability import growth_rates, is_stable
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import find_periodic_state, simulate
-from middeck.systems.state_space.modal import ModalSystem, modal_response, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem, modal_response, modal_to_statespace
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
 T = 0.002

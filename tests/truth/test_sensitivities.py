@@ -29,7 +29,7 @@ from middeck.structure.sensitivity.parameters import Parameter, find_parameters,
 from middeck.structure.sensitivity.plants import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.sensitivity.shapes import differentiate_modes
-from middeck.systems.state_space.modal import modal_to_statespace
+from middeck.systems.state_space.modal_system import modal_to_statespace
 from repeats import LONG
 
 ROOT = Path(__file__).parents[2]

@@ -27,7 +27,7 @@ from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports, name_states
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.sampling.sampled_plant import sample_plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import sum_of_modes
 

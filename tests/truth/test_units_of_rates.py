@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 import middeck as md
-from middeck.identification.model.fit_options import is_rate
+from middeck.identification.model.fit_options import is_acceleration, is_rate, is_velocity
 
 RATE_HZ, SAMPLES = 128.0, 2048
 OMEGA, ZETA = 2.0 * np.pi * np.array([5.3, 15.4]), np.array([0.01, 0.02])
@@ -48,10 +48,12 @@ def test_an_acceleration_is_fitted_as_one_however_its_unit_is_written(unit: str)
 MOTIONS = (
     "m/s", "mm/s", "μm/s", "µm/s^2", "nm/s", "m.s-2", "m·s⁻²", "rad s-1", "mrad/s", "deg/s", "rev/s",
     "arcsec/s", "1/s", "s^-1", "ft/s^2", "strain/s", "metre/second^2", "(rad/s)", "[m/s^2]", "rpm", "urad/s",
+    "r/min", "rev/min", "min⁻¹", "m/min", "km/h", "deg/hr", "ips", "rps", "mph", "Gal", "mGal", "mm/min^2",
 )  # fmt: skip
 OTHERS = (
     "N m/s", "Nm/s", "NM/s", "N*m/s", "N/s", "kN/s", "lbf ft/s", "J/s", "W", "kg/s", "kg m/s", "kg m/s^2",
     "kg m^2/s^2", "m^2/s^2", "m^3/s", "l/s", "V/s", "A/s", "counts/s", "K/s", "Pa/s", "Hz/s", "N m s", "m s",
+    "l/min", "m^3/h", "kg/h", "min", "h", "m min", "kW h", "N/min", "counts/min",
 )  # fmt: skip
 
 
@@ -59,6 +61,13 @@ def test_only_lengths_angles_and_strains_over_seconds_are_motion() -> None:
     """A force in kg m/s^2, a power in N m/s and a flow in m^3/s end as a rate does, and are none."""
     assert [unit for unit in MOTIONS if not is_rate(md.Port("tip", unit))] == []
     assert [unit for unit in OTHERS if is_rate(md.Port("tip", unit))] == []
+
+
+@pytest.mark.parametrize("unit", MOTIONS)
+def test_a_unit_is_that_of_a_velocity_or_of_an_acceleration_by_its_power_of_time(unit: str) -> None:
+    twice = any(mark in unit for mark in ("2", "²", "Gal"))
+    port = md.Port("tip", unit)
+    assert (is_velocity(port), is_acceleration(port)) == (not twice, twice)
 
 
 def test_without_a_unit_the_warning_says_what_it_may_be() -> None:

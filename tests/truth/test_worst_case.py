@@ -27,7 +27,7 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.mode_blocks import part_modes
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import gain_system
 from plant_builders import grouped_plant, sum_of_modes, unit_weights
 

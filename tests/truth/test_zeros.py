@@ -19,7 +19,7 @@ from middeck.identification.uncertainty.parameters import zero_deviation
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
 
 HZ = 2.0 * np.pi

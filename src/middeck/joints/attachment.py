@@ -17,7 +17,7 @@ from middeck.errors import ConfigError
 from middeck.joints.element import JointElement
 from middeck.joints.friction import Friction
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 

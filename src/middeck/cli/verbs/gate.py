@@ -196,7 +196,7 @@ def _rig(
     paper: bool,
 ) -> GateRig | None:
     """The rig that was named, behind this engine, or one with the ports, ranges and limits of the package."""
-    from middeck.realtime.engine.process.build import build_engine
+    from middeck.realtime.engine.process.compile import build_engine
     from middeck.realtime.engine.process.supervisor import DriverRig, UdpRig
     from middeck.realtime.gate.trials import GateRig, package_settings
 

@@ -16,7 +16,7 @@ from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.poles.stability import growth_limits, none_grows
-from middeck.systems.state_space.modal import select_modes
+from middeck.systems.state_space.modal_system import select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 

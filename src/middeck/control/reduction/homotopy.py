@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.reduction.loop import absorb, proper_law
 from middeck.control.reduction.methods import Candidate
+from middeck.control.reduction.weighted_loop import absorb, proper_law
 from middeck.control.robust.search.blend import improve
 from middeck.control.robust.search.starts import stabilises
 from middeck.systems.poles.stability import decays

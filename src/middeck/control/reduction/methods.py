@@ -20,9 +20,9 @@ from jaxtyping import Float
 
 from middeck.control.reduction.balanced import in_sizes, out_of_sizes
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
-from middeck.control.reduction.loop import Loop, gramians_in_loop, proper_law, seen_at_y
 from middeck.control.reduction.projection import balance, bound_of, check_order, project, settle_order
 from middeck.control.reduction.separation import separate_unstable, subtract
+from middeck.control.reduction.weighted_loop import Loop, gramians_in_loop, proper_law, seen_at_y
 from middeck.control.riccati.continuous import solve_riccati
 from middeck.systems.state_space.statespace import StateSpace, add
 from middeck.values import record

@@ -23,7 +23,7 @@ from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.resolvent import evaluate_transfer
-from middeck.systems.state_space.modal import (
+from middeck.systems.state_space.modal_system import (
     ModalSystem,
     modal_response,
     modal_to_statespace,

@@ -10,8 +10,8 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.reduction.homotopy import Withdrawal, polish_law, withdraw_remainder
-from middeck.control.reduction.loop import Loop, proper_law
 from middeck.control.reduction.methods import Candidate, Method, find_candidate, find_start
+from middeck.control.reduction.weighted_loop import Loop, proper_law
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.poles.stability import decays
 from middeck.systems.state_space.statespace import StateSpace

@@ -14,7 +14,7 @@ from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.loop_rms import SampledOutcome, measure_sampled_loop
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.plants.response import statespace_response
-from middeck.systems.state_space.modal import select_modes
+from middeck.systems.state_space.modal_system import select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 

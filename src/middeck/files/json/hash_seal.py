@@ -36,10 +36,10 @@ def read_sealed(path: str | Path, schema: str) -> dict[str, Any]:
         raise DataError(
             f"the document is not what was sealed: its {SEAL} does not fit its content",
             where=str(path),
-            hint="the file as it was written; a changed promise is none",
+            hint="the file as it was written; a promise that was changed is void",
         )
     if not _is_text(found):
-        what = "a name or text in it is none: half a character (a lone surrogate)"
+        what = "a name or text in it is not valid Unicode: half a character (a lone surrogate)"
         raise DataError(what, where=str(path), hint="the file as it was written")
     return found
 

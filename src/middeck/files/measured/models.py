@@ -13,7 +13,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.exchange.mat import write_mat
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json.output import write_json
-from middeck.identification.fit.standing import Standing
+from middeck.identification.fit.mode_trust import Standing
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.uncertainty.covariance import ModelCovariance

@@ -29,7 +29,7 @@ def reader_of(file: Path) -> Callable[[Path, str], Raw]:
         case ".h5" | ".hdf5":
             from middeck.files.records.hdf5 import read_hdf5 as read
         case ".mdr":
-            from middeck.files.records.runs import read_run_file as read
+            from middeck.files.records.engine_runs import read_run_file as read
         case _ if suffix in UFF:
             from middeck.files.records.uff import read_uff as read
         case _:

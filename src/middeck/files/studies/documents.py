@@ -177,7 +177,7 @@ def _raise_missing(source: Source, data: Any, changed: dict[KeyPath, str], base:
     for table in ("article", "environment", "mirror"):
         wanted += [((table, name), file) for name, file in _references(data, table)]
     advice = "a path from the study file's own folder"
-    missing = [(key, file) for key, file in wanted if not (base / file).is_file()]
+    missing = [(key, file) for key, file in wanted if not os.path.isfile(base / file)]
     findings = (finding(key, "no such file", file, hint=advice) for key, file in missing)
     raise_faults([place_in(source, changed, f) for f in findings])
 

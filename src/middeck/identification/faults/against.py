@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
-from middeck.identification.faults.runs import Found, fault
+from middeck.identification.faults.equal_runs import Found, fault
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse

@@ -9,6 +9,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.identification.faults.against import compare_with_reference
+from middeck.identification.faults.equal_runs import Found, Runs, Signal, fault, levels_of
 from middeck.identification.faults.hum import find_hum
 from middeck.identification.faults.levels import (
     find_coarse_steps,
@@ -21,7 +22,6 @@ from middeck.identification.faults.levels import (
 from middeck.identification.faults.one_period import find_lost_in_period
 from middeck.identification.faults.pairs import find_pair_faults
 from middeck.identification.faults.relation import find_relation_faults
-from middeck.identification.faults.runs import Found, Runs, Signal, fault, levels_of
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Complex, Float
 
-from middeck.identification.faults.runs import Found, fault
+from middeck.identification.faults.equal_runs import Found, fault
 from middeck.signals.excitation.repetition import find_repetition
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.faults.runs import Found, Levels, Signal, fault
+from middeck.identification.faults.equal_runs import Found, Levels, Signal, fault
 
 # Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
 # have one by intention (a binary sequence of 0 and 1 has 1).

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.identification.faults.runs import Found, Signal, fault
+from middeck.identification.faults.equal_runs import Found, Signal, fault
 
 # Samples that may be lost, parts of a period, and by how much what a period leaves of the others differs
 # between two parts before shifts are tried: noise has as much in all.
@@ -23,7 +23,7 @@ SURE, FEWEST = 7.0, 8
 
 
 def find_lost_in_period(x: Signal, period: int) -> list[Found]:
-    """The period that answers later or earlier than the others from one of its samples on.
+    """The period that answers later or earlier than the others from one of its samples on; of two, both.
 
     >>> rng = np.random.default_rng(0)
     >>> x = np.tile(rng.standard_normal(400), 3) + 0.05 * rng.standard_normal(1200)
@@ -42,14 +42,32 @@ def find_lost_in_period(x: Signal, period: int) -> list[Found]:
     if not steps:
         return []
     p, at, shift, _ = max(steps, key=lambda step: step[-1])
+    if len(rows) == 2:  # one that lost samples is like another that repeats them
+        off = abs(shift)
+        what = (
+            f"the two periods answer {off} samples apart from near sample {at} of each on: samples were lost "
+            "or repeated in one of them"
+        )
+        hint = "record more periods, which tell in which; check buffers and clocks"
+        runs = tuple((max(near - off, 0), near + off) for near in (at, period + at))
+        return [fault("shift", what, hint, samples=runs)]
     way, lost = ("earlier", "lost") if shift > 0 else ("later", "repeated")
     near = int(p) * period + at
     what = (
         f"answers {abs(shift)} samples {way} in period {p + 1} of {len(rows)} than in the others, from near "
         f"sample {near} on: samples were {lost} there"
     )
-    hint = "leave that period out; check buffers and clocks"
+    out = "that period and those after it" if _stays(rows, p, shift) else "that period"
+    hint = f"leave {out} out; check buffers and clocks"
     return [fault("shift", what, hint, samples=((max(near - 1, 0), near + 1),))]
+
+
+def _stays(rows: Signal, p: int, shift: int) -> bool:
+    """Whether the period after ``p`` runs ahead, too, of those before: no clock was set right between."""
+    if not 0 < p < len(rows) - 1:
+        return False
+    before, after = rows[:p].mean(axis=0), rows[p + 1]
+    return bool(np.sum((after - np.roll(before, -shift)) ** 2) < np.sum((after - before) ** 2))
 
 
 def _step(y: Signal, others: Signal) -> tuple[int, int, float] | None:

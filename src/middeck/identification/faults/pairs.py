@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.faults.runs import Found, fault
+from middeck.identification.faults.equal_runs import Found, fault
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record

@@ -11,7 +11,7 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy.fft import next_fast_len
 
-from middeck.identification.faults.runs import Found, fault
+from middeck.identification.faults.equal_runs import Found, fault
 from middeck.signals.excitation.repetition import find_repetition
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Port

@@ -9,7 +9,7 @@ import scipy.linalg
 import scipy.ndimage
 from jaxtyping import Bool
 
-from middeck.identification.faults.runs import Found, Levels, Runs, Signal, equal_runs, fault, runs_of
+from middeck.identification.faults.equal_runs import Found, Levels, Runs, Signal, equal_runs, fault, runs_of
 
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
@@ -189,7 +189,7 @@ def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[F
 def spike_runs(x: Signal, levels: Levels) -> Runs:
     """Samples outside of what is beside them that are no large samples like others of the signal.
 
-    >>> from middeck.identification.faults.runs import levels_of
+    >>> from middeck.identification.faults.equal_runs import levels_of
     >>> rng = np.random.default_rng(0)
     >>> x = rng.laplace(size=4000)
     >>> x[70] = 60.0

@@ -11,8 +11,7 @@ from jaxtyping import Complex, Float, Int
 from middeck.errors import FitError
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.missing_delay import name_missing_delay
-from middeck.identification.fit.poles_for_delay import PolesInstead, poles_instead, true_modes
-from middeck.identification.fit.standing import (
+from middeck.identification.fit.mode_trust import (
     Standing,
     SteadyLine,
     checked_covariance,
@@ -22,6 +21,7 @@ from middeck.identification.fit.standing import (
     standing_of,
     standing_of_delays,
 )
+from middeck.identification.fit.poles_for_delay import PolesInstead, poles_instead, true_modes
 from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.fit.tidy import parted, tidied
 from middeck.identification.model.checks import check_logarithms, check_response, check_word

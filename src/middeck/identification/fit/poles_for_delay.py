@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Complex
 
-from middeck.identification.fit.standing import Standing
+from middeck.identification.fit.mode_trust import Standing
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.order import description_length
 from middeck.identification.problem.data import Data

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.faults.runs import levels_of, runs_of
+from middeck.identification.faults.equal_runs import levels_of, runs_of
 from middeck.identification.faults.samples import DROP, find_clipping
 from middeck.identification.model.checks import check_record
 from middeck.signals.record import Record

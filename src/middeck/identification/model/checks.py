@@ -35,7 +35,7 @@ def check_record(record: Record) -> None:
     if record.y.shape[:3] != (experiments, periods, samples):
         raise DataError(f"inputs have {record.u.shape[:3]} samples, outputs {record.y.shape[:3]}")
     if not (np.isfinite(record.sample_hz) and record.sample_hz > 0.0):
-        raise DataError(f"a sampling rate of {record.sample_hz} Hz is none")
+        raise DataError(f"a sampling rate of {record.sample_hz} Hz is not possible")
     if experiments * periods == 0 or samples < FEWEST_SAMPLES:
         raise DataError(
             f"{experiments} experiments of {periods} periods of {samples} samples are too few",

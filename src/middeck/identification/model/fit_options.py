@@ -125,19 +125,20 @@ def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constan
 LENGTH = r"([kcdmμun]|milli|micro|centi|kilo)?m(et(er|re)s?)?|in(ch(es)?)?|ft|feet|foot|mils?|yd"
 ANGLE = r"([mμun]|milli|micro)?(rad(ian)?s?|deg(ree)?s?)|°|arc[ -]?(sec|min)|rev(olution)?s?|turns?|r"
 MOTION = rf"({LENGTH}|{ANGLE}|(micro)?strain|μ?ε|μ?m/m|1|)[\s·*.]*"
-# The end of its unit: over seconds, once or twice, by a stroke or by a negative power.
-SECOND = r"s(ec(ond)?s?)?\s*"
-TWICE = rf"((\^|\*\*)?\s*\{{?2\}}?|²|[/*·]\s*{SECOND})"
+# The end of its unit: over a time, once or twice, by a stroke or by a negative power.
+TIME = r"(s(ec(ond)?s?)?|min(utes?)?|h(r|ours?)?)\s*"
+TWICE = rf"((\^|\*\*)?\s*\{{?2\}}?|²|[/*·]\s*{TIME})"
 
 
 def _over_seconds(twice: str, power: str) -> re.Pattern[str]:
-    over = rf"/\s*({SECOND}{twice}|\(\s*{SECOND}{twice}\s*\))"
-    return re.compile(rf"{MOTION}({over}|{SECOND}((\^|\*\*)?[({{]?-\s*{power[0]}[)}}]*|⁻{power[1]}))")
+    over = rf"/\s*({TIME}{twice}|\(\s*{TIME}{twice}\s*\))"
+    return re.compile(rf"{MOTION}({over}|{TIME}((\^|\*\*)?[({{]?-\s*{power[0]}[)}}]*|⁻{power[1]}))")
 
 
 VELOCITY, ACCELERATION = _over_seconds("", "1¹"), _over_seconds(TWICE, "2²")
-# Accelerations by name; a velocity has but one.
-BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug")
+# By name.
+SPEEDS = ("rpm", "rps", "ips", "mph")
+BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug", "gal", "mgal")
 
 
 def is_rate(port: Port) -> bool:
@@ -164,7 +165,7 @@ def is_velocity(port: Port) -> bool:
     [True, True, True, False, False, False]
     """
     unit = _plain(port.unit)
-    return unit == "rpm" or bool(VELOCITY.fullmatch(unit))
+    return unit in SPEEDS or bool(VELOCITY.fullmatch(unit))
 
 
 def is_acceleration(port: Port) -> bool:

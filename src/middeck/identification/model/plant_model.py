@@ -7,7 +7,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.systems.state_space.modal import ModalSystem, output_rows
+from middeck.systems.state_space.modal_system import ModalSystem, output_rows
 from middeck.systems.state_space.statespace import StateSpace
 
 # A real part of a pole below this share of its size is rounding: the plant does not decay.

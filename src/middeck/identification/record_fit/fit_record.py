@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from middeck.errors import FitError
 from middeck.identification.fit.fit_response import FitResult, fit_lines, marked
 from middeck.identification.fit.fitted_model import model_of
-from middeck.identification.fit.standing import (
+from middeck.identification.fit.mode_trust import (
     checked_covariance,
     doubts_of_lines,
     doubts_of_phase,

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from middeck.identification.fit.mode_trust import Standing
 from middeck.identification.fit.poles_for_delay import PAIRS, PolesInstead, instead_of
-from middeck.identification.fit.standing import Standing
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.problem.data import Data
 from middeck.identification.record_fit.order import record_length

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fitted_model import model_of
-from middeck.identification.fit.standing import SteadyLine
+from middeck.identification.fit.mode_trust import SteadyLine
 from middeck.identification.fit.tidy import (
     mode_significance,
     own_lines,

@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.model.checks import check_record
-from middeck.identification.spectra import loop
+from middeck.identification.spectra import closed_loop
 from middeck.identification.spectra.averages import estimate_spectra
 from middeck.identification.spectra.local_models import scatter_of_local_models
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
@@ -33,8 +33,8 @@ def estimate_response(
     *,
     band_hz: tuple[float, float] | None = None,
     method: Method | None = None,
-    reference: loop.Reference | None = None,
-    controller: loop.Controller | None = None,
+    reference: closed_loop.Reference | None = None,
+    controller: closed_loop.Controller | None = None,
     segment: int | None = None,
 ) -> FrequencyResponse:
     """The frequency response of a record, on its excited lines.
@@ -85,7 +85,7 @@ def estimate_response(
     )
     variance, covariance = trusted(found)
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
-    inputs, outputs = loop.plant_ports(record, reference)
+    inputs, outputs = closed_loop.plant_ports(record, reference)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -102,8 +102,8 @@ def response_scatter(
     *,
     band_hz: tuple[float, float] | None = None,
     method: Method | None = None,
-    reference: loop.Reference | None = None,
-    controller: loop.Controller | None = None,
+    reference: closed_loop.Reference | None = None,
+    controller: closed_loop.Controller | None = None,
     segment: int | None = None,
 ) -> ResponseScatter:
     """The response with its noise and total variance and their covariances; see `estimate_response`."""
@@ -115,24 +115,26 @@ def response_scatter(
         raise ConfigError(
             "reference and controller are both given", hint="one of them; the reference if known"
         )
-    _, outputs = loop.plant_ports(record, reference)
+    _, outputs = closed_loop.plant_ports(record, reference)
     joint = _from_reference(record, reference, controller)
-    return loop.plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
+    return closed_loop.plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
 
 
 def _from_reference(
-    record: Record | RecordStream, reference: loop.Reference | None, controller: loop.Controller | None
+    record: Record | RecordStream,
+    reference: closed_loop.Reference | None,
+    controller: closed_loop.Controller | None,
 ) -> Record | RecordStream:
     if reference is not None and not isinstance(reference, np.ndarray):
-        return loop.from_channels(record, [str(name) for name in reference])
+        return closed_loop.from_channels(record, [str(name) for name in reference])
     if isinstance(record, RecordStream):
         raise ConfigError(
             "a record longer than memory takes references by name only", hint="record the reference with it"
         )
     joint = (
-        loop.from_controller(record, controller)
+        closed_loop.from_controller(record, controller)
         if controller is not None
-        else loop.from_signal(record, np.asarray(reference, dtype=float))
+        else closed_loop.from_signal(record, np.asarray(reference, dtype=float))
     )
     check_record(joint)
     return joint

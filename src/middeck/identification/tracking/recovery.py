@@ -18,6 +18,7 @@ one for the rest (Franklin, Powell and Workman 1998, section 4.3).
 from __future__ import annotations
 
 import numpy as np
+import scipy.special
 from jaxtyping import Complex, Float, Int
 
 from middeck.values import record
@@ -77,8 +78,10 @@ TOO_LARGE, TOO_COLOURED = 1.5, 0.5
 PATIENCE_S = 6.0
 # Openings that are tried one after the other, in jumps.
 OPENINGS = (1.0, 2.0, 4.0)
-# Standard deviations by which a mean may be off: once in a million for one of them.
+# Standard deviations by which the mean square may be off by chance, once in two million for one look, and the
+# sum of squares of as many normal numbers as lags (chi-square) that is as rare.
 LIMIT = 5.0
+COLOURED = float(scipy.special.chdtri(WATCHED, 2.0 * scipy.special.ndtr(-LIMIT)))
 
 
 @record
@@ -219,4 +222,4 @@ def is_trusted(products: Float[np.ndarray, " lag"], weight: float, outputs: int)
     count = 2.0 * MEMORY * outputs * weight / (2.0 - weight)
     size = (means[0] - 1.0) / np.sqrt(2.0 / count)
     white = count * np.sum((means[1:] / max(means[0], np.finfo(float).tiny)) ** 2)
-    return bool(abs(size) < LIMIT and (white - WATCHED) < LIMIT * np.sqrt(2.0 * WATCHED))
+    return bool(abs(size) < LIMIT and white < COLOURED)

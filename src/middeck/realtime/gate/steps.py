@@ -125,7 +125,7 @@ def check_error_bound(package: ControllerPackage) -> GateStep:
     except ConfigError as error:
         return _step("error bound", [error.what], "")
     faults = [
-        f"output {p.name} states {stated:.3g}, rounding alone may reach {needed:.3g}"
+        f"output {p.name} states an error bound of {stated:.3g}, but rounding may reach {needed:.3g}"
         for p, stated, needed in zip(package.outputs, package.error_bound, least, strict=True)
         if stated < needed
     ]
@@ -169,7 +169,7 @@ def _unstable(found: LoopStability, off: bool) -> str:
         return ""
     if found.growing:
         return f"a root at {found.frequency_hz:.4g} Hz grows ({-found.margin:.3g} 1/s)"
-    return f"a root at {found.frequency_hz:.4g} Hz does not decay: nothing holds it at these ports"
+    return f"a root at {found.frequency_hz:.4g} Hz does not decay: the law neither damps nor holds it"
 
 
 def _step(name: str, faults: list[str], said: str) -> GateStep:

@@ -81,8 +81,8 @@ def check_links(model: Model) -> None:
     if len(close.nearly):
         row = int(close.nearly[0])
         raise ConfigError(
-            f"{model.links.label[row]} nearly repeats what others hold: less than {NEARLY:g} of it is "
-            "a condition of its own, so that digits decide whether there is one",
+            f"{model.links.label[row]} nearly repeats other links or clamps: less than {NEARLY:g} of it is "
+            "independent, so that rounding decides whether it holds anything",
             where=f"link {model.structure.links[int(model.links.link[row])].name!r}",
             hint="give places and axes with all their digits, or release what the others hold already",
         )

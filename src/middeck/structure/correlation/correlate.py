@@ -288,5 +288,5 @@ def _warnings(
         for i in unpaired
     ]
     said += not_measured(modes, unmeasured)
-    said += [f"no measured mode is judged by: {f.criterion}" for f in findings if not f.items]
+    said += [f"no measured mode falls under the criterion: {f.criterion}" for f in findings if not f.items]
     return tuple(said)

@@ -178,7 +178,7 @@ def _check(orbit: Modes, lab: Modes) -> None:
     free, hung = orbit.equilibrium, lab.equilibrium
     if free.model.held != hung.model.held:
         raise ConfigError(
-            "a budget shares a shift out over gravity and suspension; here clamps make one as well",
+            "the two environments have different clamps: a budget knows gravity and suspension alone",
             where=f"environments {free.environment.title!r} and {hung.environment.title!r}",
             hint="give both the same clamps, or compare_modes",
         )
@@ -190,13 +190,13 @@ def _check(orbit: Modes, lab: Modes) -> None:
         )
     if np.any(hung.loads.push):
         raise ConfigError(
-            "a budget shares a shift out over gravity and suspension; here applied loads make one as well",
+            "applied loads shift the frequencies too: a budget knows gravity and suspension alone",
             where=f"structure {hung.model.structure.title!r}",
             hint="leave the loads out; added masses may stay",
         )
     if np.any(free.loads.gravity) or len(free.loads.attach_point):
         raise ConfigError(
-            "the first modes of a budget must be those in orbit",
+            "the first argument of a budget must be modes in orbit, without gravity and suspension",
             where=f"environment {free.environment.title!r}",
             hint="solve_modes(solve_equilibrium(structure, Environment.orbit()))",
         )

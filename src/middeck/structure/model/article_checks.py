@@ -77,7 +77,7 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
     carriers = set(nodes)
     for joint in structure.joints:
         if joint.parent not in carriers:
-            yield f"joint {joint.name!r} hangs on {joint.parent!r}, which is no node nor an earlier joint"
+            yield f"joint {joint.name!r} hangs on {joint.parent!r}, neither a node nor an earlier joint"
         carriers.add(joint.name)
     uses = [
         *(("member", m.name, "node", n, nodes) for m in structure.members for n in (m.start, m.end)),
@@ -98,7 +98,7 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
     uses += [("sensor", s.name, "frame", s.axis_frame, carriers) for s in structure.sensors if s.axis_frame]
     for what, name, kind, used, known in uses:
         if used not in known:
-            yield f"{what} {name!r} names {kind} {used!r}, which there is not"
+            yield f"{what} {name!r} names {kind} {used!r}, which does not exist"
 
 
 def _bodies(structure: Structure) -> Iterator[str]:
@@ -129,7 +129,7 @@ def _offsets(structure: Structure) -> Iterator[str]:
         *(("node", n, n.position) for n in structure.nodes),
     ):
         if not np.all(np.isfinite(vector)):
-            yield f"{what} {part.name!r} stands at {vector.tolist()}, which is no place"
+            yield f"{what} {part.name!r} stands at {vector.tolist()}: not three finite numbers"
 
 
 def _possible(body: Body) -> bool:
@@ -154,7 +154,7 @@ def _stiffnesses(structure: Structure) -> Iterator[str]:
         wrong = [f for f in fields if not (np.isfinite(getattr(part, f)) and getattr(part, f) >= 0.0)]
         if wrong or not more:
             named = ", ".join(f"{f} = {getattr(part, f):g}" for f in wrong) or "GA or target"
-            yield f"{what} has {named}: not a number, endless or negative"
+            yield f"{what} has {named}: not a number, infinite or negative"
 
 
 def _every_section(member: Member) -> tuple[Section, ...]:

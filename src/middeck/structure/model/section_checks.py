@@ -31,7 +31,7 @@ def stiffness_faults(stiffness: np.ndarray) -> Iterator[str]:
     rigid = np.isinf(diagonal)
     off = np.real(np.where(np.eye(len(diagonal), dtype=bool), 0.0, stiffness))
     if np.any(np.isnan(diagonal)) or not np.all(np.isfinite(off)) or np.any(diagonal < 0.0):
-        yield "a section stiffness has a number that is none, or a negative diagonal"
+        yield "a section stiffness has an entry that is not a number, or a negative diagonal"
         return
     scale = np.sqrt(np.where(rigid | (diagonal == 0.0), 1.0, diagonal))
     unit = off / np.outer(scale, scale) + np.diag(np.where(rigid, 1.0, diagonal) / scale**2)

@@ -12,7 +12,7 @@ from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import JointState, Structure
-from middeck.structure.modes.motions.strain import member_energy
+from middeck.structure.modes.motions.strain_shares import member_energy
 from middeck.structure.rest.equilibrium import HALF_ROUND, Equilibrium, bushing_turns
 from middeck.structure.rest.imbalance import imbalance_scale
 from middeck.structure.rest.statics import ROUGH

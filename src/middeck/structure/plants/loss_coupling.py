@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.modes.motions.strain import member_energy, strain_energy
+from middeck.structure.modes.motions.strain_shares import member_energy, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 
 SHIFT = 1e-2

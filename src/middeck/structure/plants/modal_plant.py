@@ -19,7 +19,7 @@ from middeck.structure.plants.port_rows import input_rows, output_rows
 from middeck.structure.plants.residual_flexibility import residual_flexibility
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.inert_modes import inert_modes
-from middeck.systems.state_space.modal import ModalSystem, couple_rates, select_modes
+from middeck.systems.state_space.modal_system import ModalSystem, couple_rates, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 
 

@@ -165,7 +165,7 @@ def _constrained_step(
 
 def _mechanism() -> EquilibriumError:
     return EquilibriumError(
-        "pinned at its attach points, the article is still a mechanism that its weight drives",
+        "the article, held at its attach points, is still a mechanism that moves under its weight",
         where="suspension.held",
         hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
         "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
@@ -174,7 +174,7 @@ def _mechanism() -> EquilibriumError:
 
 def _unsettled() -> EquilibriumError:
     return EquilibriumError(
-        f"pinned at its attach points, the article does not settle in {MAX_ITERATIONS} iterations",
+        f"the article, held at its attach points, does not settle in {MAX_ITERATIONS} iterations",
         where="suspension.held",
         hint="hold more directions, or look for members too soft to carry the weight",
     )

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.model.article import DampingTable
-from middeck.structure.modes.motions.strain import strain_share
+from middeck.structure.modes.motions.strain_shares import strain_share
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import (
     base_ratios,

@@ -22,7 +22,7 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.bench import build_bench, take_closed_loop
-from middeck.laboratory.loop import RigLoop, RigView, judge_loops, view_rig
+from middeck.laboratory.loop_stability import RigLoop, RigView, judge_loops, view_rig
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record

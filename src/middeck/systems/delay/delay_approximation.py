@@ -16,7 +16,12 @@ from middeck.systems.poles.inert_modes import inert_modes, silence_inert
 from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.sampling.delayed_sampling import is_sum, split_delays
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
+from middeck.systems.state_space.modal_system import (
+    ModalSystem,
+    modal_to_statespace,
+    output_rows,
+    select_modes,
+)
 from middeck.systems.state_space.statespace import StateSpace, add, gain_system, series
 from middeck.values import record
 

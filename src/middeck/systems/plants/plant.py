@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices, require_names
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, select_channels
+from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace, select_channels
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, select_paths
 from middeck.values import record
 

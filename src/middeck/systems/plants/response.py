@@ -8,7 +8,7 @@ from jaxtyping import Complex, Float
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.resolvent import evaluate_transfer
-from middeck.systems.state_space.modal import ModalSystem, modal_response
+from middeck.systems.state_space.modal_system import ModalSystem, modal_response
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
 

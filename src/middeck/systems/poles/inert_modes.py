@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.systems.state_space.modal import ModalSystem, output_rows, rate_scale
+from middeck.systems.state_space.modal_system import ModalSystem, output_rows, rate_scale
 
 COUPLING_FLOOR = 1e-9
 """Relative coupling below which a port and a mode are unconnected: a thousand times the 1e-12 that an

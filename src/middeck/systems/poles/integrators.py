@@ -14,7 +14,12 @@ from jaxtyping import Float, Int
 from middeck.systems.poles.integrator_chains import integrating_chains, strictly_upper
 from middeck.systems.poles.resolvent import balance_states
 from middeck.systems.state_space.balancing import balance
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
+from middeck.systems.state_space.modal_system import (
+    ModalSystem,
+    modal_to_statespace,
+    output_rows,
+    select_modes,
+)
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, add, gain_system
 from middeck.values import record
 

@@ -14,7 +14,7 @@ import scipy.linalg as sl
 from jaxtyping import Float
 
 from middeck.systems.poles.inert_modes import COUPLING_FLOOR, inert_modes
-from middeck.systems.state_space.modal import ModalSystem, output_rows, rate_scale
+from middeck.systems.state_space.modal_system import ModalSystem, output_rows, rate_scale
 
 NAMED = 0.1
 """Component of a combination from which on a mode is named in it."""

@@ -7,7 +7,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, rate_scale
+from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace, rate_scale
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 WHOLE = 1e-9

@@ -22,7 +22,7 @@ from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.port_rows import RATE
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import set_up

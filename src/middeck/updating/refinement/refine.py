@@ -127,7 +127,7 @@ class Refined:
         return (float(found.d[0]), float(np.linalg.norm(found.root[at]))) if self.compared else (0.0, 0.0)
 
     def with_shear(self, n: Float[np.ndarray, " both"]) -> Float[np.ndarray, " both"]:
-        """``n``, numbers of the estimate's root, moved so that no draw has a negative shear."""
+        """``n``, numbers of the estimate's root, moved off negative shear as by `cut_below`."""
         return cut_below(n, self.estimate.root[len(self.unknowns)], self.shear[0]) if self.compared else n
 
     def drawn_at(self, n: Float[np.ndarray, " both"]) -> tuple[Float[np.ndarray, " unknown"], float]:

@@ -14,7 +14,7 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.fit.fit_response import FitResult
-from middeck.identification.fit.standing import Standing
+from middeck.identification.fit.mode_trust import Standing
 from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance

@@ -20,7 +20,12 @@ from middeck.systems.poles.integrators import part_integrators, rest_once
 from middeck.systems.poles.resolvent import Resolvent, balance_states, by_schur_form
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.feedback import beside, close_static
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace, output_rows, select_modes
+from middeck.systems.state_space.modal_system import (
+    ModalSystem,
+    modal_to_statespace,
+    output_rows,
+    select_modes,
+)
 from middeck.systems.state_space.statespace import LinearSystem, StateSpace, poles, same_period, select_paths
 from middeck.values import record
 

@@ -31,7 +31,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.systems.norms.rms import square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent, balance_states
-from middeck.systems.state_space.modal import ModalSystem, output_rows
+from middeck.systems.state_space.modal_system import ModalSystem, output_rows
 from middeck.values import record
 
 RHO = 0.7

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
-from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.deck.deck import Deck, asked_formulation
 from middeck.files.nastran.deck.formats import DIVIDING
 from middeck.files.nastran.deck.numbers import integer
@@ -23,7 +23,7 @@ NO_PART = {
 NOT_SELECTED = "not selected by case control"
 # What an article has in place of cards that are passed over, by the beginning of their names.
 ELSEWHERE = {
-    ("ROTOR", "RSPIN", "RGYRO"): "rotors stand still: give a [[wheel]] and its speed in the environment",
+    ("ROTOR", "RSPIN", "RGYRO"): "rotors do not spin: give a [[wheel]] and its speed in the environment",
     ("CDAMP", "PDAMP", "CVISC", "PVISC"): "damping: give it in the article's [damping]",
 }
 DIVIDES = "which superelement something is in: the article is not divided"
@@ -50,14 +50,14 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     entries, deck = basis.entries, basis.deck
     rows = [(name, len(entries.of(name)), why) for why, names in NO_PART.items() for name in names]
     if not parts.scalars and not standing.joined:  # else modal coordinates of components
-        rows.append(("SPOINT", len(entries.of("SPOINT")), "nothing stands on these scalar points"))
+        rows.append(("SPOINT", len(entries.of("SPOINT")), "no element or mass is at these scalar points"))
     rows += [(name, count, _why_idle(name)) for name, count in sorted(entries.idle.items())]
     inside = [e for e in entries.of("GRID") if e["seid"]]
     rows.append(("GRID SEID", len(inside), "which superelement they are in: the article is not divided"))
     idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
     rows.append(("DMIG", len(idle), NOT_SELECTED))
     bare = {*basis.places.grids} - standing.account - {*standing.carriers, *standing.carriers.values()}
-    rows.append(("GRID", len(bare), "nothing stands on them: points of orientation, for instance"))
+    rows.append(("GRID", len(bare), "no element or mass is at them: points of orientation, for instance"))
     damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
     rows.append(("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]"))
     return [row for row in rows if row[1] > 0]

@@ -11,10 +11,10 @@ from middeck.files.nastran.article.account import account_left_out, count_conver
 from middeck.files.nastran.article.holds import ground_clamps, loose_clamps
 from middeck.files.nastran.article.loads import LoadSets
 from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
+from middeck.files.nastran.article.nodes_and_riders import Standing, find_standing
 from middeck.files.nastran.article.parts import LeftOut, read_parts, set_out
 from middeck.files.nastran.article.sections import Formulation
 from middeck.files.nastran.article.springs import scalar_tables, spring_tables
-from middeck.files.nastran.article.standing import Standing, find_standing
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
 from middeck.files.nastran.article.wholeness import check_whole
 from middeck.files.nastran.components.direct_input import NAME
@@ -103,7 +103,7 @@ def convert_deck(
 
     left_out += account_left_out(basis, parts, standing)
     if idle := len(parts.held) - len(clamps):
-        left_out.append(("SPC, PS", idle, "at grids on which nothing stands"))
+        left_out.append(("SPC, PS", idle, "at grids without an element or a mass"))
     left_out += sets.refused
     converted = count_converted(basis, parts, standing)
     converted |= {"clamped grids": len(clamps), "load cases": len(cases), "gravity": min(len(constants), 1)}

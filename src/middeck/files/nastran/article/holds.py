@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts, turns
-from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.constraints.constraints import joined_components
 from middeck.files.nastran.constraints.restraints import clamp
 from middeck.files.nastran.constraints.rigid_links import ALL

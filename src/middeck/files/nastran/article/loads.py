@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from middeck.files.nastran.article.member_loads import member_load
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
-from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.formats import OTHER_LOADS
 from middeck.files.nastran.deck.numbers import integer, real
@@ -161,7 +161,7 @@ class LoadSets:
         grid, cid = entry["g"], entry["cid"]
         carrier = self.standing.carrier(grid)
         if carrier not in self.standing.kept:
-            faults.append(entry.fault(f"nothing stands on grid {grid}, or it is not there", "g"))
+            faults.append(entry.fault(f"grid {grid} has no element or mass, or there is no such grid", "g"))
         elif cid not in self.places.systems:
             faults.append(entry.fault(f"there is no coordinate system {cid}", "cid"))
         else:

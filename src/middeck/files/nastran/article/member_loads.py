@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis
-from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.article.struts import end_frame
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.members.members import RODS, Bar, own_axes

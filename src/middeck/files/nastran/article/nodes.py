@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, reach, turns
-from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.masses_and_springs.bodies import Mass
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.inertia import impossible_moments

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
-from middeck.files.nastran.article.standing import Standing
 from middeck.files.nastran.deck.entries import raise_some
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.connectivity import separate_parts, some_names

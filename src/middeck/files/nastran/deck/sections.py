@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from os.path import isfile
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -125,7 +126,7 @@ class Lines:
 
     def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
         given = Path(named.replace("\\", "/"))
-        found = next((p for p in (path.parent / given, self.deck.parent / given) if p.is_file()), None)
+        found = next((p for p in (path.parent / given, self.deck.parent / given) if isfile(p)), None)
         if found is None:
             hint = f"put it beside {path.name}"
             self._absent.append(

@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.values import record
 
 

@@ -15,7 +15,7 @@ from middeck.joints.attachment import JointElements, add_viscous
 from middeck.laboratory.rig.parts.sensor_filters import anti_alias, sensor_filter
 from middeck.laboratory.rig.parts.sensors import Gyro, Sensor, is_summed
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace, select_paths
 
 

@@ -35,7 +35,7 @@ from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold, time_to_rest
 from middeck.realtime.engine.interface.shared_file import SharedFile, make_shared_file, open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
-from middeck.realtime.engine.process.build import build_engine
+from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.folder_lock import locked
 from middeck.realtime.engine.process.launch import (
     DriverRig,

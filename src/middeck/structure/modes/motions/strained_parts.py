@@ -12,7 +12,7 @@ from jaxtyping import Float
 from middeck.structure.elements.rotations import cross
 from middeck.structure.model.article import Structure
 from middeck.structure.model.member_mesh import member_geometry
-from middeck.structure.modes.motions.strain import part_energy
+from middeck.structure.modes.motions.strain_shares import part_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # A part whose share is at least so much of the largest one is named with it: symmetric parts tie at 1.

@@ -34,7 +34,7 @@ from middeck.structure.modes.eigenproblem.all_or_lowest import all_cost_less
 from middeck.structure.modes.eigenproblem.eigen import count_zero, solve_all, solve_lowest
 from middeck.structure.modes.eigenproblem.repeated import repeated, turn_apart
 from middeck.structure.modes.motions.rigid import rigid_motions
-from middeck.structure.modes.motions.strain import device_energy, strain_share
+from middeck.structure.modes.motions.strain_shares import device_energy, strain_share
 from middeck.structure.rest.equilibrium import Equilibrium
 
 HALF = 0.5

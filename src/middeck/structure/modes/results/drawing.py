@@ -26,7 +26,7 @@ from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Interpolation, Link
 from middeck.structure.modes.eigenproblem.repeated import repeated
-from middeck.structure.modes.motions.strain import part_energy
+from middeck.structure.modes.motions.strain_shares import part_energy
 from middeck.structure.modes.results.recovery import inner_points
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium

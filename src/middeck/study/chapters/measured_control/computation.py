@@ -20,7 +20,7 @@ from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.bench import Bench, take_open_loop
-from middeck.laboratory.loop import RigLoop, judge_loops
+from middeck.laboratory.loop_stability import RigLoop, judge_loops
 from middeck.study.measured_loop.computation import (
     DesignCase,
     MeasuredLoop,
@@ -32,7 +32,7 @@ from middeck.study.measured_loop.computation import (
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.plants.response import FrequencyResponse, in_band
-from middeck.systems.state_space.modal import output_rows
+from middeck.systems.state_space.modal_system import output_rows
 from middeck.values import record
 
 HELD = 0.02  # relative distance within which a fitted pole is a mode's

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from middeck.files.json.results import fitted_numbers, response_numbers
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
-from middeck.laboratory.loop import RigLoop
+from middeck.laboratory.loop_stability import RigLoop
 from middeck.study.chapters.measured_control.computation import MeasuredControl
 from middeck.study.measured_loop.computation import STATIC_HZ, MeasuredLoop, ModeReduction
 from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims

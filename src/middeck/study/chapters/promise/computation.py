@@ -12,9 +12,9 @@ from middeck.control.analysis.stability.stability import LoopStability, decide_s
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg.design import LQGCompensator, design_lqg
-from middeck.files.promises.build import build_plan
 from middeck.files.promises.documents import promised_there
 from middeck.files.promises.outcomes import name_of, name_of_mode, statements_of
+from middeck.files.promises.study_table import build_plan
 from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import MeasurementModel

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.files.promises.build import build_modal_test, build_unknowns
+from middeck.files.promises.study_table import build_modal_test, build_unknowns
 from middeck.files.studies.documents import Study
 from middeck.files.studies.promise import PromiseForm, SetUpForm
 from middeck.identification.fit.fit_response import FitResult, fit_response

@@ -19,7 +19,7 @@ from middeck.identification.fit.fit_response import FitResult
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import rig_delay
 from middeck.laboratory.bench import take_closed_loop, take_open_loop
-from middeck.laboratory.loop import RigView
+from middeck.laboratory.loop_stability import RigView
 from middeck.study.chapters.two_sensor_control.measured_sensors import (
     MeasuredSensors,
     fit_sensors,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from middeck.control.law.compensator import Compensator
-from middeck.laboratory.loop import RigView, fastest_pole, judge_loops
+from middeck.laboratory.loop_stability import RigView, fastest_pole, judge_loops
 from middeck.study.measured_loop.computation import DesignCase, predicted_db
 from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.values import record

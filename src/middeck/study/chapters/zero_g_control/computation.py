@@ -35,7 +35,7 @@ from middeck.study.chapters.zero_g_control.disturbance import (
 from middeck.systems.norms.rms import band_rms_by_quadrature
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.poles.stability import GROWTH_LIMIT
-from middeck.systems.state_space.modal import select_modes
+from middeck.systems.state_space.modal_system import select_modes
 from middeck.values import record
 
 SUB_MODELS = ("all", "rigid", "flexible")

@@ -82,8 +82,8 @@ def find_standing(
 
 
 def _bare(constraints: Sequence[Constraint], single: set[int]) -> list[Fault]:
-    """Equations that join what else they name by scalar points on which nothing stands."""
-    why = "scalar point {} in equations, on which no spring and no mass stands: not converted yet"
+    """Equations that name scalar points without a spring or a mass."""
+    why = "scalar point {} in equations, without a spring or a mass: not converted yet"
     found = [(c, point) for c in constraints for point in c.points if point not in single]
     return [c.entry.fault(why.format(point), c.key) for c, point in found]
 
@@ -126,7 +126,7 @@ def _check(
 def _idle(
     basis: Basis, every: list[Constraint], tied: list[Constraint], carriers: dict[int, int]
 ) -> list[LeftOut]:
-    """Constraints at grids that nothing stands on, and sets that are not selected."""
+    """Constraints at grids without an element or a mass, and sets that are not selected."""
     entries, selection = basis.entries, basis.deck.selection
     matter = {id(c.entry) for c in tied}
     idle = {id(c.entry): c.entry for c in every if id(c.entry) not in matter}
@@ -134,13 +134,13 @@ def _idle(
         (
             name,
             1,
-            f"{'an average' if name == 'RBE3' else 'links'} at a grid that nothing stands on",
+            f"{'an average' if name == 'RBE3' else 'links'} at a grid without an element or a mass",
         )
         for name in (entry.name for entry in idle.values())
     ]
     partial = {id(c.entry) for c in every}
     found += [
-        (entry.name, 1, "links at grids that nothing stands on")
+        (entry.name, 1, "links at grids without an element or a mass")
         for entry in entries.of("RBE2", "RBAR")
         if id(entry) not in partial and not any(grid in carriers for grid in grids_named(entry))
     ]
