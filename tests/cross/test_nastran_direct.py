@@ -81,7 +81,7 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd, moves_in):
     parts = held + bar(1) + bar(2) + direct
     for name, case, bulk in (
         ("whole", "SPC = 1\n", whole),
-        ("parts", "SPC = 1\nK2GG = KHALF\nM2GG = MHALF\n", parts),
+        ("parts", "SPC = 1\nPARAM,CK2,1.0\nK2GG = KHALF\nM2GG = MHALF\n", parts),
     ):
         ended = converted(tmp_path, capfd, name, case, bulk, "--environment", tmp_path / f"{name}-held.toml")
         assert ended.code == 0, ended.err

@@ -13,6 +13,7 @@ from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, co
 from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.deck import Deck, given
 from middeck.files.nastran.deck.entries import Entry
+from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
@@ -101,7 +102,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     faults += [
         dataclasses.replace(fault, message="scales matrices by direct input: not converted yet")
         for name in (SCALES if chosen else ())
-        for _, fault in given(deck, name)
+        for text, fault in given(deck, name)
+        if real(text) != 1.0
     ]
     if faults or not set(READ) <= set(chosen):
         return None
