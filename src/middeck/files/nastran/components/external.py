@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.sections import Line, Lines, raise_at
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
-from middeck.files.toml.faults import Fault, raise_faults
 from middeck.structure.model.component import UNEQUAL, Component, require_component
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
@@ -279,19 +278,8 @@ def _pairs(card: Card) -> list[tuple[int, str]]:
             continue
         number, comps = integer(fields[i]), "".join(sorted(fields[i + 1].replace("0", "")))
         if number is None or set(comps) - set(ALL) or len(set(comps)) < len(comps):
-            _, file, line = card.line(i)
-            raise_faults(
-                [
-                    Fault(
-                        file=file,
-                        line=line,
-                        key=card.name,
-                        message="no grid and components",
-                        value=f"{fields[i]} {fields[i + 1]}",
-                    )
-                ]
-            )
-        out.append((int(number or 0), comps))
+            raise_at(card.line(i), card.name, "no grid and components", f"{fields[i]} {fields[i + 1]}")
+        out.append((number, comps))
     return out
 
 
@@ -365,25 +353,23 @@ def read_dmig(cards: Sequence[Card]) -> Punched:
         if len(fields) > 2 and fields[1] == "0":
             kind = integer(fields[3]) if len(fields) > 3 else None
             if kind not in (1, 2) or integer(fields[2]) not in (1, 2, 6, 9):
-                raise_faults(
-                    [_dmig_fault(card, 2, "a matrix that is not real, or of a form other than 1, 2, 6, 9")]
-                )
+                _refuse(card, 2, "a matrix that is not real, or of a form other than 1, 2, 6, 9")
             symmetric[name] = integer(fields[2]) == 6
             columns.setdefault(name, {})
             continue
         if name not in symmetric:
-            raise_faults([_dmig_fault(card, 0, "a column before the head of its matrix")])
+            _refuse(card, 0, "a column before the head of its matrix")
         column = _point(card, 1)
         for i in range(4, len(fields), 4):
             if not any(fields[i : i + 4]):
                 continue
             value = real(fields[i + 2]) if i + 2 < len(fields) else None
             if value is None:
-                raise_faults([_dmig_fault(card, i, "no grid, component and real number")])
+                _refuse(card, i, "no grid, component and real number")
             entry = (_point(card, i), column)
             if entry in columns[name] or (symmetric[name] and entry[::-1] in columns[name]):
-                raise_faults([_dmig_fault(card, i, "an entry given twice")])
-            columns[name][entry] = value or 0.0
+                _refuse(card, i, "an entry given twice")
+            columns[name][entry] = value
     return Punched(symmetric, columns)
 
 
@@ -392,10 +378,9 @@ def _point(card: Card, at: int) -> tuple[int, int]:
     text = card.fields[at + 1] if at + 1 < len(card.fields) else ""
     way = integer(text) if text else 0
     if number is None or number <= 0 or way is None or not 0 <= way <= 6:
-        raise_faults([_dmig_fault(card, at, "no grid and component")])
-    return int(number or 0), int(way or 0)
+        _refuse(card, at, "no grid and component")
+    return number, way
 
 
-def _dmig_fault(card: Card, at: int, message: str) -> Fault:
-    _, file, line = card.line(at)
-    return Fault(file=file, line=line, key=f"DMIG {card.fields[0]}", message=message)
+def _refuse(card: Card, at: int, message: str) -> NoReturn:
+    raise_at(card.line(at), f"DMIG {card.fields[0]}", message)

@@ -150,22 +150,13 @@ class Lines:
 
 def text_of(path: Path) -> str:
     """The file's text; a byte that is no ASCII is one character, so that columns stay."""
+    here = "", str(path), 0
     try:
         text = path.read_bytes().decode("latin-1")
     except OSError as error:
-        raise_fault(
-            Fault(
-                file=str(path),
-                line=0,
-                key="",
-                message=f"cannot be read: {error.strerror}",
-                hint="check the path",
-            )
-        )
+        raise_at(here, "", f"cannot be read: {error.strerror}", hint="check the path")
     if "\0" in text:
-        raise_fault(
-            Fault(file=str(path), line=0, key="", message="a binary file", hint="a Nastran deck is text")
-        )
+        raise_at(here, "", "a binary file", hint="a Nastran deck is text")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
