@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
@@ -50,14 +49,12 @@ def design_lqg(
     *,
     kalman: KalmanFilter | None = None,
     shaping: Shaping | None = None,
-    start: Float[np.ndarray, "state state"] | None = None,
 ) -> LQGCompensator:
     """The compensator that minimises E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 
     Uncontrollable and unobservable modes are set aside and listed in ``inert``. Direct terms from u to z, and
     from any input to y, are part of the design; one from process noise to z is refused (infinite cost).
-    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`);
-    ``start`` may be the regulator's solution at another authority, see `solve_riccati`. Raises
+    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
     the plant.
     """
@@ -69,7 +66,7 @@ def design_lqg(
     model = pose_problem(active, weights, shaping)
     try:
         kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
-        regulator = design_regulator(model, authority, start)
+        regulator = design_regulator(model, authority)
     except NotStabilisableError:
         _require_ports(model)
         raise

@@ -20,10 +20,8 @@ class Regulator:
     R: Float[np.ndarray, "u u"]
 
 
-def design_regulator(
-    model: LQGProblem, authority: float, start: Float[np.ndarray, "state state"] | None = None
-) -> Regulator:
-    """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals; ``start``: see `solve_riccati`."""
+def design_regulator(model: LQGProblem, authority: float) -> Regulator:
+    """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals."""
     require_finite_cost(model)
     A, B = append_integrals(model.A, model.control, model.C2, model.D22, model.integral)
     C, D, plain = weigh_effort(model, authority)
@@ -40,6 +38,5 @@ def design_regulator(
         S,
         names=(*model.names, *model.integral_names),
         complaint="no control input in u reaches it",
-        start=start,
     )
     return Regulator(solution, R)

@@ -18,7 +18,7 @@ from jaxtyping import Complex, Float
 
 from middeck.control.law.stabilisability import CANDIDATE, require_reachable
 from middeck.control.riccati.balancing import fold_weights, unit_diagonal, unit_scales
-from middeck.control.riccati.newton import approach, refine, residual, rounding
+from middeck.control.riccati.newton import refine, residual, rounding
 from middeck.control.riccati.subspace import solve_by_subspace
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
@@ -62,12 +62,10 @@ def solve_riccati(
     *,
     names: Sequence[str] = (),
     complaint: str = "no input reaches it",
-    start: Float[np.ndarray, "state state"] | None = None,
 ) -> RiccatiSolution:
     """Solve A'X + XA - (XB + S) R^-1 (XB + S)' + Q = 0 for the stabilising X.
 
-    ``names`` (one per state) and ``complaint`` (of what B does not reach) are used in errors; ``start`` may
-    be the solution of a neighbouring problem, from which Newton's method then goes where it stabilises.
+    ``names`` (one per state) and ``complaint`` (of what B does not reach) are used in errors.
     Raises `NotStabilisableError` naming the modes that B does not reach (real part >= 0) or Q does not see
     (real part = 0), `ConfigError` for R that is not positive definite, `NumericalError` if no method gives a
     stabilising solution.
@@ -76,12 +74,7 @@ def solve_riccati(
     array([[3.]])
     """
     cross, factor, Abar, Bn, Qbar = fold_weights(A, B, Q, R, S)
-    if start is not None and np.shape(start) != np.shape(A):
-        raise ConfigError(
-            f"the start has shape {np.shape(start)} for {len(A)} states",
-            hint="the solution of a neighbouring problem with the same states",
-        )
-    X, remains = _solve_balanced(Abar, Bn, Qbar, start)
+    X, remains = _solve_balanced(Abar, Bn, Qbar)
     gain = None if X is None else sla.cho_solve((factor, True), (X @ B + cross).T)
     poles = None if gain is None else np.linalg.eigvals(A - B @ gain).astype(complex)
     if X is None or gain is None or poles is None or _doubtful(poles, gain, A, B):
@@ -117,15 +110,14 @@ def _doubtful(poles: np.ndarray, gain: np.ndarray, A: np.ndarray, B: np.ndarray)
 
 
 def _solve_balanced(
-    A: np.ndarray, B: np.ndarray, Q: np.ndarray, start: np.ndarray | None
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray
 ) -> tuple[Float[np.ndarray, "state state"] | None, float]:
     """X of A'X + XA - (XB)(XB)' + Q = 0, and its relative residual."""
     if not np.all(np.isfinite(A)) or not np.all(np.isfinite(B)) or not np.all(np.isfinite(Q)):
         raise ConfigError("the Riccati equation contains a number that is not finite", hint="check the plant")
     t = unit_scales(A, B @ B.T, Q)
     scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
-    found = None if start is None else approach(start * np.outer(t, t), *scaled)
-    found = solve_by_subspace(scaled[0], scaled[1] @ scaled[1].T, scaled[2]) if found is None else found
+    found = solve_by_subspace(scaled[0], scaled[1] @ scaled[1].T, scaled[2])
     found = _solve_pencil(*scaled) if found is None else found
     if found is None:
         return None, np.inf

@@ -1,9 +1,6 @@
 """Newton's method for the continuous Riccati equation (Kleinman 1968, IEEE TAC 13), in correction form.
 
-The residual drives the step instead of a fresh solution, so that rounding is relative to the correction. Far
-from the solution the step length minimises the residual, by the roots of a polynomial of third degree (Benner
-and Byers 1998, IEEE TAC 43, "An exact line search method for solving generalized continuous-time algebraic
-Riccati equations").
+The residual drives the step instead of a fresh solution, so that rounding is relative to the correction.
 """
 
 from __future__ import annotations
@@ -12,11 +9,6 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.riccati.lyapunov import solve_lyapunov
-
-NEWTON_STEPS = 12
-"""Most steps from a start; four or five suffice from a neighbour, more cost more than a fresh solution."""
-CLOSE = 1e-8
-"""Relative residual at which `refine` takes over: one more step squares it."""
 
 
 def refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
@@ -32,26 +24,6 @@ def refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[
         halved = rounding(A) < now < size / 2.0
         best, size = (candidate, now) if now < size else (best, size)
     return best
-
-
-def approach(
-    start: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
-) -> Float[np.ndarray, "state state"] | None:
-    """The stabilising solution from a stabilising ``start``; None where not found soon."""
-    if np.linalg.eigvals(A - B @ (start @ B).T).real.max(initial=-1.0) >= 0.0:
-        return None
-    here = start
-    defect, size = residual(here, A, B, Q)
-    for _ in range(NEWTON_STEPS):
-        step = _step(here, defect, A, B)
-        if step is None:
-            return None
-        here = here + _length(defect, step, B) * step
-        defect, now = residual(here, A, B, Q)
-        if now < CLOSE or not now < size:
-            return here if now < CLOSE else None
-        size = now
-    return None
 
 
 def rounding(A: np.ndarray) -> float:
@@ -82,14 +54,3 @@ def _step(X: np.ndarray, defect: np.ndarray, A: np.ndarray, B: np.ndarray) -> np
     except np.linalg.LinAlgError:
         return None
     return step if np.all(np.isfinite(step)) else None
-
-
-def _length(defect: np.ndarray, step: np.ndarray, B: np.ndarray) -> float:
-    """The t in (0, 2] that minimises the residual (1 - t) defect - t^2 (step B)(step B)'."""
-    factor = step @ B
-    square = factor @ factor.T
-    alpha, beta, gamma = np.sum(defect * defect), np.sum(defect * square), np.sum(square * square)
-    slope = np.roots([4.0 * gamma, 6.0 * beta, 2.0 * alpha - 4.0 * beta, -2.0 * alpha])
-    least = np.real(slope[np.isreal(slope)])
-    inside = least[(least > 0.0) & (least <= 2.0)]
-    return float(inside.min()) if len(inside) else 1.0
