@@ -41,7 +41,7 @@ def gain(k: float) -> Compensator:
     return Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
 
 
-@pytest.mark.parametrize("turns", [0.1, 0.7, 1.3])
+@pytest.mark.parametrize("turns", np.linspace(0.05, 1.4, 8))
 def test_integrator_by_its_closed_form(turns: float) -> None:
     """z' = -k z(t - tau) + w: the variance is cos(k tau)/(2 k (1 - sin(k tau))) times the intensity.
 

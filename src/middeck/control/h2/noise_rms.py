@@ -48,10 +48,13 @@ class NoiseOutcome:
     control_rms: float
 
 
-def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
+def integrate_noise(
+    plant: Plant, compensator: Compensator, weights: LQGWeights, *, measured: bool = True
+) -> NoiseOutcome:
     """Outputs and commands under the process and sensor noise of ``weights``, delays exact.
 
-    Stability is decided first (`decide_stability`); then |T|^2 is integrated by adaptive quadrature.
+    Stability is decided first (`decide_stability`); then |T|^2 is integrated by adaptive quadrature, which
+    without ``measured`` is left out: a finite rms is then any finite number.
 
     Raises `ConfigError` for ports that do not exist, weights that do not fit, and process noise that reaches
     z directly; `NumericalError` where stability cannot be decided.
@@ -68,7 +71,8 @@ def integrate_noise(plant: Plant, compensator: Compensator, weights: LQGWeights)
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
     first, *last = respond(np.array([low, top, 10.0 * top]))
     unit = np.eye(first.shape[1])
-    band = response_rms(respond, peaks, unit, (low / (2.0 * np.pi), top / (2.0 * np.pi)))
+    limits = low / (2.0 * np.pi), top / (2.0 * np.pi)
+    band = response_rms(respond, peaks, unit, limits) if measured else np.zeros(len(first))
     square = band**2 + np.sum(low * np.abs(first) ** 2 + top * np.abs(last[0]) ** 2, axis=1) / np.pi
     # A response that does not fall beyond the last line passes white noise: infinite rms.
     level = np.linalg.norm(last, axis=2)

@@ -17,7 +17,7 @@ Lines are added until that is so everywhere, beside the lightest roots of the lo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,7 @@ from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import FAR, REST, NoiseOutcome
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
+from middeck.systems.norms.quadrature import integrate
 from middeck.systems.norms.rms import square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent, balance_states
@@ -42,21 +43,7 @@ LIGHTEST = 1e-6
 SMALL = 0.5
 BESIDE = np.array([0.0, 3.0])
 TOLERANCE = 1e-7
-"""Allowed difference of the rules of 15 and 7 points on a panel, relative to the whole integral."""
-KRONROD = np.array(
-    [
-        [0.991455371120813, 0.022935322010529],
-        [0.949107912342759, 0.063092092629979],
-        [0.864864423359769, 0.104790010322250],
-        [0.741531185599394, 0.140653259715525],
-        [0.586087235467691, 0.169004726639267],
-        [0.405845151377397, 0.190350578064785],
-        [0.207784955007898, 0.204432940075298],
-        [0.000000000000000, 0.209482141084728],
-    ]
-)
-GAUSS = np.array([0.129484966168870, 0.279705391489277, 0.381830050505119, 0.417959183673469])
-"""Piessens et al. 1983, QUADPACK: nodes and weights of the rule of 15 points, weights of that of 7 within."""
+"""Allowed error of a panel, relative to the whole integral."""
 
 
 @record
@@ -106,8 +93,8 @@ def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | Non
     )
 
 
-def measure_in_family(plant: Plant, known: FamilyLaw) -> NoiseOutcome | None:
-    """As `measure_noise_rms`, for a plant of decaying modes; None where undecided.
+def measure_in_family(plant: Plant, known: FamilyLaw, *, measured: bool = True) -> NoiseOutcome | None:
+    """As `integrate_noise`, for a plant of decaying modes; None where undecided.
 
     Raises `ConfigError` for process noise that reaches z directly.
     """
@@ -124,6 +111,8 @@ def measure_in_family(plant: Plant, known: FamilyLaw) -> NoiseOutcome | None:
         return None
     if grows:
         return NoiseOutcome(False, np.inf, np.inf)
+    if not measured:
+        return NoiseOutcome(True, 0.0, 0.0)
     rms = _rms(_path(modal, delay_s, [*z, *y], [*w, *u]), len(z), len(w), known, _upper(modal))
     return NoiseOutcome(True, *rms)
 
@@ -269,7 +258,7 @@ def _rms(path: Resolvent, nz: int, nw: int, known: FamilyLaw, peaks: np.ndarray)
     size = np.abs(np.concatenate([peaks, known.law.poles]))
     low, top = REST * float(size.min()), FAR * float(size.max())
     first, last = power(np.array([low, top]))
-    square = (_integral(power, _panels(peaks, low, top)) + low * first + top * last) / np.pi
+    square = (integrate(power, _panels(peaks, low, top), TOLERANCE) + low * first + top * last) / np.pi
     return float(np.sqrt(square[:nz].sum())), float(np.sqrt(square[nz:].sum()))
 
 
@@ -277,25 +266,3 @@ def _panels(peaks: np.ndarray, low: float, top: float) -> Float[np.ndarray, " ed
     sides = np.abs(np.real(peaks))[:, None] * np.array([-12.0, 0.0, 12.0])
     edges = np.concatenate([(np.imag(peaks)[:, None] + sides).ravel(), np.geomspace(low, top, 20)])
     return np.unique(np.concatenate([[low, top], edges[(edges > low) & (edges < top)]]))
-
-
-def _integral(power: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> Float[np.ndarray, " zu"]:
-    """Gauss-Kronrod quadrature of 7 and 15 points, panels halved while these differ."""
-    half = np.concatenate([-KRONROD[:, 0], KRONROD[-2::-1, 0]])
-    fine = np.concatenate([KRONROD[:, 1], KRONROD[-2::-1, 1]])
-    coarse = np.zeros(15)
-    coarse[1::2] = np.concatenate([GAUSS, GAUSS[-2::-1]])
-    low, high = edges[:-1], edges[1:]
-    done = 0.0
-    while True:
-        nodes = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * half
-        values = power(nodes.ravel()).reshape(len(low), 15, -1) * (0.5 * (high - low))[:, None, None]
-        each = np.einsum("k,pko->po", fine, values)
-        differ = np.abs(each - np.einsum("k,pko->po", coarse, values))
-        total = done + each.sum(axis=0)
-        rough = np.any(differ > TOLERANCE * total, axis=1)
-        done = done + each[~rough].sum(axis=0)
-        if not rough.any():
-            return done
-        middle = 0.5 * (low + high)[rough]
-        low, high = np.concatenate([low[rough], middle]), np.concatenate([middle, high[rough]])

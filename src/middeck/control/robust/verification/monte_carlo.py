@@ -177,7 +177,7 @@ def _noise_on(
     found: list[NoiseOutcome | None] = [None] * len(plants)
     known = family_law(compensator, weights)
     if known is not None:
-        found = [measure_in_family(p, known) if p.delayed else None for p in plants]
+        found = [measure_in_family(p, known, measured=measured) if p.delayed else None for p in plants]
     left = [i for i, outcome in enumerate(found) if outcome is None]
     others = _approximated([plants[i] for i in left], compensator, weights, measured=measured)
     for i, outcome in zip(left, others, strict=True):
@@ -204,7 +204,7 @@ def _approximated(
             continue
         agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
         if orders[i] > order or not agreed:
-            found[i] = integrate_noise(plant, compensator, weights)
+            found[i] = integrate_noise(plant, compensator, weights, measured=measured)
     return found
 
 
