@@ -274,11 +274,13 @@ def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
 def _fed_back(share: float) -> Found:
     what = (
         f"its noise comes back in the inputs: they tell, later, {share:.0%} of what its past leaves. There "
-        "is feedback in the record, or the inputs were recorded late"
+        "is feedback in the record, or the inputs were recorded late, or with noise, which makes gains too "
+        "small"
     )
     hint = (
         "fit from a signal outside the loop (--reference CHANNEL), or with the controller known: from the "
-        "inputs directly one finds something between the plant and 1/K"
+        "inputs directly one finds something between the plant and 1/K; for noisy "
+        "inputs a signal that repeats, or the command itself"
     )
     return fault("feedback", what, hint)
 

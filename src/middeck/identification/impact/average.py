@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
 from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
@@ -92,7 +92,6 @@ def average_blows(
     levels = [_at_rest(x) for x in y]
     answer = np.stack([y[b.experiment, b.first : b.first + size] - levels[b.experiment] for b in good])
     tau = _time_constant(answer, record.sample_hz) if window_s is None else window_s
-    window = np.exp(-(np.arange(size) - BEFORE) / (record.sample_hz * tau))[:, None]
     blocks = Record(
         sample_hz=record.sample_hz,
         u=force[:, None],
@@ -101,7 +100,7 @@ def average_blows(
         outputs=record.outputs,
         periodic=False,
     )
-    spectra = _spectra(blocks, window)
+    spectra = _spectra(blocks, tau)
     band_hz = _useful(spectra) if band_hz is None else band_hz
     found = spectra_response(spectra, ratio, band_hz=band_hz)
     variance, covariance = trusted(found)
@@ -149,13 +148,26 @@ def _time_constant(answer: Float[np.ndarray, "blow sample output"], sample_hz: f
     return np.inf if left <= END else size / sample_hz / np.log(left / END)
 
 
-def _spectra(blocks: Record, window: Float[np.ndarray, "sample one"]) -> Spectra:
-    """Of the blocks under the exponential window."""
+def windowed_spectra(
+    blocks: Record, window_s: float
+) -> tuple[
+    Float[np.ndarray, " line"],
+    Complex[np.ndarray, "blow line input"],
+    Complex[np.ndarray, "blow line output"],
+]:
+    """Lines [Hz], force and response of each block under exp(-t / window_s)."""
+    size = blocks.u.shape[2]
+    window = np.exp(-(np.arange(size) - BEFORE) / (blocks.sample_hz * window_s))[:, None]
     U, Y = (np.fft.rfft(x[:, 0] * window, axis=1) for x in (blocks.u, blocks.y))
+    return np.fft.rfftfreq(size, 1.0 / blocks.sample_hz), U, Y
+
+
+def _spectra(blocks: Record, window_s: float) -> Spectra:
+    hz, U, Y = windowed_spectra(blocks, window_s)
     count, size = len(U), blocks.u.shape[2]
     scale = 1.0 / (count * size * blocks.sample_hz)
     return Spectra(
-        frequency_hz=np.fft.rfftfreq(size, 1.0 / blocks.sample_hz),
+        frequency_hz=hz,
         S_uu=scale * np.einsum("eki,ekj->kij", U, U.conj()),
         S_yu=scale * np.einsum("eko,eki->koi", Y, U.conj()),
         S_yy=scale * np.einsum("eko,ekp->kop", Y, Y.conj()),

@@ -10,6 +10,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.impact.average import ImpactTest
+from middeck.identification.impact.scatter import with_scatter
 from middeck.identification.model.checks import check_word
 from middeck.identification.model.fit_options import usual_constants
 from middeck.identification.model.measurement_model import (
@@ -49,7 +50,7 @@ def fit_impact(
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
         constants = options.get("constants") or usual_constants(test.response.outputs, None)
         options["direct"] = constants == "complex"
-    return without_window(fit_response(test.response, **options), test.window_s)
+    return without_window(with_scatter(fit_response(test.response, **options), test), test.window_s)
 
 
 def without_window(fit: FitResult, window_s: float) -> FitResult:
