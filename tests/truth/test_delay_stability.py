@@ -15,8 +15,10 @@ from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.stability.delayed_roots import follow_roots
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.delay_order import approximation_order
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import NumericalError
 from middeck.files.documents import load_environment, load_structure
 from middeck.signals.ports import Port
@@ -326,3 +328,47 @@ def test_a_root_beside_a_pole_that_rounding_has_moved_as_far(shift: float) -> No
         )
         assert len(roots) == 2
         assert abs(roots[0] - root) < 5e-9 * omega
+
+
+@pytest.mark.parametrize("seed", repeats([15, 28, 31, 39, *range(100)], 4))
+def test_laws_of_high_authority_on_modes_that_they_hardly_move(seed: int) -> None:
+    """Roots lie beside poles known no better than the loop moves them: each is found as often as counted.
+
+    The law is designed on the plant, and also closed on one a little apart from it, which it destabilises.
+    """
+    plants, law = _estimated_modes(seed)
+    for plant in plants:
+        found = decide_stability(plant, law)
+        values = np.linalg.eigvals(_closed(plant, law, 24))
+        assert found.growing == int(np.sum(values.real > 1e-6))
+        assert found.stable is (found.growing == 0)
+
+
+def _estimated_modes(seed: int) -> tuple[list[Plant], Compensator]:
+    """Random modes, of which some nearly coincide or meet no force, 10 ms late, and LQG of authority 1e12."""
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(4, 10)), int(rng.integers(1, 3))
+    omega, zeta = 2.0 * np.pi * 10.0 ** rng.uniform(-1.0, 1.9, n), 10.0 ** rng.uniform(-3.0, -1.5, n)
+    if rng.random() < 0.4:
+        omega[1] = omega[0] * (1.0 + 10.0 ** rng.uniform(-6.0, -2.0))
+    psi = rng.standard_normal((n, k))
+    phi = psi.T.copy()
+    if rng.random() < 0.4:
+        psi[rng.integers(n)] *= 10.0 ** rng.uniform(-8.0, -2.0)
+    inputs, outputs = (tuple(Port(f"{s}{i}", unit) for i in range(k)) for s, unit in (("u", "N"), ("y", "m")))
+    u, y = (tuple(p.name for p in side) for side in (inputs, outputs))
+
+    def late(factor: np.ndarray) -> Plant:
+        modes = sum_of_modes(omega * factor, zeta, psi, phi)
+        return delay_plant(Plant(dynamics=modes, inputs=inputs, outputs=outputs, w=u, u=u, z=y, y=y), 0.01)
+
+    plant = late(np.ones(n))
+    model = approximate_delays(plant, approximation_order(plant))
+    weights = LQGWeights(
+        output=np.ones(k),
+        input=np.ones(k),
+        disturbed=u,
+        process=np.eye(k) * 10.0 ** rng.uniform(-4.0, 0.0),
+        sensor=np.full(k, 4e-10),
+    )
+    return [plant, late(1.0 + 1e-2 * rng.standard_normal(n))], design_lqg(model, weights, 1e12)

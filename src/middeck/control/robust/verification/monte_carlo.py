@@ -20,9 +20,11 @@ from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.control.robust.verification.many_loops import measure_many
 from middeck.control.robust.verification.sampled_loops import sampled_outcomes
+from middeck.control.robust.verification.single_loop import measure_one
 from middeck.errors import ConfigError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.stability import all_decay
 from middeck.values import record
 
 
@@ -175,9 +177,11 @@ def _noise_on(
     """As `noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
     _require(plants, compensator)
     found: list[NoiseOutcome | None] = [None] * len(plants)
-    known = family_law(compensator, weights)
+    modal = [p.delayed and p.modal is not None for p in plants]
+    known = family_law(compensator, weights) if any(modal) else None
     if known is not None:
-        found = [measure_in_family(p, known, measured=measured) if p.delayed else None for p in plants]
+        both = zip(plants, modal, strict=True)
+        found = [measure_in_family(p, known, measured=measured) if its else None for p, its in both]
     left = [i for i, outcome in enumerate(found) if outcome is None]
     others = _approximated([plants[i] for i in left], compensator, weights, measured=measured)
     for i, outcome in zip(left, others, strict=True):
@@ -229,7 +233,7 @@ def _rms(
     for group in same_shapes([c[0].shape for c in closed]):
         A, B, C = (np.array([closed[i][k] for i in group]) for k in range(3))
         values = np.linalg.eigvals(A).astype(complex)
-        each = measure_many(A, B if measured else B[:, :, :0], C).rms
+        each = measure_many(A, B, C).rms if measured else _bounded(A, C, values)
         inputs = models[group[0]].B2.shape[1]
         outputs = each.shape[1] - inputs
         for j, i in enumerate(group):
@@ -237,3 +241,13 @@ def _rms(
             rms[i] = np.linalg.norm(each[j, :outputs])
             control[i] = np.linalg.norm(each[j, outputs:])
     return poles, rms, control
+
+
+def _bounded(A: np.ndarray, C: np.ndarray, values: np.ndarray) -> Float[np.ndarray, "loop output"]:
+    """Zero for each loop whose poles decay, ``values`` or what these are without rounding; else ``inf``."""
+    nothing = np.zeros((A.shape[1], 0))
+    some = [
+        np.zeros(len(c)) if all_decay(own) else measure_one(a, nothing, c)[1]
+        for a, c, own in zip(A, C, values, strict=True)
+    ]
+    return np.array(some)
