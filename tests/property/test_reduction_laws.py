@@ -14,7 +14,6 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.reduction.balanced import reduce_balanced
 from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.modal import reduce_modes
-from middeck.control.reduction.weighted import reduce_weighted
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.state_space.statespace import StateSpace, poles
 from plant_builders import unit_weights
@@ -60,16 +59,6 @@ def test_coordinates_do_not_matter(seed):
     slack = 1e-6 + np.finfo(float).eps * np.linalg.cond(T) * np.linalg.norm(other.A, 2) / decay
     here = hankel_values(system)
     np.testing.assert_allclose(hankel_values(other), here, rtol=0, atol=slack * here[0])
-
-
-@settings(deadline=None)
-@given(seed=SEEDS, order=st.integers(1, 9))
-def test_a_weight_on_one_side_leaves_a_stable_remainder(seed, order):
-    rng = np.random.default_rng(seed)
-    weight = StateSpace(-np.diag(10.0 ** rng.uniform(-1, 1, 2)), np.eye(2), np.eye(2), np.zeros((2, 2)))
-    found = reduce_weighted(random_system(seed), order, before=weight)
-    assert np.all(np.real(growth_rates(found.system)) < 0.0)
-    assert "Enns" in found.method
 
 
 @settings(deadline=None)

@@ -15,16 +15,14 @@ from middeck.control.reduction.balanced import reduce_balanced
 from middeck.control.reduction.gramian import factor_gramians
 from middeck.control.reduction.modal import reduce_modes
 from middeck.control.reduction.separation import separate_poles, separate_unstable
-from middeck.control.reduction.weighted import reduce_weighted
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.norms.peak_gain import peak_gain
-from middeck.systems.plants.plant import subsystem
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.state_space.modal_system import ModalSystem
-from middeck.systems.state_space.statespace import StateSpace, add, gain_system, poles, series
+from middeck.systems.state_space.statespace import StateSpace, add, gain_system, poles
 from plant_builders import grouped_plant
 
 
@@ -298,58 +296,8 @@ def test_modes_that_do_not_decay_are_kept_or_refused():
         reduce_modes(modal_plant(), 2, band_hz=(1.0, 2.0), inputs=("v",))
 
 
-# --- Weighted -------------------------------------------------------------------------------------------
-
-
-def test_weights_of_one_are_no_weights():
-    plant = subsystem(mace_like.build("lab"), ("pri_rel_x", "bus_z"), ("pri_in_x", "bus_z"))
-    one = gain_system(np.eye(2))
-    plain, weighted = reduce_balanced(plant, 20), reduce_weighted(plant, 20, before=one, after=one)
-    np.testing.assert_allclose(weighted.hankel, plain.hankel, rtol=0, atol=1e-12 * plain.hankel[0])
-    assert weighted.error == pytest.approx(plain.error, rel=1e-8)
-
-
-def test_a_weight_lowers_the_error_where_it_is_large():
-    plant = subsystem(mace_like.build("lab"), ("pri_rel_x",), ("pri_in_x",))
-    w = 2.0 * np.pi * 20.0
-    band = StateSpace([[0.0, w], [-w, -0.2 * w]], [[0.0], [1.0]], [[0.0, 1.0]], [[0.0]])  # about 20 Hz
-    found = reduce_weighted(plant, 20, after=band)
-    plain = reduce_balanced(plant, 20)
-    weighted_plain = peak_gain(series(_difference(plant, plain.system), band)).gain
-    assert found.error < 0.5 * weighted_plain
-    assert found.error == pytest.approx(
-        peak_gain(series(_difference(plant, found.system), band)).gain, rel=1e-6
-    )
-    assert np.all(np.real(growth_rates(found.system)) < 0.0)
-
-
-def _difference(first, second):
-    return add(first, StateSpace(second.A, second.B, -second.C, -second.D))
-
-
-def test_two_weights_leave_a_stable_remainder():
-    # Enns' Gramians with two weights promise nothing; a campaign in which his own cut is unstable at times.
-    guarded = 0
-    for seed in range(30):
-        rng = np.random.default_rng(seed)
-
-        def draw(n, rng=rng):
-            A = rng.standard_normal((n, n))
-            A = A - (np.real(np.linalg.eigvals(A)).max() + 0.05) * np.eye(n)
-            return StateSpace(A, rng.standard_normal((n, 1)), rng.standard_normal((1, n)), np.zeros((1, 1)))
-
-        found = reduce_weighted(draw(6), 2, before=draw(4), after=draw(4))
-        assert np.all(np.real(growth_rates(found.system)) < 0.0)
-        guarded += "Wang" in found.method
-    assert guarded > 0  # the guard was needed, so it was tried
-
-
-def test_weights_that_do_not_fit_are_refused():
-    plant, grows = two_lags(), StateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]])
-    with pytest.raises(ConfigError, match="before is not stable"):
-        reduce_weighted(plant, 1, before=grows)
-    with pytest.raises(ConfigError, match="after has 2 inputs"):
-        reduce_weighted(plant, 1, after=gain_system(np.eye(2)))
+def test_orders_and_bounds_that_make_no_sense_are_refused():
+    plant = two_lags()
     with pytest.raises(ConfigError, match="an order or a bound"):
         reduce_balanced(plant)
     with pytest.raises(ConfigError, match="bound = "):
