@@ -37,7 +37,7 @@ def fit_impact(
         of: "samples": the good blows without an exponential window, each with a transient of the model's own
             poles (`fit_record`), so that neither the ends of blocks nor what rings from the blow before
             count. "response": the averaged response (`fit_response`), which is faster.
-        options: Those of that fit, but for the band.
+        options: Those of that fit, but for the band. A continuous model is fitted unless ``sampled`` is True.
 
     Raises `ConfigError` for terms that a window does not leave what they are: residuals, rigid modes,
     integrators, delays of paths; `DataError` and `FitError` as the fit does.
@@ -45,7 +45,8 @@ def fit_impact(
     check_word("of", of, ("samples", "response"))
     if of == "samples":
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
-        return fit_record(test.blocks, band_hz=(first, last), **options)
+        # However far a blow reaches, its force is not held from sample to sample.
+        return fit_record(test.blocks, band_hz=(first, last), **{"sampled": False, **options})
     if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
         constants = options.get("constants") or usual_constants(test.response.outputs, None)
