@@ -46,7 +46,8 @@ def fit_impact(
     if of == "samples":
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
         # However far a blow reaches, its force is not held from sample to sample.
-        return fit_record(test.blocks, band_hz=(first, last), **{"sampled": False, **options})
+        options.setdefault("sampled", False)
+        return fit_record(test.blocks, band_hz=(first, last), **options)
     if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
         constants = options.get("constants") or usual_constants(test.response.outputs, None)
