@@ -184,6 +184,9 @@ def test_packages_that_do_not_fit_together():
         ({"ramp_s": np.nan}, "a ramp of"),
         ({"form": "other"}, "no form"),
         ({"filters": (InputFilter(2, SECTION),)}, "section at input 2"),
+        ({"filters": (InputFilter(0.5, SECTION),)}, r"section at input 0\.5"),
+        ({"input_range": "far"}, "ranges: "),
+        ({"limit": 1j}, "limits: "),
         ({"name": "no name"}, "the name"),
     ]:
         with pytest.raises(ConfigError, match=reason):

@@ -52,7 +52,7 @@ def test_the_law_is_the_compensator(form, allowed, tmp_path):
     truth = simulate(law.sampled, y, np.zeros(60))[0]
     scale = np.abs(truth).max()
     assert np.abs(compile_law(package, tmp_path)(y) - truth).max() < allowed * scale
-    assert np.abs(run(package, y[:20_000], fast=True) - truth[:20_000]).max() < allowed * scale
+    assert np.abs(run(package, y, fast=True) - truth).max() < allowed * scale
 
 
 def observed_beam():

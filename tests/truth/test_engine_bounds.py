@@ -18,11 +18,13 @@ from engine_cases import (
 )
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.monitors import Monitor
-from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, Spread
+from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, SensorTest, Spread
 from middeck.realtime.engine.process.launch import started_settings
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.article import Fault
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.section import SMALLEST, LoopPath, static_gain
+from middeck.signals.ports import Port
 from packaged_laws import PERIOD_S, ports
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -132,6 +134,11 @@ WATCHED = plain_settings(
         (lambda w: w["monitor"]["band"]["g"].__setitem__((0, 0, 4), 1.0), "finite and stable"),
         (lambda w: w["spread"]["limit"].__setitem__(0, np.nan), "without a limit"),
         (lambda w: w["spread"]["samples"].__setitem__(0, 0), "without a limit"),
+        (lambda w: w["spread"]["limit"].__setitem__(0, np.inf), "without a limit"),
+        (lambda w: w["spread"]["second"].__setitem__(0, 0), "without a limit"),
+        (lambda w: w["monitor"]["floor"].__setitem__(0, np.inf), "nothing exceeds"),
+        (lambda w: w["monitor"]["factor"].__setitem__(0, np.inf), "nothing exceeds"),
+        (lambda w: w.__setitem__("effort_share", np.inf), "an effort"),
         (lambda w: w.__setitem__("effort_share", np.nan), "an effort"),
         (lambda w: w.__setitem__("ramp", 0), "a time"),
         (lambda w: w.__setitem__("leave", 0), "a time"),
@@ -153,12 +160,78 @@ def test_the_engine_itself_refuses_a_test_that_would_never_trip(monkeypatch, spo
 
 def test_settings_refuse_it_first():
     band = {"channel": "y0", "band_hz": (2.0, 12.0)}
-    for wrong in ({"floor": np.nan}, {"limit": np.nan}, {"seconds": np.inf}, {"window_s": np.inf}):
+    for wrong in (
+        {"floor": np.nan}, {"limit": np.nan}, {"seconds": np.inf}, {"window_s": np.inf}, {"window_s": 1e300},
+        {"floor": np.inf}, {"factor": np.inf}, {"times": 2.5}, {"side": "motor"},
+    ):  # fmt: skip
         with pytest.raises(ConfigError, match="monitor of y0: band"):
             Monitor(**band, **wrong)
     low = Monitor(channel="y0", band_hz=(1e-9, 1.0), limit=1.0)
     with pytest.raises(ConfigError, match="round to the unit circle"):
         Supervisor(plain_settings(monitors=(low,)), STILL)
+
+
+def named(*names):
+    return {"sensors": tuple(SensorTest(port=Port(name, "rad"), range=10.0) for name in names)}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (named("y0", "y0\0", "y2"), "the name"),
+        (named("\ud800", "y1", "y2"), "the name"),
+        (named("", "y1", "y2"), "the name"),
+        (named("y0", "a\n", "y2"), "the name"),
+        ({"period_s": 1e-300}, "a period"),
+        ({"period_s": 1e300}, "a period"),
+        ({"late_most": 10**30}, "late_most"),
+        ({"late_most": 2.5}, "late_most"),
+        ({"processor": -1}, "processor"),
+        ({"effort_share": np.inf}, "effort_share"),
+        ({"hold": (LoopPath(0.5, 0, static_gain(-1.0)),)}, "a hold from sensor"),
+        ({"spreads": (Spread("y0", "y0", 1.0, 1.0),)}, "sensors y0 and y0"),
+        ({"spreads": (Spread("y0", "y1", np.inf, 1.0),)}, "apart by inf"),
+    ],
+)
+def test_what_no_engine_can_keep_is_refused_by_its_settings(wrong, reason):
+    """Names that differ for one side only, times that are no count of samples, tests that nothing fails."""
+    with pytest.raises(ConfigError, match=reason):
+        plain_settings(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("article", "given", "reason"),
+    [
+        ({"A": np.full((SENSORS, SENSORS), np.nan)}, {}, "not finite"),
+        ({"sensor_noise": np.full(SENSORS, np.inf)}, {}, "not finite"),
+        ({"seed": 1 << 64}, {}, "the seed"),
+        ({"faults": (Fault(kind="sensor swap", value=1.5),)}, {}, "sensor swap at channel"),
+        ({"faults": (Fault(kind="sensor nan", channel=0.5),)}, {}, "sensor nan at channel"),
+        ({}, {"ring": -5}, "a ring"),
+        ({}, {"pretrip_s": -1.0}, "before a trip"),
+        ({}, {"pretrip_s": np.nan}, "before a trip"),
+        ({}, {"pretrip_s": np.inf}, "before a trip"),
+    ],
+)
+def test_an_engine_is_not_started_on_what_it_cannot_run(article, given, reason):
+    with pytest.raises(ConfigError, match=reason):
+        Supervisor(plain_settings(), still_article(np.zeros(SENSORS), **article), **given)
+
+
+def test_a_fault_has_a_time():
+    for wrong in ({"start": 50, "end": 1}, {"start": 2**70, "end": 2**71}, {"start": -1}):
+        with pytest.raises(ConfigError, match="from sample"):
+            Fault(kind="sensor nan", **wrong)
+
+
+def test_what_is_no_number_is_no_command():
+    with Supervisor(plain_settings(), STILL) as engine:
+        for wrong in ({"slot": 2**70}, {"values": ["a"]}, {"at": 2**70}):
+            with pytest.raises(ConfigError, match="engage: "):
+                engine.send("engage", **wrong)
+        engine.reset()
+        assert engine.set_strip("u0", "hold", 0.5).word == "out of range"
+        assert engine.set_strip("u0", "hold", 1.0).done
 
 
 def test_what_decays_becomes_zero_before_it_leaves_the_normal_numbers():

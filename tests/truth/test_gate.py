@@ -174,6 +174,8 @@ def test_each_step_refuses_what_it_is_there_for():
         inputs=ports(0, 2, 2)[1], outputs=ports(0, 2, 2)[0],
     )  # fmt: skip
     assert "sampled at 0.01 s" in steps_of(good, slow)["interface"].said
+    void = plant_of(dataclasses.replace(beam(), A=np.full_like(beam().A, np.nan)))
+    assert "not finite" in steps_of(good, void)["interface"].said
     vectors = dataclasses.replace(good.vectors, u=np.nextafter(good.vectors.u, 9.0))
     assert "sample 1 of 48" in steps_of(dataclasses.replace(good, vectors=vectors))["vectors"].said
     single = to_single(good)

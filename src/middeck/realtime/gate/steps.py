@@ -73,6 +73,9 @@ def check_interface(package: ControllerPackage, models: Mapping[str, Plant]) -> 
     faults += [f"output {p.name} has no limit" for p, r in zip(package.outputs, limits, strict=True)
                if not np.isfinite(r)]  # fmt: skip
     for name, plant in models.items():
+        numbers = [value for value in vars(plant.dynamics).values() if isinstance(value, np.ndarray)]
+        if not all(np.isfinite(value).all() for value in numbers):
+            faults.append(f"{name} has a number that is not finite")
         try:
             locate_ports(linear_law(package), plant.inputs, plant.outputs)
         except ConfigError as error:

@@ -123,7 +123,10 @@ def _core(law: Compensator, form: Form) -> Core:
 
 
 def _each(value: Each, count: int, what: str) -> np.ndarray:
-    given = np.asarray(value, dtype=float)
+    try:
+        given = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{what}: {error}", hint="numbers") from None
     if given.shape not in ((), (count,)):
         raise ConfigError(f"{given.size} {what} for {count} ports", hint="one for all, or one for each")
     return np.broadcast_to(given, count)

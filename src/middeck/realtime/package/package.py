@@ -15,6 +15,7 @@ from middeck.values import record
 
 STATES, CHANNELS, SECTIONS, RAMP, SAMPLES, TEXT = 1024, 64, 256, 1 << 24, 4096, 64
 """Most states, inputs or outputs, filters or paths, samples of a ramp, test samples, and bytes of a name."""
+HERE = "controller package"
 NEAR = 1e-9
 """How far the poles of an undeclared law may seem to lie outside the unit circle: their own rounding."""
 
@@ -87,7 +88,12 @@ class ControllerPackage:
         if not (np.isfinite(self.period_s) and self.period_s > 0.0):
             _refuse(f"a sampling period of {self.period_s} s", "> 0 s")
         for side, ports in (("inputs", self.inputs), ("outputs", self.outputs)):
-            _check_ports(side, ports)
+            check_ports(side, ports)
+            for port in ports:
+                if port.channel is not None:
+                    _refuse(
+                        f"{side}: {port.name} with its transducer", "Port(name, unit): a package has no bench"
+                    )
         shape = (len(self.outputs), len(self.inputs))
         if self.core.D.shape != shape:
             _refuse(
@@ -127,10 +133,10 @@ class ControllerPackage:
 
     def _check_places(self) -> None:
         for place in (*self.filters, *self.paths):
-            if not 0 <= place.input < len(self.inputs):
+            if place.input not in range(len(self.inputs)):
                 _refuse(f"a section at input {place.input}", f"0 to {len(self.inputs) - 1}")
         for path in self.paths:
-            if not 0 <= path.output < len(self.outputs):
+            if path.output not in range(len(self.outputs)):
                 _refuse(f"a path to output {path.output}", f"0 to {len(self.outputs) - 1}")
 
     def _check_declared(self) -> None:
@@ -176,19 +182,18 @@ def largest(single: bool) -> float:
     return float(np.finfo(np.float32 if single else np.float64).max)
 
 
-def _check_ports(side: str, ports: tuple[Port, ...]) -> None:
+def check_ports(side: str, ports: tuple[Port, ...], where: str = HERE) -> None:
+    """Raise `ConfigError` for ports of a side that no computer takes: too many, of one name, unreadable."""
     if not 0 < len(ports) <= CHANNELS:
-        _refuse(f"{len(ports)} {side}", f"1 to {CHANNELS}")
+        _refuse(f"{len(ports)} {side}", f"1 to {CHANNELS}", where)
     names = [port.name for port in ports]
     if len(set(names)) < len(names):
-        _refuse(f"two {side} of one name among {', '.join(names)}", "names that differ")
+        _refuse(f"two {side} of one name among {', '.join(names)}", "names that differ", where)
     for port in ports:
         for text, what in ((port.name, "name"), (port.unit, "unit")):
             if not text.isprintable() or len(text.encode()) > TEXT or (what == "name" and not text.strip()):
-                _refuse(f"{side}: the {what} {text!r}", f"printable, {TEXT} bytes at most")
-        if port.channel is not None:
-            _refuse(f"{side}: {port.name} with its transducer", "Port(name, unit): a package has no bench")
+                _refuse(f"{side}: the {what} {text!r}", f"printable, {TEXT} bytes at most", where)
 
 
-def _refuse(what: str, hint: str) -> None:
-    raise ConfigError(what, where="controller package", hint=hint)
+def _refuse(what: str, hint: str, where: str = HERE) -> None:
+    raise ConfigError(what, where=where, hint=hint)

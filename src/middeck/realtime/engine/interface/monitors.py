@@ -11,6 +11,8 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.values import record
 
+LONGEST_S = 1e6
+"""Longest time that a setting may name."""
 PASSES = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 """A section that changes nothing."""
 
@@ -41,13 +43,22 @@ class Monitor:
 
     def __post_init__(self) -> None:
         low, high = self.band_hz
-        lasts = all(0.0 < time < math.inf for time in (self.seconds, self.window_s))
-        sound = 0.0 <= low < high and self.limit > 0.0 and lasts and self.floor >= 0.0
-        if not sound or not (self.factor == 0.0 or self.factor > 1.0) or self.times < 1:
+        lasts = all(0.0 < time <= LONGEST_S for time in (self.seconds, self.window_s))
+        sound = 0.0 <= low < high and self.limit > 0.0 and lasts and 0.0 <= self.floor < math.inf
+        grows = self.factor == 0.0 or 1.0 < self.factor < math.inf
+        if not (
+            sound
+            and grows
+            and 1 <= self.times < 1 << 31
+            and self.times == int(self.times)
+            and self.side in ("sensor", "output")
+        ):
             raise ConfigError(
-                f"monitor of {self.channel}: band {low} to {high} Hz, limit {self.limit}, "
-                f"factor {self.factor}, floor {self.floor}, {self.seconds} s, windows of {self.window_s} s",
-                hint="0 <= low < high, positive limit, finite positive times, a factor above one or zero",
+                f"monitor of {self.channel}: band {low} to {high} Hz of a {self.side}, limit {self.limit}, "
+                f"factor {self.factor}, floor {self.floor}, {self.seconds} s, {self.times} windows of "
+                f"{self.window_s} s",
+                hint="sensor or output, 0 <= low < high, positive limit, positive times up to 1e6 s, "
+                "a finite floor, a finite factor above one or zero",
             )
 
     def sections(self, period_s: float) -> np.ndarray:

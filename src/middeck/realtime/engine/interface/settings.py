@@ -10,7 +10,8 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.header import constants, layout
-from middeck.realtime.engine.interface.monitors import Monitor
+from middeck.realtime.engine.interface.monitors import LONGEST_S, Monitor
+from middeck.realtime.package.package import check_ports
 from middeck.realtime.package.section import LoopPath
 from middeck.signals.ports import Port
 from middeck.values import record
@@ -19,8 +20,7 @@ LEAST_RAMP = 150
 """Samples of the shortest fade: its steepest step moves a command by at most 1 % of its limit."""
 
 
-LONGEST_S = 1e6
-"""Longest time that a setting may name."""
+HERE = "engine settings"
 LARGEST = 1e100
 """Magnitude whose square is still a number."""
 
@@ -48,9 +48,9 @@ class SensorTest:
 
     def __post_init__(self) -> None:
         _require(
-            0.0 < self.range <= LARGEST and self.envelope > 0.0 and 0.0 <= self.stuck_s < math.inf,
+            0.0 < self.range <= LARGEST and self.envelope > 0.0 and 0.0 <= self.stuck_s <= LONGEST_S,
             f"sensor {self.port.name}: range {self.range}, envelope {self.envelope}, stuck_s {self.stuck_s}",
-            f"a range up to {LARGEST:g}, an envelope > 0, a finite stuck_s from zero",
+            f"a range up to {LARGEST:g}, an envelope > 0, a stuck_s from zero to {LONGEST_S:g} s",
         )
         _require(
             0.0 <= self.coast_s <= LONGEST_S and (self.coast_s == 0.0 or self.rate != ""),
@@ -156,15 +156,11 @@ class EngineSettings:
     priority: int | None = None
 
     def __post_init__(self) -> None:
-        _require(0.0 < self.period_s < math.inf, f"a period of {self.period_s} s", "> 0 s")
-        most = constants()["CHANNELS"]
+        _require(
+            1e-6 <= self.period_s <= LONGEST_S, f"a period of {self.period_s} s", f"1e-6 to {LONGEST_S:g} s"
+        )
         for side, ports in (("sensors", self.inputs), ("outputs", self.outputs)):
-            names = [port.name for port in ports]
-            _require(1 <= len(names) <= most, f"{len(names)} {side}", f"1 to {most}")
-            _require(len(set(names)) == len(names), f"two {side} of one name", "names that differ")
-            for text in (text for port in ports for text in (port.name, port.unit)):
-                longest = constants()["NAME"]
-                _require(len(text.encode()) <= longest, f"{side}: {text!r}", f"{longest} bytes at most")
+            check_ports(side, ports, HERE)
         self._check_hold()
         self._check_watches()
         self._check_times()
@@ -174,7 +170,7 @@ class EngineSettings:
         _require(len(self.hold) <= most, f"a hold of {len(self.hold)} paths", f"{most} at most")
         for path in self.hold:
             _require(
-                0 <= path.input < len(self.sensors) and 0 <= path.output < len(self.drives),
+                path.input in range(len(self.sensors)) and path.output in range(len(self.drives)),
                 f"a hold from sensor {path.input} to output {path.output}",
                 "places in sensors and drives",
             )
@@ -195,9 +191,11 @@ class EngineSettings:
             )
         for spread in self.spreads:
             _require(
-                spread.limit >= 0.0 and 0.0 < spread.seconds <= LONGEST_S,
+                spread.first != spread.second
+                and 0.0 <= spread.limit < math.inf
+                and 0.0 < spread.seconds <= LONGEST_S,
                 f"sensors {spread.first} and {spread.second} apart by {spread.limit} for {spread.seconds} s",
-                f"a limit from zero, a time up to {LONGEST_S:g} s",
+                f"two, a finite limit from zero, a time up to {LONGEST_S:g} s",
             )
 
     def _check_times(self) -> None:
@@ -214,8 +212,13 @@ class EngineSettings:
         for name in names:
             value = getattr(self, name)
             _require(0.0 <= value <= LONGEST_S, f"{name} of {value} s", f"0 to {LONGEST_S:g} s")
-        _require(self.effort_share > 0.0, f"an effort_share of {self.effort_share}", "> 0")
-        _require(self.late_most >= 0, f"late_most of {self.late_most}", "from 0")
+        _require(0.0 < self.effort_share < math.inf, f"an effort_share of {self.effort_share}", "> 0, finite")
+        for name, value, most in (
+            ("late_most", self.late_most, 1 << 31),
+            ("processor", self.processor or 0, 1 << 20),
+        ):
+            whole = 0 <= value < most and value == int(value)
+            _require(whole, f"{name} of {value}", f"a whole number from 0, below {most}")
 
     @property
     def inputs(self) -> tuple[Port, ...]:
@@ -341,4 +344,4 @@ def _place(name: str, side: str, ports: tuple[Port, ...]) -> int:
 
 def _require(holds: bool, what: str, hint: str) -> None:
     if not holds:
-        raise ConfigError(what, where="engine settings", hint=hint)
+        raise ConfigError(what, where=HERE, hint=hint)

@@ -32,6 +32,7 @@ from middeck.realtime.engine.interface.commands import (
     read_event,
 )
 from middeck.realtime.engine.interface.header import layout
+from middeck.realtime.engine.interface.monitors import LONGEST_S
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold, time_to_rest
 from middeck.realtime.engine.interface.shared_file import SharedFile, make_shared_file, open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
@@ -117,7 +118,12 @@ class Supervisor:
         program: Path | None,
         banned: bytes,
     ) -> None:
-        settings, program = self.settings, program or build_engine()
+        settings = self.settings
+        if ring < 1 or not 0.0 <= pretrip_s <= LONGEST_S:
+            raise ConfigError(
+                f"a ring of {ring} records, {pretrip_s} s before a trip", hint=f"from 1; 0 to {LONGEST_S:g} s"
+            )
+        program = program or build_engine()
         where = folder or Path(
             self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
         )
@@ -292,8 +298,8 @@ class Supervisor:
         "disengage", "silence" and "end": what makes safe waits for none, and an "engage" or "excite" before
         it that has not been carried out is withdrawn.
 
-        Raises `ConfigError` for a word that is no command and for more than four values; waits while the
-        queue is full.
+        Raises `ConfigError` for a word that is no command, more than four values, and what is no number;
+        waits while the queue is full.
         """
         if kind not in COMMANDS or len(values) > 4:
             raise ConfigError(
@@ -304,8 +310,11 @@ class Supervisor:
         room = QUEUE - KEPT_FREE.get(kind, KEPT)
         self._wait(lambda: number - int(self.file.status["acknowledged"]) < room)
         row = np.zeros((), layout("command"))
-        row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
-        row["value"][: len(values)] = values
+        try:
+            row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
+            row["value"][: len(values)] = values
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ConfigError(f"{kind}: {error}", hint="a sample, a slot, numbers") from None
         row["check"] = check_of(row)
         self.file.commands[number % QUEUE] = row
         self.file.asks["written"] = number

@@ -23,6 +23,7 @@ FAULT_KINDS = (
 )  # fmt: skip
 
 
+HERE = "linear article"
 LATEST = 64
 """Samples of a sensor's past that the rig keeps."""
 
@@ -49,9 +50,11 @@ class Fault:
         if self.kind not in FAULT_KINDS:
             raise ConfigError(f"no fault {self.kind!r}", hint=f"one of {', '.join(FAULT_KINDS)}")
         late = self.kind == "sensor late" and not 0.0 <= self.value < LATEST
-        if late or (self.kind == "encoder wrap" and not self.value > 0.0):
+        timed = 0 <= self.start < self.end <= 1 << 62
+        if not timed or late or (self.kind == "encoder wrap" and not self.value > 0.0):
             raise ConfigError(
-                f"{self.kind} of {self.value}", hint=f"a delay below {LATEST} samples, a wrap above zero"
+                f"{self.kind} of {self.value} from sample {self.start} to {self.end}",
+                hint=f"a start before its end, a delay below {LATEST} samples, a wrap above zero",
             )
 
 
@@ -106,7 +109,7 @@ def linear_article(
     if np.any(system.D[np.ix_(rows, columns + noisy)]):
         raise ConfigError(
             "an output responds at once to an input",
-            where="linear article",
+            where=HERE,
             hint="a plant with a delay or a sensor's lag",
         )
     G = system.B[:, noisy] * np.broadcast_to(np.asarray(disturbance_rms, dtype=float), (len(noisy),))
@@ -137,8 +140,10 @@ def encode_article(article: LinearArticle) -> tuple[np.ndarray, np.ndarray]:
     """The shared record and the numbers behind it; raises `ConfigError` for more faults than it can hold."""
     words = np.zeros((), layout("article"))
     n, most = len(article.A), constants()["FAULTS"]
+    if not -1 << 63 <= article.seed < 1 << 63 or article.seed != int(article.seed):
+        raise ConfigError(f"the seed {article.seed}", where=HERE, hint="a whole number of 64 bits")
     if len(article.faults) > most:
-        raise ConfigError(f"{len(article.faults)} faults", where="linear article", hint=f"{most} at most")
+        raise ConfigError(f"{len(article.faults)} faults", where=HERE, hint=f"{most} at most")
     words["states"], words["pairs"] = n, -1 if article.pairs is None else article.pairs
     words["noises"], words["seed"] = article.G.shape[1], article.seed
     words["sensor_noise"][: len(article.C)] = article.sensor_noise
@@ -162,16 +167,19 @@ def encode_article(article: LinearArticle) -> tuple[np.ndarray, np.ndarray]:
             article.A[first + article.pairs, first],
         ]
     parts = [*dynamics, article.B, article.C, article.G, article.x]
-    return words, np.concatenate([np.ravel(part, order="F") for part in parts])
+    numbers = np.concatenate([np.ravel(part, order="F") for part in parts])
+    if not (np.isfinite(numbers).all() and np.isfinite(article.sensor_noise).all()):
+        raise ConfigError("a number that is not finite", where=HERE, hint="finite A, B, C, G, x and noise")
+    return words, numbers
 
 
 def _check_channel(article: LinearArticle, fault: Fault) -> None:
     ports = article.B.shape[1] if fault.kind.startswith("output") else len(article.C)
     places = [fault.channel, *([fault.value] if fault.kind == "sensor swap" else [])]
-    if not all(0 <= place < ports for place in places):
+    if not all(place in range(ports) for place in places):
         raise ConfigError(
             f"{fault.kind} at channel {', '.join(f'{place:g}' for place in places)}",
-            where="linear article",
+            where=HERE,
             hint=f"0 to {ports - 1}",
         )
 

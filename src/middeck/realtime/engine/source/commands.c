@@ -204,7 +204,7 @@ static enum answer set_strip(engine *e, whole output, const real value[4])
         s->offset_to = value[1];
     else if (value[0] == STRIP_LIMIT && value[1] > 0 && value[1] <= 1)
         s->limit_to = value[1];
-    else if (value[0] == STRIP_HOLD)
+    else if (value[0] == STRIP_HOLD && (value[1] == 0 || value[1] == 1))
         hold_strip(s, value[1] != 0);
     else
         return OUT_OF_RANGE;

@@ -33,6 +33,12 @@ static int is_limit(real v)
     return v >= 0;
 }
 
+/* One without which there would be no test. */
+static int is_bound(real v)
+{
+    return v >= 0 && finite(v);
+}
+
 /* Both poles inside the unit circle: the triangle of a1 and a2. */
 static int is_stable(const real *g)
 {
@@ -95,15 +101,15 @@ static const char *misfit_of_tests(const settings *set)
         return "more spreads, monitors or paths than an engine has";
     for (k = 0; k < set->spreads; ++k)
         if (!between(0, set->spread[k].first, set->inputs - 1) || !between(0, set->spread[k].second, set->inputs - 1)
-            || !is_limit(set->spread[k].limit) || !between(1, set->spread[k].samples, LONGEST))
+            || set->spread[k].first == set->spread[k].second || !is_bound(set->spread[k].limit) || !between(1, set->spread[k].samples, LONGEST))
             return "a spread of what is no sensor, or without a limit or a time";
     for (k = 0; k < set->monitors; ++k)
         if (!between(0, set->monitor[k].channel, set->inputs + set->outputs - 1) || !between(1, set->monitor[k].window, LONGEST)
             || !all_finite(set->monitor[k].band[0].g, 10) || !is_stable(set->monitor[k].band[0].g) || !is_stable(set->monitor[k].band[1].g)
-            || !(set->monitor[k].forget > 0 && set->monitor[k].forget <= 1) || !is_limit(set->monitor[k].limit) || !is_limit(set->monitor[k].floor)
-            || !is_limit(set->monitor[k].factor) || !between(set->monitor[k].factor > 0, set->monitor[k].times, LONGEST))
+            || !(set->monitor[k].forget > 0 && set->monitor[k].forget <= 1) || !is_limit(set->monitor[k].limit) || !is_bound(set->monitor[k].floor)
+            || !is_bound(set->monitor[k].factor) || !between(set->monitor[k].factor > 0, set->monitor[k].times, LONGEST))
             return "a monitor of no channel, without a window, with a band that is not finite and stable, or with limits that nothing exceeds";
-    if (!(set->effort_forget >= 0 && set->effort_forget <= 1) || !is_limit(set->effort_share))
+    if (!(set->effort_forget >= 0 && set->effort_forget <= 1) || !is_bound(set->effort_share))
         return "an effort that nothing exceeds";
     for (k = 0; k < set->paths; ++k)
         if (!between(0, set->path[k].sensor, set->inputs - 1) || !between(0, set->path[k].output, set->outputs - 1)
