@@ -294,6 +294,6 @@ def test_a_budget_is_of_one_structure_from_orbit(bus: tuple[Modes, Modes]):
     other = solve_modes(solve_equilibrium(rigid_bar(1.0, 1.0, (1, 1, 1)), Environment.orbit()))
     with pytest.raises(ConfigError, match="one structure"):
         build_budget(other, there)
-    with pytest.raises(ConfigError, match="must be those in orbit"):
+    with pytest.raises(ConfigError, match="must be modes in orbit"):
         build_budget(there, there)
     assert len(build_budget(orbit, there, 3).pairs) == 3

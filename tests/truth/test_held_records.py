@@ -289,7 +289,7 @@ def test_qualify_has_the_hold_once_or_says_what_it_assumes(
         shown = json.loads(middeck(capfd, "qualify", law_file, file, "--json").out)
         (row,) = shown["rows"]
         gains[word] = row["gain_db"]
-        said = [w for w in shown["warnings"] if "does not say" in w]
+        said = [w for w in shown["warnings"] if "does not state" in w]
         assert len(said) == (not word)
         if said:
             assumed = float(said[0].split("gain ")[1].split(" dB")[0])
