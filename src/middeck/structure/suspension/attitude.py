@@ -31,7 +31,7 @@ class Attitude:
     Attributes:
         tilt, heading: Of the rigid body that fits the hung article best by mass: tilt [rad], and turn about
             the vertical.
-        node, node_rotation, node_tilt: Name, whole rotation and tilt of every node; what differs from
+        node, node_tilt: Name and tilt of every node; what differs from
             ``tilt`` is the article's own bending.
         device, tension: Name and pull [N] of every device and spring.
         centre_of_mass: As drawn.
@@ -45,7 +45,6 @@ class Attitude:
     tilt: Float[np.ndarray, "3"]
     heading: float
     node: tuple[str, ...]
-    node_rotation: Float[np.ndarray, "node 3"]
     node_tilt: Float[np.ndarray, "node 3"]
     device: tuple[str, ...]
     tension: Float[np.ndarray, " device"]
@@ -67,8 +66,7 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
     model = equilibrium.model
     tilt, heading = split_rotation(fit_rotation(model, model.rest, equilibrium.config), up)
     turned = node_rotations(equilibrium)
-    rotations = np.array(list(turned.values()))
-    tilts = np.array([split_rotation(rotation_exp(v), up)[0] for v in rotations])
+    tilts = np.array([split_rotation(rotation_exp(v), up)[0] for v in turned.values()])
     T = rigid_columns(model.tree, model.rest, np.zeros(3))
     centre = centre_of_mass(T, mass_matrix(model, model.rest))
     span, lies_off = _span(equilibrium, centre)
@@ -76,7 +74,6 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
         tilt=tilt,
         heading=heading,
         node=tuple(turned),
-        node_rotation=rotations,
         node_tilt=tilts,
         device=equilibrium.devices,
         tension=equilibrium.tension,
