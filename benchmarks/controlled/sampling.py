@@ -12,7 +12,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.comparison import SamplingRow, compare_sampling
 from middeck.control.sampled.design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.held_plant import hold_plant
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal_system import ModalSystem

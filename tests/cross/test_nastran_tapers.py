@@ -9,7 +9,7 @@ from middeck.files.documents import load_structure
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
-from middeck.files.nastran.members.shapes import section_shape
+from middeck.files.nastran.members.section_shapes import section_shape
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.summary.summary import summarise
 from nastran_decks import NU, RHO, E, card, skew, turned

@@ -19,7 +19,7 @@ from middeck.errors import ConfigError, DataError, MiddeckError
 from middeck.structure.correlation.frequencies import compare_frequencies
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, MeasurementNoise
 from middeck.structure.correlation.placing import place_channels
-from middeck.structure.correlation.profiles import Quantity, find_profile
+from middeck.structure.correlation.review_criteria import Quantity, find_profile
 from middeck.structure.correlation.unit_slips import doubt_frequency_units
 from middeck.structure.modes.solve import Modes
 from repeats import LONG

@@ -12,8 +12,8 @@ import pytest
 import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.structure.gravity.budget import build_budget
+from middeck.structure.gravity.gravity_levels import DeviceRule, find_place
 from middeck.structure.gravity.path import follow_gravity
-from middeck.structure.gravity.places import DeviceRule, find_place
 
 DM = ROOT / "articles/mace-dm.toml"
 LAB = ROOT / "environments/lab.toml"

@@ -18,7 +18,7 @@ from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.control.sampled.design import design_sampled_lqg
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.laws.compensators import (
     StoredCompensator,

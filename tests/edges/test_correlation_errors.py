@@ -17,14 +17,14 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
 from middeck.structure.correlation.correlate import correlate_modes
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
-from middeck.structure.correlation.profiles import (
+from middeck.structure.correlation.reduction import Reduction
+from middeck.structure.correlation.review_criteria import (
     PROFILE_NAMES,
     RECALLED,
     Quantity,
     change_limit,
     find_profile,
 )
-from middeck.structure.correlation.reduction import Reduction
 from middeck.structure.modes.solve import Modes
 from repeats import repeats
 

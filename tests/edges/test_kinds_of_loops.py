@@ -11,7 +11,7 @@ import pytest
 import middeck as md
 from middeck.control.lqg.coloured_plant import colour_disturbances
 from middeck.control.lqg.spectra import line_filter
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes

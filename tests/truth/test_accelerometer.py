@@ -22,8 +22,8 @@ from middeck.structure.model.article import (
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.port_rows import accelerometer_offset
-from middeck.structure.plants.port_rows import output_rows as coordinate_rows
+from middeck.structure.plants.sensors_and_actuators import accelerometer_offset
+from middeck.structure.plants.sensors_and_actuators import output_rows as coordinate_rows
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.state_space.modal_system import modal_response, output_rows
 from structure_builders import GRAVITY, body, lab, node, on_cables, structure, tube_bus

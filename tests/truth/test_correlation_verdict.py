@@ -22,7 +22,8 @@ from middeck.structure.correlation.measured_modes import (
     sensor_rows,
 )
 from middeck.structure.correlation.pass_probability import Probability
-from middeck.structure.correlation.profiles import (
+from middeck.structure.correlation.reduction import Reduction
+from middeck.structure.correlation.review_criteria import (
     PROFILES,
     RECALLED,
     Criterion,
@@ -31,7 +32,6 @@ from middeck.structure.correlation.profiles import (
     Quantity,
     find_profile,
 )
-from middeck.structure.correlation.reduction import Reduction
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium

@@ -13,7 +13,7 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design import design_lqg
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.design import design_sampled_lqg
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.delay.pade import pade

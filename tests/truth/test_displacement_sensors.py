@@ -13,7 +13,7 @@ from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.port_rows import accelerometer_offset, output_rows
+from middeck.structure.plants.sensors_and_actuators import accelerometer_offset, output_rows
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.systems.state_space.modal_system import modal_response

@@ -12,8 +12,8 @@ import scipy.special as ss
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.budget import build_budget
+from middeck.structure.gravity.gravity_levels import Place, find_place
 from middeck.structure.gravity.path import follow_gravity
-from middeck.structure.gravity.places import Place, find_place
 from middeck.structure.model.article import AddedMass, LoadCase, PointLoad, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment

@@ -12,7 +12,7 @@ from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.entries import read_entries
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import guess_units, parse_units
-from middeck.files.nastran.members.shapes import section_shape
+from middeck.files.nastran.members.section_shapes import section_shape
 
 REALS = {
     "6.894+7": 6.894e7, "2.74-6": 2.74e-6, "1.D3": 1e3, ".5": 0.5, "-.5": -0.5, "+7.": 7.0, "1.E5": 1e5,

@@ -10,7 +10,6 @@ import pytest
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
-from middeck.identification.tracking.follow import FIRST_GAIN
 from middeck.identification.tracking.lag import SCORE, add, behind, mean_lag, no_lag, unexplained
 from middeck.identification.tracking.recovery import (
     BLOCK,
@@ -26,6 +25,7 @@ from middeck.identification.tracking.recovery import (
     poles_at,
     step_modes,
 )
+from middeck.identification.tracking.tracked_state import FIRST_GAIN
 from middeck.identification.uncertainty.parameters import Uncertainty
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.rig import build_rig

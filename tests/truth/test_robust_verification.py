@@ -40,7 +40,7 @@ from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.robust.verification.monte_carlo import outcomes_on, stable_share, verify_robustness
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.emulation import emulate
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.control.shaping.sections import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port

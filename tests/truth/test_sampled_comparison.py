@@ -14,7 +14,7 @@ from middeck.control.sampled.aliases import find_aliases
 from middeck.control.sampled.antialias import filter_measurements
 from middeck.control.sampled.comparison import compare_sampling
 from middeck.control.sampled.design import design_sampled_lqg
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.control.shaping.sections import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port

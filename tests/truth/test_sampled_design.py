@@ -18,7 +18,7 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.sampled.design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.held_plant import hold_plant
 from middeck.control.sampled.integrals import spread_noise
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

@@ -21,7 +21,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.refinement.choice import weigh_unknowns
+from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
 from middeck.updating.refinement.posterior import KNOWN, Linear, estimate, unseen_deviations
 from middeck.updating.refinement.refine import refine

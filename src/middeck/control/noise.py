@@ -7,7 +7,7 @@ import numpy as np
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
 from middeck.control.law.compensator import Compensator, arrange_ports, driven_ports, measured_ports
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.loop_rms import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_limit
 

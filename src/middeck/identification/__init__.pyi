@@ -14,8 +14,8 @@ from .plants.zeros import (
     path_zeros as path_zeros,
 )
 from .spectra.estimate import response_scatter as response_scatter
-from .tracking.follow import start_tracking as start_tracking
-from .tracking.update import update_tracking as update_tracking
+from .tracking.tracked_state import start_tracking as start_tracking
+from .tracking.kalman_filter import update_tracking as update_tracking
 from .uncertainty.model_set import sample_models as sample_models
 from .uncertainty.parameters import parameters_of as parameters_of
 from .uncertainty.response_bounds import (

@@ -20,7 +20,7 @@ from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.settings import RigSettings
 from middeck.structure.model.article import Actuator, JointState, SensorKind, Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.plants.port_rows import RATE
+from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.systems.plants.plant import Plant, delay_plant
 

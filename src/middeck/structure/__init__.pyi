@@ -5,7 +5,7 @@ from .correlation.measured_modes import (
     MeasurementNoise as MeasurementNoise,
     measure_modes as measure_modes,
 )
-from .correlation.profiles import (
+from .correlation.review_criteria import (
     Quantity as Quantity,
     change_limit as change_limit,
     find_profile as find_profile,

@@ -13,7 +13,7 @@ from middeck.cli.shown.screen import Table, case_lines, show
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
     from middeck.structure.correlation.frequencies import FrequencyComparison
-    from middeck.structure.correlation.profiles import Profile
+    from middeck.structure.correlation.review_criteria import Profile
 
 EPILOG = """\
 \b
@@ -141,7 +141,7 @@ def verb(
 
 def _criteria(profile: str, limits: tuple[tuple[str, float], ...]) -> Profile:
     """The profile with the limits of ``--limit``."""
-    from middeck.structure.correlation.profiles import Quantity, change_limit, find_profile
+    from middeck.structure.correlation.review_criteria import Quantity, change_limit, find_profile
 
     criteria = find_profile(profile)
     for name, limit in limits:

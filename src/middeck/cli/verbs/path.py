@@ -10,8 +10,8 @@ from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
+    from middeck.structure.gravity.gravity_levels import Place
     from middeck.structure.gravity.path import GravityPath
-    from middeck.structure.gravity.places import Place
     from middeck.structure.model.environment import Environment
 
 EPILOG = """\
@@ -20,7 +20,7 @@ Examples:
   middeck path articles/mace-simple.toml --figure path.svg
   middeck path articles/mace-dm.toml --through earth,moon --json
 """
-RULES = ("kept", "retuned")  # as in structure/gravity/places.py, which --help must not import
+RULES = ("kept", "retuned")  # as in structure/gravity/gravity_levels.py, which --help must not import
 
 
 @click.command("path", cls=options.Verb, epilog=EPILOG)
@@ -67,8 +67,8 @@ def verb(
     """
     from middeck.cli.given.cases import case_doubts, read_case
     from middeck.cli.shown.blame import reading
+    from middeck.structure.gravity.gravity_levels import DeviceRule
     from middeck.structure.gravity.path import follow_gravity
-    from middeck.structure.gravity.places import DeviceRule
 
     structure, surroundings, *files = read_case(case)
     places = _places(surroundings, through, tilt)
@@ -99,7 +99,7 @@ def _places(
     import numpy as np
 
     from middeck.errors import ConfigError
-    from middeck.structure.gravity.places import Place, find_place, tilt_place
+    from middeck.structure.gravity.gravity_levels import Place, find_place, tilt_place
 
     if through is not None and tilt is not None:
         raise ConfigError("--through or --tilt: one of them, not both")

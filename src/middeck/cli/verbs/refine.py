@@ -12,7 +12,7 @@ from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
     from middeck.updating.orbit.frequencies import Prediction
-    from middeck.updating.refinement.choice import Choice
+    from middeck.updating.refinement.findable_unknowns import Choice
     from middeck.updating.refinement.refine import Refined
 
 EPILOG = """\
@@ -69,7 +69,7 @@ def verb(
     from middeck.files.documents import load_setup
     from middeck.files.refinements.documents import load_refinement, refined_text
     from middeck.updating.orbit.frequencies import predict_modes
-    from middeck.updating.refinement.choice import weigh_unknowns
+    from middeck.updating.refinement.findable_unknowns import weigh_unknowns
     from middeck.updating.refinement.refine import refine
 
     files = find_case(article, environment)

@@ -11,7 +11,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.antialias import filter_measurements
-from middeck.control.sampled.loop_rms import SampledOutcome, measure_sampled_loop
+from middeck.control.sampled.sampled_loop import SampledOutcome, measure_sampled_loop
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.state_space.modal_system import select_modes

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from middeck.errors import ConfigError
-from middeck.identification.tracking.follow import Tracking
-from middeck.identification.tracking.update import update_tracking
+from middeck.identification.tracking.kalman_filter import update_tracking
+from middeck.identification.tracking.tracked_state import Tracking
 from middeck.signals.record import Record
 from middeck.values import record
 

@@ -16,7 +16,7 @@ from middeck.structure.correlation.assurance import (
     modal_assurance,
     orthogonality,
 )
-from middeck.structure.correlation.profiles import Criterion, Group, Quantity
+from middeck.structure.correlation.review_criteria import Criterion, Group, Quantity
 from middeck.values import record
 
 # Modes are one pair only if neither frequency is more than this times the other: a few sensors may see

@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.correlation.evaluation import WINDOW, Candidates, Evaluation, criterion_values
 from middeck.structure.correlation.measured_modes import MeasuredModes, not_measured
-from middeck.structure.correlation.profiles import RECALLED, Criterion, Profile, Quantity
+from middeck.structure.correlation.review_criteria import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.structure.modes.solve import Modes
 from middeck.values import record

@@ -16,7 +16,7 @@ from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jaco
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.plants.port_rows import input_rows, output_rows
+from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.values import record
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")

@@ -13,7 +13,7 @@ from middeck.structure.correlation.measured_modes import (
     sort_rms,
     straight_channels,
 )
-from middeck.structure.correlation.profiles import Profile
+from middeck.structure.correlation.review_criteria import Profile
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 

@@ -26,7 +26,7 @@ from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.port_rows import input_rows, output_rows
+from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 

@@ -19,7 +19,7 @@ from middeck.structure.plants.damping import (
     goes_by_energy,
     material_ratios,
 )
-from middeck.structure.plants.port_rows import input_rows, output_rows
+from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import STEP, derivative

@@ -20,7 +20,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer import add_shear
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.port_rows import RATE
+from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.frequencies import Prediction, predict_modes

@@ -16,7 +16,7 @@ from middeck.signals.ports import Port
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.port_rows import RATE
+from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.systems.plants.plant import Plant, group_ports, select_ports
 from middeck.systems.plants.standard_sweep import Dispersion
 from middeck.updating.promise.draws import LoopSpread

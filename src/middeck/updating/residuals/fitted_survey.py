@@ -21,7 +21,7 @@ from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
 from middeck.structure.correlation.measured_modes import ACTUATOR, SENSOR, MeasuredModes
 from middeck.structure.model.article import Actuator, ActuatorKind, Sensor, SensorKind, Structure
-from middeck.structure.plants.port_rows import RATE
+from middeck.structure.plants.sensors_and_actuators import RATE
 
 # Of a frequency, relative: a mode that is known worse tells an article nothing, a pole that is damped more is
 # a delay's or a filter's, and no frequency of an article is one number to better than the least.

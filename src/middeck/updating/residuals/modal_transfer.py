@@ -15,7 +15,7 @@ from jaxtyping import Complex, Float
 
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.plants.port_rows import input_rows, output_rows
+from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.structure.sensitivity.parameters import read_parameter
 from middeck.structure.sensitivity.plants import differentiate_plant
 from middeck.updating.unknowns.unknowns import Bound

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.plants.port_rows import RATE
+from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.values import record
 
 LOOP = "loop."

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import real
-from middeck.files.nastran.members.shapes import SHAPES, section_shape
+from middeck.files.nastran.members.section_shapes import SHAPES, section_shape
 
 ROW = 8
 OUTPUT = ("YES", "YESA", "NO")  # the first field of a station

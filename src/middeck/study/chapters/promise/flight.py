@@ -20,7 +20,7 @@ from middeck.laboratory.settings import RigSettings
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import port_indices
 from middeck.signals.record import Record
-from middeck.structure.plants.port_rows import RATE
+from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.promise.plan import Plan, group_loop, once, weights_of

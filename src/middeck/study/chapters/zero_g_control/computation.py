@@ -26,7 +26,7 @@ from middeck.structure.gravity.comparison import ModeComparison
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.port_rows import RATE
+from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.study.chapters.zero_g_control.disturbance import (
     design_weights,
     disturbance_psd,

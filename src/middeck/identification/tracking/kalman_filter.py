@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.identification.tracking import lag, recovery
-from middeck.identification.tracking.follow import Followed, Tracking, log_places, motion_deviation
 from middeck.identification.tracking.recovery import poles_at, step_modes
+from middeck.identification.tracking.tracked_state import Followed, Tracking, log_places, motion_deviation
 
 # An innovation pulls no further than so many of its deviations: a spike is no news.
 CLIPPED = 5.0
