@@ -372,3 +372,20 @@ def _estimated_modes(seed: int) -> tuple[list[Plant], Compensator]:
         sensor=np.full(k, 4e-10),
     )
     return [plant, late(1.0 + 1e-2 * rng.standard_normal(n))], design_lqg(model, weights, 1e12)
+
+
+def test_a_real_root_beside_such_a_pole_stays_real_and_counts_once() -> None:
+    """f = c + r / (s + a): the root is -a - r / c."""
+    a, c, shift = 0.06, 2e4, 3e-9
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        r = shift * a * c * rng.choice([-1.0, 1.0])
+
+        def halves(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return (1.0 - c - r / (s + a))[:, None, None], np.ones((len(s), 1, 1))  # noqa: B023
+
+        known, near = -a * (1.0 + 1e-9 * rng.normal()), (-a - r / c) * (1.0 + 5e-9 * rng.normal())
+        roots, _ = follow_roots(halves, np.array([near + 0j]), np.array([known + 0j]), 10.0)
+        assert len(roots) == 1
+        assert roots[0].imag == 0.0
+        assert abs(roots[0] + a + r / c) < 5e-9 * a

@@ -212,13 +212,13 @@ def _not_finite(component: Component, what: str, matrix: np.ndarray) -> Iterator
 
 def _sizes(component: Component) -> tuple[float, np.ndarray]:
     """A typical omega^2 and, of each coordinate, the root of k + omega^2 m: the scale of its entries."""
-    k, m = (np.abs(np.diagonal(A)) for A in (component.stiffness, component.mass))
+    k, m = np.diagonal(component.stiffness), np.diagonal(component.mass)
     both = (k > 0.0) & (m > 0.0)
     # A determinate boundary has rounding alone for stiffness: the modal coordinates tell how fast it is.
     modal = both & (np.arange(len(k)) >= 6 * len(component.grids))
     both = modal if np.any(modal) else both
     shift = float(np.median(k[both] / m[both])) if np.any(both) else 1.0
-    return shift, np.sqrt(k + shift * m)
+    return shift, np.sqrt(np.abs(k) + shift * np.abs(m))
 
 
 def _unsymmetric(component: Component, what: str, matrix: np.ndarray, size: np.ndarray) -> Iterator[str]:

@@ -11,9 +11,10 @@ from middeck.systems.plants.plant import remove_delays
 LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
 NEWTON_STEPS = 12
-UNMOVED, BESIDE = 1e-9, 1e-8
-"""Relative shift by the loop below which a mode's root is found from its open pole, to first order; and below
-which it is where Newton's method ends at no root, as it does on a pole that is only known to such a shift."""
+UNMOVED, BESIDE, NEAR = 1e-9, 1e-8, 1e-6
+"""Relative shift by the loop below which a mode's root is found from its open pole, to first order; below
+which it is where Newton's method ends at no root, as it does on a pole only known to such a shift; and
+how far from the pole an eigenvalue of the loop may then be, which errs more than the mode moves."""
 CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16.0)
 """Directions of a mean that keeps the constant term, to the 16th power of the relative radius."""
 ON_ROOT = 1e-2
@@ -86,7 +87,7 @@ def _newton(
     shift = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) / size
     unmoved = shift <= UNMOVED
     s, real = start.copy(), np.imag(start) == 0.0
-    s[unmoved] = _beside_pole(halves, s[unmoved], open_poles, 2.0 * UNMOVED)
+    s[unmoved], _ = _beside_pole(halves, s[unmoved], open_poles, 2.0 * UNMOVED)
     on_root = rests = np.zeros(len(s), dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON_STEPS):
@@ -103,23 +104,23 @@ def _newton(
         h = 0.1 * np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
         rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
     is_root = unmoved | on_root | rests
-    lost = ~is_root & (shift <= 100.0 * BESIDE)
-    s[lost] = _beside_pole(halves, start[lost], open_poles, BESIDE)
-    is_root |= lost & (s != start)
+    lost = ~is_root & (shift <= NEAR)
+    s[lost], is_root[lost] = _beside_pole(halves, start[lost], open_poles, BESIDE)
+    s = np.where(real, np.real(s) + 0.0j, s)
     return np.where(np.imag(s) < 0.0, np.conj(s), s), is_root
 
 
 def _beside_pole(
     halves: Halves, near: np.ndarray, open_poles: np.ndarray, most: float
-) -> Complex[np.ndarray, " root"]:
-    """The root of f = r / (s - p) + c beside each pole p that is ``near``: p - r / c.
+) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
+    """The root of f = r / (s - p) + c beside each pole p that is ``near``: p - r / c; and whether it is one.
 
     More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. Returns
     ``near`` unchanged where other poles are too close, and where the root is further than ``most`` of the
     pole and belongs to another: a copy of the mode that no port observes stays on the pole.
     """
     if not len(near):
-        return near
+        return near, np.zeros(0, dtype=bool)
     away = np.abs(near[:, None] - open_poles)
     pole = open_poles[np.argmin(away, axis=1)]
     others = np.abs(pole[:, None] - open_poles)
@@ -130,7 +131,7 @@ def _beside_pole(
         moved = -h * np.mean(there * CIRCLE, axis=1) / np.mean(there, axis=1)
     clear = np.isfinite(moved) & (np.abs(moved) < most * np.abs(pole))
     clear &= 100.0 * np.abs(moved) < h
-    return np.where(clear, pole + np.where(clear, moved, 0.0), near)
+    return np.where(clear, pole + np.where(clear, moved, 0.0), near), clear
 
 
 def _vanishes(middle: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
