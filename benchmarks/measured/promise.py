@@ -139,7 +139,8 @@ def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> fl
     print(f"true frontier {true}, promised {said} of {count}; {came(max(true, 0)):.2f} dB", flush=True)
     if said < 0 or true < 0:
         return 0.0 if said == true else (np.nan if said < 0 else -np.inf)
-    return -1.0 if said > true else came(said) - came(true)
+    # Near the end of a ladder a lower rung may be the better one: its distance counts all the same.
+    return -1.0 if said > true else abs(came(said) - came(true))
 
 
 def _first_not(holds: Callable[[int], bool], count: int, stride: int) -> int:
