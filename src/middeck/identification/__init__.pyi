@@ -7,8 +7,8 @@ from .impact.average import average_blows as average_blows
 from .model.measurement_model import damping_ratio as damping_ratio
 from .model.selection import select_channels as select_channels
 from .model.simulation import nrmse as nrmse
-from .plants.measured_plant import sampled_statespace as sampled_statespace
 from .plants.modal_parameters import modal_parameters as modal_parameters
+from .plants.pole_zero_gain import pole_zero_gain as pole_zero_gain
 from .plants.zeros import (
     name_zeros as name_zeros,
     path_zeros as path_zeros,

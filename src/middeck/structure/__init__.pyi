@@ -23,6 +23,7 @@ from .plants.residual_flexibility import compare_static_gain as compare_static_g
 from .rest.link_loads import link_loads as link_loads
 from .sensitivity.parameters import find_parameters as find_parameters
 from .sensitivity.rest import differentiate_rest as differentiate_rest
+from .sensitivity.shapes import differentiate_modes as differentiate_modes
 from .suspension.attitude import estimate_attitude as estimate_attitude
 from .suspension.device_friction import (
     estimate_rest_band as estimate_rest_band,

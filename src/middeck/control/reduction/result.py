@@ -2,45 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
-
-Rest = Literal["truncate", "residualise"]
-"""Treatment of the states left out. Truncation is exact at high frequency, residualisation (their static gain
-stays) at zero frequency; both have the same bound."""
-
-
-@record(kw_only=True)
-class Reduction:
-    """A system of lower order.
-
-    Attributes:
-        system: The reduced system; states kept exactly come first.
-        order: Its states.
-        method: Description of the method.
-        kept: States of poles that do not decay: kept exactly, never reduced.
-        hankel: Hankel singular values of the reduced part, largest first, in the sizes of the ports.
-        bound: 2 (sum of those left out) >= ``error``; None where the method has none.
-        error: The largest gain of first minus second system over all frequencies, in the sizes of the ports
-            and through the weights: the actual error, not a bound.
-        error_omega: Its frequency [rad/s].
-    """
-
-    system: StateSpace
-    order: int
-    method: str
-    kept: int
-    hankel: Float[np.ndarray, " value"]
-    bound: float | None
-    error: float
-    error_omega: float
 
 
 @record(kw_only=True)
@@ -50,20 +17,17 @@ class ReducedPlant:
     Attributes:
         plant: The reduced plant, modal if it was.
         order: Its states.
-        method: Description of the method.
         kept, dropped: Names of the modes kept exactly, and of those left out.
         contribution: Of each mode, largest first.
-        error, error_hz: The largest error within the band, and its frequency.
+        error: The largest error within the band.
     """
 
     plant: Plant
     order: int
-    method: str
     kept: tuple[str, ...]
     dropped: tuple[str, ...]
     contribution: Float[np.ndarray, " mode"]
     error: float
-    error_hz: float
 
 
 @record(kw_only=True)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import RANK, MeasurementModel, natural_hz
 from middeck.signals.ports import port_indices
 from middeck.values import record
@@ -64,45 +63,6 @@ def select_channels(
 def _part(whole: np.ndarray | None, entries: tuple[np.ndarray, ...]) -> np.ndarray | None:
     """Some entries of R or Q; None where nothing is left."""
     return None if whole is None or not np.any(whole[entries]) else whole[entries]
-
-
-def scale_channels(model: MeasurementModel, scale: Mapping[str, tuple[float, str]]) -> MeasurementModel:
-    """The model with some channels in other units: name to (new units per old unit, new unit).
-
-    A name that stands for an input and an output scales both.
-
-    >>> from middeck.signals.ports import Port
-    >>> port = (Port("angle", "rad"),)
-    >>> one = np.ones((1, 1))
-    >>> static = MeasurementModel(
-    ...     poles=np.zeros(0), shapes=np.zeros((1, 0)), participation=np.zeros((0, 1)), direct=one,
-    ...     lower=0.0 * one, delay_s=[0.0], inputs=(Port("torque", "N m"),), outputs=port)
-    >>> scale_channels(static, {"angle": (1e3, "mrad")}).direct.tolist()
-    [[1000.0]]
-    """
-    known = {p.name for p in (*model.inputs, *model.outputs)}
-    port_indices([*model.inputs, *model.outputs], [n for n in scale if n not in known], "channel")
-    if any(not (np.isfinite(factor) and factor != 0.0) for factor, _ in scale.values()):
-        raise ConfigError(f"scales {scale} are not all finite and other than zero")
-    of_input, of_output = (
-        np.array([scale.get(p.name, (1.0, ""))[0] for p in side]) for side in (model.inputs, model.outputs)
-    )
-    inputs, outputs = (
-        tuple(dataclasses.replace(p, unit=scale[p.name][1]) if p.name in scale else p for p in side)
-        for side in (model.inputs, model.outputs)
-    )
-    entries = of_output[:, None] / of_input
-    return dataclasses.replace(
-        model,
-        shapes=model.shapes * of_output[:, None],
-        participation=model.participation / of_input,
-        direct=model.direct * entries,
-        lower=model.lower * entries,
-        rigid=None if model.rigid is None else model.rigid * entries,
-        integral=None if model.integral is None else model.integral * entries,
-        inputs=inputs,
-        outputs=outputs,
-    )
 
 
 def _share(vectors: np.ndarray, chosen: list[int]) -> Float[np.ndarray, " mode"]:
