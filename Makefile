@@ -22,7 +22,7 @@ pictures: $(VENV)/run.stamp  ## docs/images/*.svg, the pictures of the pages
 test: $(VENV)/dev.stamp  ## lint, types, import contract beside tests and docs examples
 	$(MAKE) -j2 check suite
 
-test-all: export MIDDECK_LONG = 1  ## the same with every long campaign whole; writes tests/results.json
+test-all: export MIDDECK_LONG = 1  ## the same with every long campaign whole; each file has its row in tests/results.json
 test-all: test
 
 suite: $(VENV)/dev.stamp

@@ -1,8 +1,6 @@
 """One thread for BLAS, seeded campaigns, and skips that CI does not allow."""
 
-import datetime
 import gc
-import json
 import os
 import shutil
 from pathlib import Path
@@ -14,6 +12,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+from long_results import LongResults  # noqa: E402
 from middeck.files.documents import load_environment, load_structure  # noqa: E402
 from middeck.files.studies.documents import load_study  # noqa: E402
 from repeats import LONG  # noqa: E402
@@ -141,13 +140,9 @@ def _program(*names: str) -> str:
     return found
 
 
-def pytest_sessionfinish(session, exitstatus):
-    """`make test-all` leaves its result, to be committed; a run of some of the tests leaves none."""
-    config = session.config
-    whole = config.args_source is not config.ArgsSource.ARGS and not config.option.keyword
+def pytest_configure(config):
+    """Whole files in the long form leave their results, to be committed; some of their tests leave none."""
+    some = config.option.keyword or config.option.markexpr or any("::" in a for a in config.args)
     # With several workers (-n), the one process that reports has no `workerinput`.
-    if LONG and whole and not hasattr(config, "workerinput"):
-        reporter = session.config.pluginmanager.get_plugin("terminalreporter")
-        counts = {k: len(reporter.stats.get(k, [])) for k in ("passed", "failed", "error", "skipped")}
-        result = {"date": datetime.date.today().isoformat(), "seed": SEED, "exit": int(exitstatus), **counts}
-        (Path(__file__).parent / "results.json").write_text(json.dumps(result, indent=1) + "\n")
+    if LONG and not some and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(LongResults(SEED))

@@ -330,7 +330,7 @@ def test_a_root_beside_a_pole_that_rounding_has_moved_as_far(shift: float) -> No
         assert abs(roots[0] - root) < 5e-9 * omega
 
 
-@pytest.mark.parametrize("seed", repeats([15, 28, 31, 39, *range(100)], 4))
+@pytest.mark.parametrize("seed", repeats([15, 29, 31, 39, *range(100)], 4))
 def test_laws_of_high_authority_on_modes_that_they_hardly_move(seed: int) -> None:
     """Roots lie beside poles known no better than the loop moves them: each is found as often as counted.
 
@@ -339,7 +339,7 @@ def test_laws_of_high_authority_on_modes_that_they_hardly_move(seed: int) -> Non
     plants, law = _estimated_modes(seed)
     for plant in plants:
         found = decide_stability(plant, law)
-        values = np.linalg.eigvals(_closed(plant, law, 24))
+        values = np.linalg.eigvals(_closed(plant, law, 40))  # true up to |s| tau = 60
         assert found.growing == int(np.sum(values.real > 1e-6))
         assert found.stable is (found.growing == 0)
 

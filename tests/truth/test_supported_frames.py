@@ -98,7 +98,8 @@ def random_frame(rng: np.random.Generator) -> tuple[Structure, Environment, Load
     return parts, bench(skew, gravity=gravity, bushings=(mount,)), case, size
 
 
-@pytest.mark.parametrize("seed", repeats(range(60), 8))
+# Seed 37 moves by 1e-8 of its size: rounding of the rest state is a part of that, not of the size.
+@pytest.mark.parametrize("seed", repeats((37, *range(37), *range(38, 60)), 8))
 def test_slight_loads_bend_frames_of_any_size_as_linear_statics_does(seed: int) -> None:
     parts, surroundings, case, size = random_frame(np.random.default_rng([2026, seed]))
     motion, reactions = solve_frame(*apply_load_case(parts, surroundings, case))

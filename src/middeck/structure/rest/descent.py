@@ -14,16 +14,15 @@ from middeck.structure.assembly.linked import closed, static_freedom
 from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.rest.imbalance import article_size, imbalance
+from middeck.structure.rest.imbalance import imbalance
 from middeck.structure.rest.settled import (
     DAMPING_STEP,
     LEAST_DAMPING,
     LONGEST_STEP,
     MOST_DAMPING,
     ROUNDED,
-    UNMOVED,
 )
-from middeck.structure.rest.whole_steps import deformation, move_whole
+from middeck.structure.rest.whole_steps import deformation, move_whole, stride, unmoved
 
 MAX_ITERATIONS = 200
 MAX_HALVINGS = 30
@@ -55,8 +54,7 @@ def descend(
         q, damping = _damped_step(model, config, at, mass, damping)
         better = _shorten(_Descent(model, loads, mass, scale), config, at, q)
         if better is None:
-            step = np.abs(q * scale).max() / scale.min()
-            if damping == 0.0 and step < UNMOVED * article_size(model):
+            if damping == 0.0 and stride(model, q) < unmoved(model, config):
                 enough = max(enough, ROUNDED)
             break
         config, at, halvings = better

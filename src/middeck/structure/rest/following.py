@@ -29,7 +29,7 @@ from middeck.structure.rest.settled import (
     holding,
     is_stable,
 )
-from middeck.structure.rest.whole_steps import stride
+from middeck.structure.rest.whole_steps import stride, unmoved
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20
@@ -111,7 +111,7 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
         step = stride(model, q)
         if longest == 0.0:
             fitting = FITTING * LONGEST_STEP / max(step, UNMOVED)
-        if left[-1] < ROUNDED and step < UNMOVED:
+        if left[-1] < ROUNDED and step < unmoved(model, config):
             break
         if not step < (CONTRACTION * before if longest > 0.0 else LONGEST_STEP):
             return _Newton(min(fitting, 0.5) if longest > 0.0 else fitting)

@@ -15,7 +15,7 @@ from middeck.structure.elements.frames import Configuration
 
 # Largest imbalance that counts as rest, over `imbalance_scale`.
 TOLERANCE = 1e-9
-# And where Newton's undamped step moves nothing by more than `UNMOVED` of the article's size, or radians:
+# And where Newton's undamped step moves nothing by more than `UNMOVED` of what has moved since drawn:
 # rounding is what is left, in a support of 1e12 N/m 1e-7 of a weight.
 ROUNDED = 1e-6
 UNMOVED = 1e-12

@@ -23,10 +23,9 @@ from middeck.structure.rest.settled import (
     MOST_DAMPING,
     ROUNDED,
     TOLERANCE,
-    UNMOVED,
     Settled,
 )
-from middeck.structure.rest.whole_steps import stride
+from middeck.structure.rest.whole_steps import stride, unmoved
 
 MIXED_ITERATIONS = 100
 # Of the least damping that holds what grows: taken, and to what it is found.
@@ -61,7 +60,7 @@ def unfold(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
         q, damping, upright = step
         q = free.spread(q)
         size = stride(model, q)
-        enough = ROUNDED if size < UNMOVED and (upright or damping == 0.0) else TOLERANCE
+        enough = ROUNDED if size < unmoved(model, config) and (upright or damping == 0.0) else TOLERANCE
         if residual < enough and (upright or damping == 0.0):
             at = assemble_carried(model, config, loads)
             stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None

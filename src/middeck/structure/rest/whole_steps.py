@@ -12,6 +12,7 @@ from middeck.structure.elements.frames import Configuration, move_carried, place
 from middeck.structure.elements.rotations import cross, turn_of
 from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.rest.imbalance import article_size
+from middeck.structure.rest.settled import UNMOVED
 
 
 def move_whole(
@@ -64,6 +65,16 @@ def stride(model: Model, q: Float[np.ndarray, " coordinate"]) -> float:
     """The largest change that carried coordinates make: a turn [rad], or a shift over the article's size."""
     turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
     return float(np.abs(np.where(turns, q, q / article_size(model))).max(initial=0.0))
+
+
+def unmoved(model: Model, config: Configuration) -> float:
+    """`stride` of a step that is rounding: `UNMOVED` of the motion since the drawn state."""
+    since, drawn = config.since_drawn, model.rest
+    shift = config.x - drawn.x if since is None else since.shift
+    turn = config.R - drawn.R if since is None else since.turn
+    joints = np.where(model.tree.slides, 1.0 / article_size(model), 1.0) * (config.angle - drawn.angle)
+    most = max(np.abs(shift).max() / article_size(model), np.abs(turn).max(), np.abs(joints).max(initial=0.0))
+    return UNMOVED * float(most)
 
 
 def deformation(
