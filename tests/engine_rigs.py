@@ -22,8 +22,8 @@ from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
 from middeck.realtime.engine.trials.monitors_from_record import find_reach, guard
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.section import LoopPath, Section, static_gain
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.chapters.zero_g_control.computation import control_plant
 from middeck.study.shared import find_modes

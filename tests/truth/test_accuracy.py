@@ -14,7 +14,7 @@ from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.accuracy import expected_accuracy, structure_of
 from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
+from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.signals.excitation.binary import design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine

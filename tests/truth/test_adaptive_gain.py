@@ -21,8 +21,8 @@ from middeck.realtime.gate.growth import is_proved_to_grow
 from middeck.realtime.gate.norm_bound import bound_norm, is_below, is_positive
 from middeck.realtime.gate.steps import GateMargins
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section, static_gain
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import InputFilter, LoopPath, Section, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant

@@ -13,8 +13,8 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, Proved
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, hash_hold
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.binary import hash_package
+from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import LoopPath, Section
 from packaged_laws import ports
 
 pytestmark = pytest.mark.usefixtures("compiler")

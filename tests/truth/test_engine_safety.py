@@ -29,8 +29,8 @@ from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import Fault, encode_article, linear_article
 from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, static_gain
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import InputFilter, LoopPath, static_gain
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace

@@ -9,8 +9,8 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, pack, unpack
-from middeck.identification.search.refine import logarithmic, weighted
+from middeck.identification.problem.unknowns_layout import Layout, Point, pack, unpack
+from middeck.identification.search.least_squares_costs import logarithmic, weighted
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant, statespace_response
 from repeats import LONG, repeats

@@ -11,8 +11,8 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import pole_zero_gain
-from middeck.identification.record_fit.simulation import record_nrmse, simulate_record
-from middeck.identification.uncertainty.parameters import parameters_of
+from middeck.identification.record_fit.simulate_record import record_nrmse, simulate_record
+from middeck.identification.uncertainty.parameter_deviations import parameters_of
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant

@@ -9,8 +9,8 @@ import scipy.linalg as sla
 from pole_zero_form import response_of_form
 
 from middeck.errors import ConfigError
+from middeck.identification.model.channel_selection import select_channels
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, path_delay
-from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import pole_zero_gain
 from middeck.signals.ports import Port

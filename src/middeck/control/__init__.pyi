@@ -11,12 +11,12 @@ from .loop.pointing import (
     budget_pointing as budget_pointing,
 )
 from .lqg.coloured_plant import colour_disturbances as colour_disturbances
-from .lqg.spectra import (
+from .lqg.disturbance_spectra import (
     fit_spectrum as fit_spectrum,
     line_filter as line_filter,
     sum_spectra as sum_spectra,
 )
-from .robust.designs.sampled_plant import plant_as_sampled as plant_as_sampled
+from .robust.designs.plant_as_sampled import plant_as_sampled as plant_as_sampled
 from .robust.designs.worst_of_many import design_for_worst as design_for_worst
 from .robust.designs.popov import design_popov as design_popov
 from .robust.designs.sensitivity_weighted import design_sensitivity_weighted as design_sensitivity_weighted

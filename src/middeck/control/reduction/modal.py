@@ -17,7 +17,7 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.stability.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
-from middeck.control.reduction.result import ReducedPlant
+from middeck.control.reduction.reduced_systems import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain

@@ -8,10 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.identification.faults.against import compare_with_reference
+from middeck.identification.faults.against_reference import compare_with_reference
+from middeck.identification.faults.collocated_channels import find_pair_faults
 from middeck.identification.faults.equal_runs import Found, Runs, Signal, fault, levels_of
 from middeck.identification.faults.hum import find_hum
-from middeck.identification.faults.levels import (
+from middeck.identification.faults.lost_in_a_period import find_lost_in_period
+from middeck.identification.faults.lost_samples_and_feedback import find_relation_faults
+from middeck.identification.faults.offset_drift_and_transient import (
     find_coarse_steps,
     find_drift,
     find_held,
@@ -19,9 +22,6 @@ from middeck.identification.faults.levels import (
     find_transient,
     find_unsteady_input,
 )
-from middeck.identification.faults.one_period import find_lost_in_period
-from middeck.identification.faults.pairs import find_pair_faults
-from middeck.identification.faults.relation import find_relation_faults
 from middeck.identification.faults.samples import (
     find_clipping,
     find_dropouts,

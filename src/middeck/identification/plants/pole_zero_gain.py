@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.errors import ConfigError
+from middeck.identification.model.channel_selection import select_channels
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     double_pole,
@@ -19,7 +20,6 @@ from middeck.identification.model.measurement_model import (
     rational_response,
     rational_slope,
 )
-from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.zeros import path_zeros
 from middeck.signals.ports import Port
 from middeck.values import record

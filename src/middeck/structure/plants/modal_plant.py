@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
-from middeck.structure.assembly.gyroscopic import Spin, spinning_wheels
+from middeck.structure.assembly.wheel_forces import Spin, spinning_wheels
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping

@@ -14,13 +14,13 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.identification.fit.fit_response import FitResult
-from middeck.identification.impact.average import ImpactTest, windowed_spectra
-from middeck.identification.problem.projection import as_real
-from middeck.identification.spectra.weights import spread_of
+from middeck.identification.impact.averaged_blows import ImpactTest, windowed_spectra
+from middeck.identification.problem.transient_projection import as_real
+from middeck.identification.spectra.fit_weights import spread_of
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.parameters import uncertainty_of
-from middeck.identification.uncertainty.unknowns import ties
+from middeck.identification.uncertainty.model_unknowns import ties
+from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 
 
 def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:

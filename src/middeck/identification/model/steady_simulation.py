@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
-from middeck.identification.model.checks import check_record
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     double_pole,
@@ -16,6 +15,7 @@ from middeck.identification.model.measurement_model import (
     path_delay,
     single_pole,
 )
+from middeck.identification.model.refused_data import check_record
 from middeck.signals.record import Record
 from middeck.systems.sampling.zero_order_hold import hold_response
 

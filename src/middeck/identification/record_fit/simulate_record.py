@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.identification.model.checks import check_record, check_word
 from middeck.identification.model.measurement_model import (
     RANK,
     MeasurementModel,
@@ -23,7 +22,8 @@ from middeck.identification.model.measurement_model import (
     path_delay,
     single_pole,
 )
-from middeck.identification.model.simulation import held_response
+from middeck.identification.model.refused_data import check_record, check_word
+from middeck.identification.model.steady_simulation import held_response
 from middeck.signals.record import Record
 
 Between = Literal["hold", "band-limited"]

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.components import component_states
+from middeck.structure.assembly.component_states import component_states
 from middeck.structure.model.component import WAYS, Component, rigid_vectors
 from middeck.structure.modes.solve import Modes
 

@@ -10,7 +10,7 @@ import scipy.optimize
 from jaxtyping import Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
-from middeck.identification.uncertainty import parameters
+from middeck.identification.uncertainty import parameter_deviations
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_set import check_alike
 from middeck.identification.uncertainty.response_drift import holm
@@ -143,7 +143,7 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
 
     Raises `ConfigError` if the fits have unlike channels or rates, or for a level that is no probability.
     """
-    parameters.check_level(level)
+    parameter_deviations.check_level(level)
     check_alike(before.model, after.model)
     pairs = _match(before, after)
     compared = _compare(before, after, pairs)
@@ -205,14 +205,14 @@ def _quantities(
 ) -> tuple[_Quantities, list[np.ndarray]]:
     """Frequency and damping, constants, delays; their derivatives, and which are tested together."""
     at = of.at
-    frequency, damping = parameters.pole_slopes(of)
+    frequency, damping = parameter_deviations.pole_slopes(of)
     f, zeta = natural_hz(of.model), damping_ratio(of.model)
     rows: list[list[tuple[float, np.ndarray]]] = []
     for m in modes:
         pole = [(float(f[m]), frequency[m]), (float(zeta[m]), damping[m])]
         rows.append(pole if of.model.is_pair[m] else pole[:1])
     for m, places, is_real in zip(modes, entries, real, strict=True):
-        constants = [parameters.modal_constant(of, at, m, o, i) for o, i in places]
+        constants = [parameter_deviations.modal_constant(of, at, m, o, i) for o, i in places]
         parts = [(k.real, np.real(by)) for k, by in constants]
         parts += [] if is_real else [(k.imag, np.imag(by)) for k, by in constants]
         rows.append(parts)
@@ -266,7 +266,7 @@ def _probability(
     share = float(np.trace(inverse @ (both[0] / scale[:, None] / scale))) / numbers
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
     nu = 1.0 / slowness if slowness > 0.0 else np.inf
-    return float(parameters.joint_tail(d @ inverse @ d, numbers, nu))
+    return float(parameter_deviations.joint_tail(d @ inverse @ d, numbers, nu))
 
 
 def _match(before: ModelCovariance, after: ModelCovariance) -> list[tuple[int, int]]:
@@ -293,7 +293,7 @@ class _Signature(NamedTuple):
 
 def _signature(model: MeasurementModel) -> _Signature:
     """Frequency and constants of every pole, each entry in units of its largest mode."""
-    modes = parameters.distinct_poles(model)
+    modes = parameter_deviations.distinct_poles(model)
     unit = np.where(model.is_pair, 2j * np.imag(model.poles), 1.0)
     each = (model.shapes * unit).T[:, :, None] * model.participation[:, None, :]
     constants = np.array([np.sum(each[model.poles == model.poles[m]], axis=0) for m in modes])
@@ -304,7 +304,7 @@ def _signature(model: MeasurementModel) -> _Signature:
 
 
 def _alone(model: MeasurementModel, matched: list[int]) -> Float[np.ndarray, " mode"]:
-    return natural_hz(model)[[m for m in parameters.distinct_poles(model) if m not in matched]]
+    return natural_hz(model)[[m for m in parameter_deviations.distinct_poles(model) if m not in matched]]
 
 
 def _mode_change(

@@ -15,7 +15,7 @@ from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.rest.imbalance import imbalance
-from middeck.structure.rest.settled import (
+from middeck.structure.rest.rest_criteria import (
     DAMPING_STEP,
     LEAST_DAMPING,
     LONGEST_STEP,

@@ -8,10 +8,10 @@ import scipy.sparse as sp
 from middeck.structure.assembly.loads import Loads, scale_loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.rest.descent import descend
+from middeck.structure.rest.damped_descent import descend
 from middeck.structure.rest.following import displace, follow, prescribed_steps
 from middeck.structure.rest.imbalance import imbalance_scale
-from middeck.structure.rest.settled import (
+from middeck.structure.rest.rest_criteria import (
     TOLERANCE,
     Settled,
     is_stable,

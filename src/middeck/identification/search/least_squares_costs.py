@@ -17,13 +17,13 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
-from middeck.identification.model.descent import Step, is_positive
+from middeck.identification.model.levenberg_marquardt import Step, is_positive
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import Terms, build_terms
 from middeck.identification.problem.gram_blocks import Functions, weigh
-from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.normal_equations import Solved, ZeroSum, solve_normal
-from middeck.identification.problem.projection import TransientProjection, as_real
+from middeck.identification.problem.residual_and_slopes import Terms, build_terms
+from middeck.identification.problem.transient_projection import TransientProjection, as_real
+from middeck.identification.problem.unknowns_layout import Layout
 
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
 COINCIDENT = 1e-13

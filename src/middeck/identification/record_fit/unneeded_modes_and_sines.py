@@ -21,7 +21,7 @@ from jaxtyping import Bool, Complex, Float
 from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.mode_trust import SteadyLine
-from middeck.identification.fit.tidy import (
+from middeck.identification.fit.unneeded_modes import (
     mode_significance,
     own_lines,
     pairs_of,
@@ -31,13 +31,13 @@ from middeck.identification.fit.tidy import (
     without_modes,
 )
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Start
-from middeck.identification.record_fit.model import record_covariance
-from middeck.identification.record_fit.order import record_length
-from middeck.identification.record_fit.scout import has_many_outputs
-from middeck.identification.record_fit.search import RecordRun, refine_record
+from middeck.identification.problem.unknowns_layout import Start
+from middeck.identification.record_fit.record_covariance import record_covariance
+from middeck.identification.record_fit.record_order import record_length
+from middeck.identification.record_fit.reduced_record import has_many_outputs
+from middeck.identification.record_fit.refine_record import RecordRun, refine_record
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 

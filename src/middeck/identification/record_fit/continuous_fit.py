@@ -19,13 +19,24 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay, rank_of
 from middeck.identification.order.order import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
-from middeck.identification.problem.layout import Point, Start
-from middeck.identification.record_fit import order
-from middeck.identification.record_fit.scout import FEW, has_many_outputs, with_few_lines, with_few_outputs
-from middeck.identification.record_fit.search import RecordRun, Weighting, further, leader, refine_record
-from middeck.identification.record_fit.starts import PastOfRecord, continuous_starts, past_of
+from middeck.identification.problem.unknowns_layout import Point, Start
+from middeck.identification.record_fit import record_order
+from middeck.identification.record_fit.record_starts import PastOfRecord, continuous_starts, past_of
+from middeck.identification.record_fit.reduced_record import (
+    FEW,
+    has_many_outputs,
+    with_few_lines,
+    with_few_outputs,
+)
+from middeck.identification.record_fit.refine_record import (
+    RecordRun,
+    Weighting,
+    further,
+    leader,
+    refine_record,
+)
 from middeck.identification.start.start import start_from_point
-from middeck.identification.uncertainty.parameters import distinct_poles
+from middeck.identification.uncertainty.parameter_deviations import distinct_poles
 from middeck.signals.record import Record
 
 # Up to so many samples a record is short: subspaces cost little, and local models may not resolve it.
@@ -160,7 +171,7 @@ def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
         return best
     lines = data.omega / (2.0 * np.pi)
     of_best, of_flat = (
-        order.error_held_out(record, (float(lines[0]), float(lines[-1])), run, data.transient)
+        record_order.error_held_out(record, (float(lines[0]), float(lines[-1])), run, data.transient)
         for run in (best, flat)
     )
     return flat if of_flat < CLEARLY * of_best else best
@@ -178,7 +189,7 @@ def _choose_order(
         past = past_of(record, data)
     tried: list[tuple[int, float]] = []
     for states in sizes():
-        if not order.enough_samples(record, states + options.at_zero):
+        if not record_order.enough_samples(record, states + options.at_zero):
             break
         tell(f"{states} states")
         starts = _prompt(record, continuous_starts(past, data, options.sized(states)))
@@ -188,20 +199,20 @@ def _choose_order(
         run = leader(edged, starts, "output")
         if run is None:
             continue
-        tried.append((states + options.at_zero, order.record_length(edged, run)))
+        tried.append((states + options.at_zero, record_order.record_length(edged, run)))
         if is_settled([length for _, length in tried]):
             break
     if not tried:
         raise FitError("no order could be fitted", hint="a longer record, or say how many states")
     best = min(tried, key=lambda t: t[1])[0]
-    return dataclasses.replace(options, states=best), order.shortest_reason(tried)
+    return dataclasses.replace(options, states=best), record_order.shortest_reason(tried)
 
 
 def _with_modes_of_others(record: Record, data: Data, best: RecordRun, options: FitOptions) -> RecordRun:
     """With pairs more, as long as some lines of all outputs have a shorter description by them."""
     thin = with_few_lines(data)
     run = refine_record(thin, best.start, best.weighting, rounds=1, steps=FIRST_STEPS)
-    more = None if run is None else order.grown_while_shorter(record, thin, options, run)
+    more = None if run is None else record_order.grown_while_shorter(record, thin, options, run)
     if more is None or more.layout.states == best.layout.states:
         return best
     return refine_record(data, more.start, best.weighting, rounds=1, steps=FIRST_STEPS) or best

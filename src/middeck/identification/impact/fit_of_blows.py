@@ -9,9 +9,8 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.impact.average import ImpactTest
-from middeck.identification.impact.scatter import with_scatter
-from middeck.identification.model.checks import check_word
+from middeck.identification.impact.averaged_blows import ImpactTest
+from middeck.identification.impact.scatter_of_blows import with_scatter
 from middeck.identification.model.fit_options import usual_constants
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
@@ -19,10 +18,11 @@ from middeck.identification.model.measurement_model import (
     double_pole,
     natural_hz,
 )
+from middeck.identification.model.refused_data import check_word
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.parameters import uncertainty_of
-from middeck.identification.uncertainty.unknowns import unknowns_of
+from middeck.identification.uncertainty.model_unknowns import unknowns_of
+from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 
 # Least decay rate that is left to a mode, as a share of its frequency, where noise makes it none or negative.
 LEAST = 1e-9

@@ -16,7 +16,7 @@ import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.identification.problem.data import Data
-from middeck.identification.record_fit.spectra import record_data
+from middeck.identification.record_fit.record_spectra import record_data
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.monte_carlo import which_decay
-from middeck.structure.modes.results.first_bending import dispersed_modes
+from middeck.structure.modes.results.dispersed_modes import dispersed_modes
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.standard_sweep import DispersedModes, dispersed_factors

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.realtime.package.filter_sections import SMALLEST, Section
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.section import SMALLEST, Section
 from middeck.values import record
 
 UNIT = 2.0**-24

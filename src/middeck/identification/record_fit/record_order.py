@@ -26,10 +26,12 @@ from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.order import description_length, is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
-from middeck.identification.problem.layout import Start
+from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.record_fit.missed_modes import exchanges, grown
-from middeck.identification.record_fit.scout import is_large, scouted
-from middeck.identification.record_fit.search import (
+from middeck.identification.record_fit.record_spectra import cut_samples, record_data
+from middeck.identification.record_fit.record_starts import Pasts, pasts_of, record_starts
+from middeck.identification.record_fit.reduced_record import is_large, scouted
+from middeck.identification.record_fit.refine_record import (
     WEIGHTINGS,
     RecordRun,
     Weighting,
@@ -37,9 +39,7 @@ from middeck.identification.record_fit.search import (
     leader,
     refine_record,
 )
-from middeck.identification.record_fit.simulation import record_nrmse
-from middeck.identification.record_fit.spectra import cut_samples, record_data
-from middeck.identification.record_fit.starts import Pasts, pasts_of, record_starts
+from middeck.identification.record_fit.simulate_record import record_nrmse
 from middeck.signals.record import Record
 
 # Rounds of noise and search of each model, and steps of each.

@@ -19,16 +19,16 @@ import numpy as np
 from jaxtyping import Bool, Complex
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.model.checks import check_word
+from middeck.identification.model.refused_data import check_word
 from middeck.identification.spectra.averages import Spectra
-from middeck.identification.spectra.lines import (
+from middeck.identification.spectra.excited_lines import (
     FAINTEST,
     WORST_CONDITION,
     in_band,
     refuse_alike,
     refuse_silence,
 )
-from middeck.identification.spectra.scatter import ResponseScatter, variance_of
+from middeck.identification.spectra.scattered_response import ResponseScatter, variance_of
 
 Ratio = Literal["h1", "h2", "hv"]
 # The response, and R times the averages: of each output, or one that all outputs share.

@@ -12,12 +12,12 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, Start, pack
 from middeck.identification.problem.terms import columns, fractions, shapes
-from middeck.identification.record_fit.subspace import PastFuture, Weighting, compress_past, record_poles
-from middeck.identification.search.refine import weighted
+from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack
+from middeck.identification.record_fit.time_subspace import PastFuture, Weighting, compress_past, record_poles
+from middeck.identification.search.least_squares_costs import weighted
+from middeck.identification.start.frequency_subspace import reflected
 from middeck.identification.start.start import starts_from, upper_half
-from middeck.identification.start.subspace import reflected
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 

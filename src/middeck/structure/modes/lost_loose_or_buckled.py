@@ -15,7 +15,7 @@ from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.motions.strain_shares import member_energy
 from middeck.structure.rest.equilibrium import HALF_ROUND, Equilibrium, bushing_turns
 from middeck.structure.rest.imbalance import imbalance_scale
-from middeck.structure.rest.statics import ROUGH
+from middeck.structure.rest.settle import ROUGH
 
 HALF = 0.5
 FELT = 2e-4  # of omega^2: 1e-4 of a frequency, as of a mesh

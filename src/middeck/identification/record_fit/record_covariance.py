@@ -8,15 +8,15 @@ from jaxtyping import Complex, Float
 from middeck.identification.fit.fitted_model import structure_of
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import Terms
-from middeck.identification.problem.projection import TransientProjection, as_real
+from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient import transient_slopes
-from middeck.identification.record_fit.noise import covering_variance
-from middeck.identification.record_fit.search import RecordRun
+from middeck.identification.problem.transient_projection import TransientProjection, as_real
+from middeck.identification.record_fit.noise_variance import covering_variance
+from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.unknowns import ModelStructure, places_of, ties
+from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, ties
 
 
 def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> ModelCovariance:

@@ -20,8 +20,8 @@ from jaxtyping import Float
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_set import LARGEST
-from middeck.identification.uncertainty.parameters import check_level, joint_tail
-from middeck.identification.uncertainty.unknowns import model_at
+from middeck.identification.uncertainty.model_unknowns import model_at
+from middeck.identification.uncertainty.parameter_deviations import check_level, joint_tail
 from middeck.values import record
 
 # Delays that are one and are kept apart cost fast poles, delays made one wrongly three deviations at most:

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, unpack
 from middeck.identification.problem.terms import Fractions, columns, fractions, slopes
 from middeck.identification.problem.transient import transient_columns, transient_slopes
+from middeck.identification.problem.unknowns_layout import Layout, Point, unpack
 
 
 class Terms:
