@@ -14,6 +14,12 @@ from .plants.zeros import (
     name_zeros as name_zeros,
     path_zeros as path_zeros,
 )
+from .spectra.averages import estimate_spectra as estimate_spectra
+from .spectra.coherence import (
+    multiple_coherence as multiple_coherence,
+    ordinary_coherence as ordinary_coherence,
+)
+from .spectra.distortion import estimate_distortion as estimate_distortion
 from .spectra.estimate import response_scatter as response_scatter
 from .tracking.tracked_state import start_tracking as start_tracking
 from .tracking.kalman_filter import update_tracking as update_tracking
