@@ -11,9 +11,9 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble_carried
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport

@@ -27,7 +27,7 @@ from middeck.structure.modes.lost_loose_or_buckled import (
     moment_warnings,
     where_lost,
 )
-from middeck.structure.modes.motions.rigid import rigid_basis
+from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.names.kind_warnings import kind_warnings
 from middeck.structure.modes.names.kinds import find_kinds
 from middeck.structure.modes.names.naming import name_modes

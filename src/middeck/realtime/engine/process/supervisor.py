@@ -45,7 +45,7 @@ from middeck.realtime.engine.process.launch import (
 from middeck.realtime.engine.recording.recorder import Recorder
 from middeck.realtime.engine.recording.ring import event_rows, pretrip_records, take_records
 from middeck.realtime.engine.recording.run_head import run_head
-from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
+from middeck.realtime.engine.rigs.linear_article import LinearArticle, encode_article
 
 __all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
 
