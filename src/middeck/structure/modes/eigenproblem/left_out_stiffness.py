@@ -76,8 +76,8 @@ def component_warnings(
         if len(cost) and cost[worst] > FELT:
             hz = np.sqrt(lam[worst]) / (2.0 * np.pi)
             found.append(
-                f"component {part.name!r} has no geometric stiffness, nor that of its bent shape: by an estimate "
-                f"both change the frequency of mode {worst} ({hz:.4g} Hz) by up to "
+                f"component {part.name!r} has no geometric stiffness, nor that of its bent shape: by an "
+                f"estimate both change the frequency of mode {worst} ({hz:.4g} Hz) by up to "
                 f"{100.0 * cost[worst]:.2g} %"
             )
     states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
