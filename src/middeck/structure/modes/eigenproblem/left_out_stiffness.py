@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.components import component_states
+from middeck.structure.assembly.component_states import component_states
 from middeck.structure.elements.component import ComponentElement
 from middeck.structure.model.component import Component, body_of, component_doubts
 from middeck.structure.rest.equilibrium import Equilibrium
