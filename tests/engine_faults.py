@@ -19,7 +19,7 @@ from engine_rigs import design, nominal_article, pack, settings_of
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
-from middeck.realtime.engine.rigs.article import Fault, LinearArticle, with_faults
+from middeck.realtime.engine.rigs.article import Fault, LinearArticle
 from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
 from middeck.values import record
@@ -225,7 +225,7 @@ def play(kind: str, state: str, seed: int) -> Ending:
     start = HOLDING + int(rng.integers(5, WITHIN))
     faults = RIG[kind](rng, start) if kind in RIG else ()
     plain = shifted_article(ARTICLES[kind]) if kind in ARTICLES else nominal_article(*ARTICLE)
-    rig = with_faults(plain, *faults, seed=int(rng.integers(1 << 30)))
+    rig = dataclasses.replace(plain, faults=faults, seed=int(rng.integers(1 << 30)))
     wave = 0.02 * rng.standard_normal((200, len(settings.drives)))
     ring = 64 if kind == "records not read" else 2048
     with Supervisor(settings, rig, waveform=wave, ring=ring, pretrip_s=2.0) as engine:

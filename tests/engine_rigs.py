@@ -19,11 +19,11 @@ from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.files.studies.documents import load_study
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import LinearArticle, linear_article, with_faults
+from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
 from middeck.realtime.engine.trials.monitors_from_record import find_reach, guard
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.section import LoopPath, Section, static_gain
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.chapters.zero_g_control.computation import control_plant
 from middeck.study.shared import find_modes
@@ -295,7 +295,7 @@ def engaging_step(seed: int, *rig: str) -> float:
     settings = settings_of(*rig)
     limits = np.array([drive.upper for drive in settings.drives])
     ramp = settings.samples(settings.ramp_s)
-    with Supervisor(settings, with_faults(nominal_article(*rig), seed=seed)) as engine:
+    with Supervisor(settings, dataclasses.replace(nominal_article(*rig), seed=seed)) as engine:
         engine.load(nominal_package(*rig))
         engine.reset()
         engine.run(2 * ramp, keep=False)
@@ -315,7 +315,7 @@ def engaging_step(seed: int, *rig: str) -> float:
 def end_of_normal_operation(seed: int, article: str, seconds: float) -> tuple[str, list]:
     """State and events of an engine after so long under control, disturbance and noise."""
     settings = settings_of(article)
-    with Supervisor(settings, with_faults(nominal_article(article), seed=1000 + seed)) as engine:
+    with Supervisor(settings, dataclasses.replace(nominal_article(article), seed=1000 + seed)) as engine:
         engine.load(nominal_package(article))
         engine.run(5000, keep=False)
         engine.reset()

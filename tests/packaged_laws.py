@@ -13,7 +13,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.rounding import LinearLaw, unfold_law
+from middeck.realtime.package.rounding_errors import LinearLaw, unfold_law
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 

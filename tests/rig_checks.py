@@ -7,7 +7,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.laboratory.hidden_errors import HiddenErrors
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.ticks.simulation import cut_blocks, simulate_rig
+from middeck.laboratory.rig.ticks.simulate_rig import cut_blocks, simulate_rig
 from middeck.laboratory.rig.ticks.state import RigState
 from middeck.systems.state_space.statespace import SampledStateSpace
 

@@ -42,8 +42,8 @@ from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.loop.performance import loop_metric
 from middeck.control.lqg.design import design_lqg
 from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.designs.plant_as_sampled import plant_as_sampled
 from middeck.control.robust.designs.popov import design_popov
-from middeck.control.robust.designs.sampled_plant import plant_as_sampled
 from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
 from middeck.control.robust.designs.worst_of_many import design_for_worst
 from middeck.control.robust.verification.comparison import compare_designs

@@ -18,7 +18,7 @@ from middeck.laboratory.rig.parts.computer import build_computer
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Encoder
 from middeck.laboratory.rig.rig import Rig, build_rig
-from middeck.laboratory.rig.ticks.simulation import BLOCK, cut_blocks, simulate_rig
+from middeck.laboratory.rig.ticks.simulate_rig import BLOCK, cut_blocks, simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import is_stable

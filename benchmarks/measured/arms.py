@@ -11,7 +11,7 @@ import scipy.io
 
 from measured.rows import cell, peer, row
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.record_fit.simulation import record_nrmse
+from middeck.identification.record_fit.simulate_record import record_nrmse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

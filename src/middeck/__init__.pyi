@@ -63,8 +63,8 @@ from .files.records import (
 from .files.studies.documents import load_study as load_study
 from .identification.faults.detect import detect_faults as detect_faults
 from .identification.fit.fit_response import fit_response as fit_response
-from .identification.free_decay.fit import fit_free_decay as fit_free_decay
-from .identification.impact.damping import fit_impact as fit_impact
+from .identification.free_decay.decay_fit import fit_free_decay as fit_free_decay
+from .identification.impact.fit_of_blows import fit_impact as fit_impact
 from .identification.model.measurement_model import (
     MeasurementModel as MeasurementModel,
     model_response as model_response,
@@ -75,7 +75,7 @@ from .identification.record_fit.fit_record import fit_record as fit_record
 from .identification.spectra.estimate import estimate_response as estimate_response
 from .identification.tracking.history import track_modes as track_modes
 from .identification.uncertainty.accuracy import expected_accuracy as expected_accuracy
-from .identification.uncertainty.drift import compare_fits as compare_fits
+from .identification.uncertainty.fit_drift import compare_fits as compare_fits
 from .joints.friction import Friction as Friction
 from .laboratory.rig.rig import build_rig as build_rig
 from .laboratory.rig.runs import (

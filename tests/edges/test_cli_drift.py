@@ -87,7 +87,7 @@ def test_a_mode_that_moved_is_named(weeks: dict[str, Path], capfd: Capture) -> N
 
 def test_small_numbers_and_single_lines_read_well() -> None:
     from middeck.cli.verbs.drift import _change, _probability
-    from middeck.identification.uncertainty.drift import ModeChange
+    from middeck.identification.uncertainty.fit_drift import ModeChange
     from middeck.identification.uncertainty.response_drift import MovedBand, ResponseDrift
 
     assert (_probability(1.2e-318), _probability(0.0), _probability(0.0123)) == (

@@ -14,7 +14,7 @@ from cli_runner import middeck
 from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
+from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of
 from middeck.signals.ports import Port
 
 Capture = pytest.CaptureFixture[str]

@@ -13,7 +13,7 @@ from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
-from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.realtime.package.filter_sections import LoopPath, static_gain
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RACING = """

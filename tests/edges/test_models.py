@@ -17,7 +17,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.measured.models import load_fitted, load_model, write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
+from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of
 from middeck.signals.ports import Port
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

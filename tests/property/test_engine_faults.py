@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -15,7 +16,6 @@ from engine_rigs import (
     nominal_article,
 )
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import with_faults
 from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -53,7 +53,7 @@ def test_a_sample_that_cannot_be_trips_in_itself(kind, state):
     for seed in repeats(range(25)):
         rng = np.random.default_rng([7, seed])
         start = HOLDING + int(rng.integers(100, 400))
-        rig = with_faults(nominal_article(*ARTICLE), *RIG[kind](rng, start), seed=seed)
+        rig = dataclasses.replace(nominal_article(*ARTICLE), faults=RIG[kind](rng, start), seed=seed)
         with Supervisor(
             settings, rig, waveform=0.02 * rng.standard_normal((50, len(settings.drives)))
         ) as engine:
@@ -73,7 +73,7 @@ def test_stop_takes_one_sample(state):
     for seed in repeats(range(25)):
         rng = np.random.default_rng([8, seed])
         start = HOLDING + int(rng.integers(100, 400))
-        rig = with_faults(nominal_article(*ARTICLE), seed=seed)
+        rig = dataclasses.replace(nominal_article(*ARTICLE), seed=seed)
         settings = fault_settings()
         with Supervisor(
             settings, rig, waveform=0.02 * rng.standard_normal((50, len(settings.drives)))

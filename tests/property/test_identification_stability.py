@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.problem.layout import Layout, unpack
+from middeck.identification.problem.unknowns_layout import Layout, unpack
 
 numbers = st.lists(st.floats(-30.0, 30.0), min_size=8, max_size=8)
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.record_fit.simulation import simulate_record
+from middeck.identification.record_fit.simulate_record import simulate_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

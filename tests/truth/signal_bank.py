@@ -6,8 +6,8 @@ from middeck.signals.excitation.binary import design_binary, design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.excitation.noise import design_burst, design_noise
-from middeck.signals.excitation.signal import repeat_periods
-from middeck.signals.excitation.sweep import design_stepped_sine, design_sweep
+from middeck.signals.excitation.signal import Excitation, repeat_periods
+from middeck.signals.excitation.sweep import design_sweep
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -34,11 +34,25 @@ def signals(seed=0):
         "sweep": design_sweep(*where, unit),
         "logarithmic sweep": design_sweep(*where, unit, law="logarithmic"),
         "narrow sweep": design_sweep(*narrow, unit),
-        "stepped": design_stepped_sine(np.linspace(5.0, 15.0, 11), 2.0, RATE, unit),
+        "stepped": stepped_sine(np.linspace(5.0, 15.0, 11), 2.0),
         "mls": design_mls(11, RATE, unit, rng),
         "held mls": design_mls(9, RATE, unit, rng, hold=4),
         "binary": design_binary(*where, unit, rng),
     }
+
+
+def stepped_sine(frequency_hz, dwell_s):
+    """One sine after the other, in whole cycles each."""
+    samples = round(dwell_s * RATE)
+    u = np.sin(2.0 * np.pi * np.outer(frequency_hz * dwell_s, np.arange(samples) / samples)).ravel()
+    return Excitation(
+        kind="stepped sine",
+        what="sines",
+        sample_hz=RATE,
+        u=u[None, :, None] / np.abs(u).max(),
+        lines=np.round(frequency_hz * dwell_s * len(frequency_hz)).astype(int),
+        periodic=True,
+    )
 
 
 def run_of(made, *, periods=3, noise=0.0, leave_out=0, seed=1):

@@ -22,7 +22,6 @@ from middeck.structure.model.article import (
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.sensors_and_actuators import accelerometer_offset
 from middeck.structure.plants.sensors_and_actuators import output_rows as coordinate_rows
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.state_space.modal_system import modal_response, output_rows
@@ -206,24 +205,6 @@ def test_rows_against_finite_motions(hanging: Modes):
         # Central differences: h^2 of truncation, 1e-11 of rounding.
         np.testing.assert_allclose(rows.position[:, j], slope, atol=1e-8)
         np.testing.assert_allclose(rows.acceleration[:, j], np.einsum("si,si->s", axes, moved), atol=1e-8)
-
-
-def test_constant_offset(hanging: Modes):
-    rest = hanging.equilibrium
-    R = frame_poses(rest.model.tree, rest.config).R[0]
-    n = rest.model.structure.sensors[0].axis
-    assert n is not None
-    assert accelerometer_offset(rest, "bus") == pytest.approx(-(R @ n) @ GRAVITY, rel=1e-14)
-    none = accelerometer_offset(solve_equilibrium(bus()[0], Environment.orbit()), "bus")
-    assert (none, np.signbit(none)) == (0.0, False)
-    up = structure([node("a", (0, 0, 0), body(1.0, inertia=(1, 1, 1)))], sensors=[accelerometer("s", "a", Y)])
-    held = dataclasses.replace(up, attach_points=(AttachPoint("t", "a", np.array([0, 0.1, 0])),))
-    rest = solve_equilibrium(
-        held, lab(AnchoredSpring(name="s", attach="t", anchor=2.0 * Y, stiffness=20.0, free_length=1.0))
-    )
-    assert accelerometer_offset(rest, "s") == pytest.approx(G, rel=1e-12)  # one g, upwards
-    with pytest.raises(ConfigError, match="no accelerometer"):
-        accelerometer_offset(hanging.equilibrium, "ax")
 
 
 def test_zero_g_leaves_acceleration_alone():

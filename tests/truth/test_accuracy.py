@@ -11,10 +11,10 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import damping_ratio, model_response, natural_hz
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.spectra import estimate_response
-from middeck.identification.uncertainty.accuracy import expected_accuracy, periods_needed, structure_of
+from middeck.identification.uncertainty.accuracy import expected_accuracy, structure_of
 from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
+from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.signals.excitation.binary import design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
@@ -154,27 +154,6 @@ def test_accuracy_follows_length_noise_and_amplitude():
     )
 
 
-def test_the_periods_needed_are_enough_and_no_more():
-    model = gimbal_model.model()
-    made = design_multisine((0.5, 30.0), 32.0, 256.0, Limits(peak=1.0), RNG(0), phases="compact")
-    once = expected_accuracy(model, made, 1e-3)
-    for name, wanted in (("damping", 0.01), ("frequency", 1e-4), ("gain", 0.01), ("error", 1e-3)):
-        count = periods_needed(once, **{name: wanted})
-
-        def reached(periods, name=name):
-            has = expected_accuracy(model, made, 1e-3, periods=periods)
-            return {
-                "damping": np.max(has.uncertainty.damping / damping_ratio(model)),
-                "frequency": np.max(has.uncertainty.natural_hz / natural_hz(model)),
-                "gain": has.gain.max(),
-                "error": has.error.max(),
-            }[name]
-
-        assert reached(count) <= wanted * (1.0 + 1e-9)
-        assert count == 1 or reached(count - 1) > wanted
-    assert periods_needed(once, delay_s=1.0) == 1
-
-
 def test_better_signals_for_the_same_peak_are_expected_to_say_more():
     """A peak of one: compact phases carry more than random ones, and a sweep as much as its crest says."""
     model = gimbal_model.model()
@@ -209,8 +188,6 @@ def test_tests_that_cannot_tell_are_refused():
         expected_accuracy(model, made, 0.0)
     with pytest.raises(ConfigError, match="periods"):
         expected_accuracy(model, made, 1.0, periods=0)
-    with pytest.raises(ConfigError, match="accuracy"):
-        periods_needed(expected_accuracy(model, made, 1.0))
     few = design_mls(3, 256.0, Limits(peak=1.0), RNG(0))
     with pytest.raises(ConfigError, match="undetermined"):
         expected_accuracy(gimbal_model.model(), few, 1e-3)

@@ -11,7 +11,7 @@ import scipy.linalg as sla
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, move_gain
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.gate.adaptive import prove_gain
 from middeck.realtime.gate.gain_loop import closed_at, form_gain_loop
 from middeck.realtime.gate.gain_metric import Metric
@@ -21,8 +21,8 @@ from middeck.realtime.gate.growth import is_proved_to_grow
 from middeck.realtime.gate.norm_bound import bound_norm, is_below, is_positive
 from middeck.realtime.gate.steps import GateMargins
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section, static_gain
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import InputFilter, LoopPath, Section, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
@@ -353,19 +353,6 @@ def test_growth_is_proved_only_where_it_is():
         A = A * (radius / np.abs(np.linalg.eigvals(A)).max())
         assert is_proved_to_grow(A, np.abs(A), 1e-12) == (radius > 1.0)
     assert not is_proved_to_grow(np.diag([1.0 + 1e-14, 0.5]), np.eye(2), 1e-12)  # within the error
-
-
-def test_the_gain_moves_within_its_bounds():
-    law = gain_of(maximum=2.0, rate=0.5, minimum=0.25)
-    g, seen = 1.0, []
-    for rms in [0.05] * 30 + [0.15] * 5 + [0.5] * 60:
-        after = move_gain(g, rms, law, 0.1)
-        assert abs(after - g) <= 0.05 * (1.0 + 1e-12)
-        g = after
-        seen.append(g)
-    assert max(seen) == 2.0
-    assert seen[30] == seen[34] == 2.0  # between quiet and loud it stays
-    assert seen[-1] == 0.25
 
 
 @pytest.mark.parametrize(

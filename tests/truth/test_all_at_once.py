@@ -13,7 +13,7 @@ from middeck.joints.friction import Friction
 from middeck.laboratory.rig.parts.motors import Motor, Rotor
 from middeck.laboratory.rig.parts.sensors import Encoder
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.ticks.simulation import cut_blocks, simulate_rig
+from middeck.laboratory.rig.ticks.simulate_rig import cut_blocks, simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem

@@ -11,7 +11,7 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.ticks.simulation import switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import switch_on
 from middeck.signals.ports import Port
 from middeck.structure.gimbals.amplitude import sweep_amplitude
 from middeck.structure.gimbals.branches import JointSystem, solve_undamped

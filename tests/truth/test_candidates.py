@@ -22,7 +22,7 @@ from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.posterior import Linear, estimate_at
 from middeck.updating.refinement.refine import Refined, linear_problem, refine
 from middeck.updating.residuals.gauges import Gauge
-from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import Survey, set_up
 from middeck.updating.unknowns.unknowns import Unknown
 from repeats import repeats

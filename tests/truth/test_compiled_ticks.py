@@ -8,12 +8,12 @@ from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.parts.motors import Motor, Rotor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
-from middeck.laboratory.rig.plant.drift import Drift
+from middeck.laboratory.rig.plant.drifting_modes import Drift
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.ticks import compiled, simulation
+from middeck.laboratory.rig.ticks import compiled, simulate_rig
 from middeck.laboratory.rig.ticks.compiled import TickRows, compile_ticks, run_compiled
 from middeck.laboratory.rig.ticks.products import column_sums
-from middeck.laboratory.rig.ticks.simulation import switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import switch_on
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.generate import compiler
 from middeck.signals.ports import Port
@@ -90,11 +90,11 @@ def test_every_number_of_a_run_is_that_of_the_ticks_in_python(name, law, monkeyp
         used.append(run_compiled(*asked))
         return used[-1]
 
-    monkeypatch.setattr(simulation, "run_compiled", seen)
+    monkeypatch.setattr(simulate_rig, "run_compiled", seen)
     in_c = ran(rig, law)
     assert used
     assert all(done is not None for done in used)
-    monkeypatch.setattr(simulation, "run_compiled", lambda *asked: None)
+    monkeypatch.setattr(simulate_rig, "run_compiled", lambda *asked: None)
     python = ran(rig, law)
     if name == "all":  # its limits are met
         assert np.abs(python["torque"][:, 0]).max() == 0.6

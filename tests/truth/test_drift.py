@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.files.measured.models import load_fitted, write_model
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.uncertainty.covariance import as_exact
-from middeck.identification.uncertainty.drift import compare_fits
+from middeck.identification.uncertainty.fit_drift import compare_fits
 from middeck.identification.uncertainty.response_drift import compare_responses, holm
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import FrequencyResponse

@@ -17,10 +17,10 @@ from middeck.laboratory.rig.linear_view import close_rig
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.plant.ageing import CHORD, TURN
-from middeck.laboratory.rig.plant.drift import Drift, age_plant
+from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import StopRule, run_closed_loop, run_open_loop
-from middeck.laboratory.rig.ticks.simulation import simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import is_stable

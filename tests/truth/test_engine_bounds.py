@@ -22,8 +22,8 @@ from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, Sensor
 from middeck.realtime.engine.process.launch import started_settings
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.article import Fault
+from middeck.realtime.package.filter_sections import SMALLEST, LoopPath, static_gain
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import SMALLEST, LoopPath, static_gain
 from middeck.signals.ports import Port
 from packaged_laws import PERIOD_S, ports
 

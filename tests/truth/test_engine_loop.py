@@ -9,12 +9,12 @@ import pytest
 import scipy.signal
 
 from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, random_package
-from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof, move_gain
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, hash_hold
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.binary import hash_package
+from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import LoopPath, Section
 from packaged_laws import ports
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -266,7 +266,8 @@ def moved(gain, y):
     filtered, _ = scipy.signal.sosfilt(sos, y, zi=scipy.signal.sosfilt_zi(sos) * y[0])  # constant before
     for value in filtered:
         power += -np.expm1(-0.002 / gain.seconds) * (value**2 - power)
-        g = move_gain(g, np.sqrt(power), gain, 0.002)
+        way = (power < gain.quiet_rms**2) - float(power > gain.loud_rms**2)
+        g = np.clip(g + 0.002 * gain.rate * way, gain.minimum, gain.maximum)
         found.append(g)
     return np.array(found)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import os
 import re
@@ -32,8 +33,8 @@ from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.compile import build_engine, engine_sources
 from middeck.realtime.engine.process.supervisor import DriverRig, Supervisor
-from middeck.realtime.engine.rigs.article import Fault, LinearArticle, with_faults
-from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.realtime.engine.rigs.article import Fault, LinearArticle
+from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from packaged_laws import PERIOD_S
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -56,7 +57,7 @@ def test_a_loud_band_does_not_hide_that_the_hold_takes_all_effort(watched):
         hold=(LoopPath(1, 0, static_gain(-40.0)),), verify_s=0.1, effort_s=0.5,
         monitors=(loud,) if watched else (),
     )  # fmt: skip
-    turned = with_faults(article, Fault(kind="output gain", start=1500, value=-1.0))
+    turned = dataclasses.replace(article, faults=(Fault(kind="output gain", start=1500, value=-1.0),))
     with Supervisor(settings, turned) as engine:
         verified(engine)
         engine.run(4000, keep=False)

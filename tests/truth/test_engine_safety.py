@@ -26,11 +26,11 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.settings import Drive, SensorTest, Spread
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import Fault, encode_article, linear_article, with_faults
+from middeck.realtime.engine.rigs.article import Fault, encode_article, linear_article
 from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, static_gain
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import InputFilter, LoopPath, static_gain
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace
@@ -448,7 +448,9 @@ def test_sensors_that_read_one_thing_must_agree():
     rig = still_article([0.1, 0.1, 0.0])
     spread = Spread("y0", "y1", 0.01, 0.02)
     for value, trips in ((0.009, False), (0.011, True)):
-        faulty = with_faults(rig, Fault(kind="sensor add", channel=1, start=50, value=value))
+        faulty = dataclasses.replace(
+            rig, faults=(Fault(kind="sensor add", channel=1, start=50, value=value),)
+        )
         with Supervisor(plain_settings(spreads=(spread,)), faulty) as engine:
             engine.reset()
             last = engine.run(100)[-1]
@@ -464,7 +466,7 @@ def test_a_sensor_that_gives_one_value_for_too_long_is_stuck(length, trips):
     sensors = (plain.sensors[0], dataclasses.replace(plain.sensors[1], stuck_s=10 * PERIOD_S))
     rig = still_article([0.1, 0.1], C=np.eye(2), sensor_noise=np.array([0.0, 1e-3]))
     stuck = Fault(kind="sensor stuck", channel=1, start=51, end=51 + length)
-    with Supervisor(plain_settings(sensors=sensors), with_faults(rig, stuck)) as engine:
+    with Supervisor(plain_settings(sensors=sensors), dataclasses.replace(rig, faults=(stuck,))) as engine:
         engine.reset()
         engine.run(100, keep=False)
         assert [(e.kind, e.sample) for e in engine.events() if e.trips] == [("stuck", k) for k in trips]
@@ -543,7 +545,7 @@ def test_a_linear_article_has_as_many_disturbances_as_it_likes():
 )
 def test_faults_of_channels_that_are_not_there_are_refused(fault):
     with pytest.raises(ConfigError, match="channel"):
-        encode_article(with_faults(random_article(), Fault(**fault)))
+        encode_article(dataclasses.replace(random_article(), faults=(Fault(**fault),)))
 
 
 @pytest.mark.parametrize(

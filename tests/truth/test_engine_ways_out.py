@@ -23,10 +23,10 @@ from engine_cases import (
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.settings import Drive, time_to_rest
-from middeck.realtime.engine.process import supervisor
+from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.build import package_law
-from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports
 
@@ -255,13 +255,13 @@ def test_what_makes_safe_finds_a_place_in_a_full_queue(monkeypatch):
         engine.reset()
         engine.command("engage", values=[1.0])
         engine.send("standby", at=1 << 40)
-        monkeypatch.setattr(supervisor, "PATIENCE_S", 1.0)
+        monkeypatch.setattr(commanded_engine, "PATIENCE_S", 1.0)
         with pytest.raises(DataError, match="does not answer"):
             send_many(engine, "standby")
         assert engine.command("disengage").done
         with pytest.raises(DataError, match="does not answer"):
             send_many(engine, "silence")
-        monkeypatch.setattr(supervisor, "KEPT_FREE", {"end": 250})
+        monkeypatch.setattr(commanded_engine, "KEPT_FREE", {"end": 250})
         began = time.monotonic()
         engine.close()
         assert time.monotonic() - began < 3.0

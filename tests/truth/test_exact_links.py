@@ -34,7 +34,7 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
 from middeck.structure.rest.link_loads import link_loads
-from middeck.structure.rest.settled import TOLERANCE
+from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.systems.plants.plant import Plant
 from repeats import repeats

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from middeck.identification.model.descent import SMALLEST_GAIN, Step, is_positive, search
 from middeck.identification.model.fit_options import FitOptions
+from middeck.identification.model.levenberg_marquardt import SMALLEST_GAIN, Step, is_positive, search
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms
 from middeck.identification.problem.gram_blocks import Functions
-from middeck.identification.problem.layout import Layout, Point, pack
-from middeck.identification.search.refine import weighted
+from middeck.identification.problem.residual_and_slopes import build_terms
+from middeck.identification.problem.unknowns_layout import Layout, Point, pack
+from middeck.identification.search.least_squares_costs import weighted
 
 CURVATURE = np.array([[2.0, 1.0], [1.0, 3.0]])
 # The same with a product that rounding has made larger than both lengths allow.

@@ -7,11 +7,11 @@ import pytest
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data, Transient
-from middeck.identification.problem.design import build_terms, residual_of
 from middeck.identification.problem.gram_blocks import Functions, weigh
-from middeck.identification.problem.layout import Layout, Point, pack
 from middeck.identification.problem.normal_equations import Solved, solve_normal
-from middeck.identification.search.refine import solve_by_qr, weighted
+from middeck.identification.problem.residual_and_slopes import build_terms, residual_of
+from middeck.identification.problem.unknowns_layout import Layout, Point, pack
+from middeck.identification.search.least_squares_costs import solve_by_qr, weighted
 
 
 def a_layout(*, imag=0.0, rigid_pivot=(), integral_pivot=(), **options):

@@ -11,11 +11,11 @@ from middeck.identification.faults import detect_faults
 from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.mode_trust import checked_covariance
-from middeck.identification.fit.tidy import mode_significance, with_split, without_modes
+from middeck.identification.fit.unneeded_modes import mode_significance, with_split, without_modes
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
-from middeck.identification.problem.layout import Layout, Point, Start, pack
-from middeck.identification.record_fit import continuous
+from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack
+from middeck.identification.record_fit import continuous_fit
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra import estimate_response
 from middeck.signals.record import Record
@@ -292,7 +292,7 @@ def test_no_deviation_is_less_than_rounding_and_none_is_not_a_number():
 
 def test_a_model_without_value_on_other_free_samples_stays_on_its_own(monkeypatch):
     # A pole that decays within the samples freed for the delay stands for the same as they do.
-    monkeypatch.setattr(continuous, "refine_record", lambda *_, **__: None)
+    monkeypatch.setattr(continuous_fit, "refine_record", lambda *_, **__: None)
     fit = fit_record(shaken(PLANT, 512, RATE, (1.0, 40.0), noise=1e-3), states=4)
     assert is_right(fit)
 

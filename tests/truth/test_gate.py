@@ -15,8 +15,8 @@ from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.gate.steps import FADES, GateMargins
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.section import InputFilter, LoopPath, Section
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port

@@ -23,8 +23,8 @@ from middeck.realtime.gate.steps import GateMargins
 from middeck.realtime.gate.trials import GateTrials
 from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.build import package_law
+from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.reference import fade_at
-from middeck.realtime.package.section import LoopPath, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

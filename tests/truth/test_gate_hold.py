@@ -22,7 +22,7 @@ from middeck.realtime.gate.steps import GateMargins, GateStep
 from middeck.realtime.gate.trials import GateRig, GateTrials, check_dry_run, check_engagement
 from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.build import package_law
-from middeck.realtime.package.section import LoopPath, Section, static_gain
+from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

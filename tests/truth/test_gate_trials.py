@@ -26,7 +26,7 @@ from middeck.realtime.gate.trials import (
     package_settings,
 )
 from middeck.realtime.package.build import package_law
-from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

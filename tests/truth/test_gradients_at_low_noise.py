@@ -5,10 +5,10 @@ import pytest
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms
-from middeck.identification.problem.layout import Layout, Point, pack
-from middeck.identification.problem.projection import as_real
-from middeck.identification.search.refine import by_normal_equations, weighted
+from middeck.identification.problem.residual_and_slopes import build_terms
+from middeck.identification.problem.transient_projection import as_real
+from middeck.identification.problem.unknowns_layout import Layout, Point, pack
+from middeck.identification.search.least_squares_costs import by_normal_equations, weighted
 
 pytestmark = pytest.mark.kernels
 

@@ -14,7 +14,6 @@ from scipy.special import jv
 
 from middeck.errors import ConfigError
 from middeck.files.documents import load_setup
-from middeck.structure.gravity.events import EventKind
 from middeck.structure.gravity.gravity_levels import (
     DeviceRule,
     Place,
@@ -23,6 +22,7 @@ from middeck.structure.gravity.gravity_levels import (
     tilt_place,
 )
 from middeck.structure.gravity.path import GravityPath, follow_gravity
+from middeck.structure.gravity.path_events import EventKind
 from middeck.structure.model.article import AttachPoint, Joint, JointState, Section, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension

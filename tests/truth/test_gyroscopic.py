@@ -13,8 +13,8 @@ import scipy.linalg as sla
 from middeck.errors import ConfigError, UnstableEquilibriumError
 from middeck.laboratory.article import solve_rig_article
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.gyroscopic import spinning_wheels
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.assembly.wheel_forces import spinning_wheels
 from middeck.structure.elements.frames import frame_poses, move
 from middeck.structure.model.article import (
     Actuator,

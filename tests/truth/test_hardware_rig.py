@@ -17,7 +17,7 @@ from middeck.laboratory.rig.parts.motors import Motor, Rotor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler, sensor_lag
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import StopRule, remove_ramps, run_closed_loop, run_open_loop
-from middeck.laboratory.rig.ticks.simulation import simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import simulate_rig, switch_on
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

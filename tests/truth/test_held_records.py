@@ -25,10 +25,10 @@ from middeck.files.measured.models import load_model, write_model
 from middeck.files.records import load_record, open_record, write_record
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import model_response
-from middeck.identification.model.simulation import folded_response, held_response, nrmse
+from middeck.identification.model.steady_simulation import folded_response, held_response, nrmse
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.record_fit.simulation import record_nrmse
+from middeck.identification.record_fit.simulate_record import record_nrmse
 from middeck.identification.spectra import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

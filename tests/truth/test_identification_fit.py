@@ -4,12 +4,13 @@ import pytest
 
 from middeck import MeasurementModel, estimate_response, fit_response, measured_plant, model_response
 from middeck.errors import ConfigError
-from middeck.identification import damping_ratio, sampled_statespace
+from middeck.identification import damping_ratio
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import natural_hz
+from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, pack, unpack
-from middeck.identification.search.refine import logarithmic, weighted
+from middeck.identification.problem.unknowns_layout import Layout, Point, pack, unpack
+from middeck.identification.search.least_squares_costs import logarithmic, weighted
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant, statespace_response
 from repeats import LONG, repeats
@@ -195,7 +196,7 @@ def test_sampled_model_equals_its_state_space():
         inputs=gimbal_record.INPUTS, outputs=gimbal_record.OUTPUTS[:2], sample_hz=1.0 / T,
     )  # fmt: skip
     f = np.linspace(0.0, 50.0, 40)
-    system = sampled_statespace(model)
+    system = rational_statespace(model)
     assert len(system.A) == model.states == 4
     # Rounding.
     np.testing.assert_allclose(

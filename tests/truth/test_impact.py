@@ -10,7 +10,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.impact import average_blows, fit_impact, locate_blows, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
-from middeck.identification.uncertainty.unknowns import model_at, unknowns_of
+from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.systems.plants.response import FrequencyResponse
 
 HZ, ZETA, DELAY = np.array([6.0, 17.0]), np.array([0.02, 0.01]), 0.011

@@ -6,7 +6,7 @@ import scipy.linalg as sla
 
 from middeck.control.riccati.continuous import solve_riccati
 from middeck.control.riccati.lyapunov import solve_lyapunov
-from middeck.control.riccati.subspace import SMALL, solve_by_subspace
+from middeck.control.riccati.stable_subspace import SMALL, solve_by_subspace
 from middeck.errors import NotStabilisableError
 
 
@@ -44,7 +44,7 @@ def test_light_damping_and_integrators(zeta, free, rho):
 def test_blocks_and_one_piece_agree(monkeypatch):
     A, B, C = structure(55, 1e-2)
     blocks = solve_by_subspace(A, B @ B.T, C.T @ C)
-    monkeypatch.setattr("middeck.control.riccati.subspace.SMALL", 10**6)
+    monkeypatch.setattr("middeck.control.riccati.stable_subspace.SMALL", 10**6)
     whole = solve_by_subspace(A, B @ B.T, C.T @ C)
     # The same subspace twice; its condition is that of poles 1e-2 of their size from the axis.
     np.testing.assert_allclose(blocks, whole, atol=1e-8 * np.abs(whole).max())

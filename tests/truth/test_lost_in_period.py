@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 import middeck as md
 from middeck.identification.faults import detect_faults
-from middeck.identification.faults.one_period import find_lost_in_period
+from middeck.identification.faults.lost_in_a_period import find_lost_in_period
 
 SAMPLES, RATE_HZ = 512, 64.0
 

@@ -99,7 +99,6 @@ def test_delayed_modes_agree_with_a_brute_force_grid() -> None:
     assert np.sort(one.gain[ahead]) == pytest.approx(np.sort(-1.0 / L[cross].real), rel=3e-3)
     assert one.sensitivity.gain == pytest.approx(np.abs(1.0 / (1.0 + L)).max(), rel=1e-6)
     assert one.sensitivity.gain >= np.abs(1.0 / (1.0 + L)).max()
-    assert one.complementary.gain == pytest.approx(np.abs(L / (1.0 + L)).max(), rel=1e-6)
 
 
 def test_a_steady_gain_that_turns_the_sign_counts() -> None:
@@ -259,7 +258,7 @@ def test_a_law_without_gain_bears_everything(plant: Plant) -> None:
         for one in measure_margins(plant, gain(0.0), at=at).loops:
             assert (one.gain_limits, one.gain_db) == ((0.0, np.inf), np.inf)
             assert (one.phase_limit_rad, one.delay_limit_s) == (np.inf, np.inf)
-            assert (one.sensitivity.gain, one.complementary.gain, one.disk.alpha) == (1.0, 0.0, 2.0)
+            assert (one.sensitivity.gain, one.disk.alpha) == (1.0, 2.0)
 
 
 def test_a_root_on_a_line_is_minus_one_where_it_is_seen() -> None:

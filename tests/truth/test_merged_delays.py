@@ -9,11 +9,11 @@ import scipy.stats
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
-from middeck.identification.plants.delays import merge_delays
 from middeck.identification.plants.measured_plant import measured_plant
+from middeck.identification.plants.merged_delays import merge_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance, as_exact
-from middeck.identification.uncertainty.parameters import parameters_of
-from middeck.identification.uncertainty.unknowns import ModelStructure, places_of, unknowns_of
+from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, unknowns_of
+from middeck.identification.uncertainty.parameter_deviations import parameters_of
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.response import FrequencyResponse

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.problem.layout import unpack
+from middeck.identification.problem.unknowns_layout import unpack
 from middeck.identification.record_fit.missed_modes import exchanges, grown
-from middeck.identification.record_fit.search import leader, refine_record
-from middeck.identification.record_fit.spectra import record_data
-from middeck.identification.record_fit.starts import start_of
+from middeck.identification.record_fit.record_spectra import record_data
+from middeck.identification.record_fit.record_starts import start_of
+from middeck.identification.record_fit.refine_record import leader, refine_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

@@ -12,8 +12,8 @@ from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import model_response, natural_hz
 from middeck.identification.uncertainty.model_set import sample_models
+from middeck.identification.uncertainty.model_unknowns import unknowns_of
 from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
-from middeck.identification.uncertainty.unknowns import unknowns_of
 from middeck.signals.ports import Port
 
 F = np.geomspace(0.3, 30.0, 80)

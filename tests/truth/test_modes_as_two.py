@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from middeck.identification.fit.tidy import pairs_of
+from middeck.identification.fit.unneeded_modes import pairs_of
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.problem.layout import Point
-from middeck.identification.record_fit.scout import has_many_outputs
-from middeck.identification.record_fit.search import refine_record
-from middeck.identification.record_fit.spectra import record_data
-from middeck.identification.record_fit.tidy import tidied
+from middeck.identification.problem.unknowns_layout import Point
+from middeck.identification.record_fit.record_spectra import record_data
+from middeck.identification.record_fit.reduced_record import has_many_outputs
+from middeck.identification.record_fit.refine_record import refine_record
+from middeck.identification.record_fit.unneeded_modes_and_sines import tidied
 from middeck.identification.start.start import start_from_point
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -14,10 +14,10 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.parts.motors import Motor, Rotor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
-from middeck.laboratory.rig.plant.drift import Drift, age_plant, nearest_modes
+from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant, nearest_modes
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
-from middeck.laboratory.rig.ticks.simulation import BLOCK, cut_blocks, simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import BLOCK, cut_blocks, simulate_rig, switch_on
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

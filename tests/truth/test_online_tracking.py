@@ -11,7 +11,7 @@ import pytest
 from middeck.errors import ConfigError, DataError
 from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
 from middeck.identification.tracking.lag import SCORE, add, behind, mean_lag, no_lag, unexplained
-from middeck.identification.tracking.recovery import (
+from middeck.identification.tracking.loss_and_restart import (
     BLOCK,
     BLOCKS,
     MEMORY,
@@ -26,7 +26,7 @@ from middeck.identification.tracking.recovery import (
     step_modes,
 )
 from middeck.identification.tracking.tracked_state import FIRST_GAIN
-from middeck.identification.uncertainty.parameters import Uncertainty
+from middeck.identification.uncertainty.parameter_deviations import Uncertainty
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.record import Record

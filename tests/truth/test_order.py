@@ -13,12 +13,12 @@ from middeck.identification.order.order import Tried, choose, is_settled
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Layout, Point, Start, pack, unpack
+from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack, unpack
+from middeck.identification.search.least_squares_costs import weighted
 from middeck.identification.search.polish import bound_theta, bounded, polish
-from middeck.identification.search.refine import weighted
-from middeck.identification.spectra.weights import Spread, spread_of
+from middeck.identification.spectra.fit_weights import Spread, spread_of
+from middeck.identification.start.frequency_subspace import prune
 from middeck.identification.start.start import drive_vectors
-from middeck.identification.start.subspace import prune
 
 
 def data_of(measured):

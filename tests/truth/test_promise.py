@@ -33,7 +33,7 @@ from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahe
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
 from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise
-from middeck.updating.promise.sweep import sweep_plants, try_sweep
+from middeck.updating.promise.robustness_sweep import sweep_plants, try_sweep
 from middeck.updating.refinement.refine import Refined
 from repeats import LONG
 

@@ -10,7 +10,7 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.record_fit.simulation import record_nrmse
+from middeck.identification.record_fit.simulate_record import record_nrmse
 from middeck.signals.record import Record
 from repeats import repeats
 

@@ -8,7 +8,7 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.uncertainty.parameters import parameters_of
+from middeck.identification.uncertainty.parameter_deviations import parameters_of
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from repeats import LONG, repeats

@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from middeck.identification.model.measurement_model import is_mode, natural_hz
-from middeck.identification.record_fit import scout
+from middeck.identification.record_fit import reduced_record
 from middeck.identification.record_fit.fit_record import fit_record, is_held
-from middeck.identification.record_fit.simulation import record_nrmse
-from middeck.identification.record_fit.spectra import as_fitted
+from middeck.identification.record_fit.record_spectra import as_fitted
+from middeck.identification.record_fit.simulate_record import record_nrmse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -94,8 +94,8 @@ def shaken(seed, *, outputs=4, samples=1000, rate=64.0):
 
 
 def test_of_many_sensors_a_few_tell_the_order_and_a_mode_that_one_alone_sees_is_found(monkeypatch):
-    monkeypatch.setattr(scout, "FEW", 1)
-    monkeypatch.setattr(scout, "LARGE", 1000)
+    monkeypatch.setattr(reduced_record, "FEW", 1)
+    monkeypatch.setattr(reduced_record, "LARGE", 1000)
     hz, record = shaken(0)
     said = []
     fitted = fit_record(record, sampled=False, tell=said.append)

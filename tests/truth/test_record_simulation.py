@@ -5,7 +5,7 @@ import pytest
 
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.record_fit.simulation import record_nrmse, simulate_record
+from middeck.identification.record_fit.simulate_record import record_nrmse, simulate_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 

@@ -20,7 +20,7 @@ from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
-from middeck.laboratory.rig.plant.drift import Drift, nearest_modes
+from middeck.laboratory.rig.plant.drifting_modes import Drift, nearest_modes
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer import TUBE_SHEAR

@@ -14,7 +14,7 @@ from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.runs import run_closed_loop
-from middeck.laboratory.rig.ticks.simulation import simulate_rig
+from middeck.laboratory.rig.ticks.simulate_rig import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace

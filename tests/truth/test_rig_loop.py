@@ -10,7 +10,7 @@ import pytest
 from middeck.control.law.compensator import Compensator
 from middeck.laboratory.bench import Bench
 from middeck.laboratory.loop_stability import RigView, fastest_pole, judge_loop, view_rig
-from middeck.laboratory.rig.plant.drift import Drift, age_plant, nearest_modes
+from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant, nearest_modes
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

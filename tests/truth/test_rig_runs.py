@@ -17,7 +17,7 @@ from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Encoder, Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import StopRule, find_steady_start, run_closed_loop, run_open_loop
-from middeck.laboratory.rig.ticks.simulation import DivergedError, simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import DivergedError, simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace

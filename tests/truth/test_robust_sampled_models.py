@@ -10,7 +10,7 @@ from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_pla
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.robust.designs.multimodel import design_multimodel
-from middeck.control.robust.designs.sampled_plant import plant_as_sampled
+from middeck.control.robust.designs.plant_as_sampled import plant_as_sampled
 from middeck.control.robust.designs.worst_of_many import design_for_worst
 from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.errors import ConfigError

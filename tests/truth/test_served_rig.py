@@ -15,9 +15,9 @@ from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.parts.motors import Motor, Rotor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
-from middeck.laboratory.rig.plant.drift import Drift
+from middeck.laboratory.rig.plant.drifting_modes import Drift
 from middeck.laboratory.rig.rig import build_rig
-from middeck.laboratory.rig.ticks.simulation import cut_blocks, simulate_rig, switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import cut_blocks, simulate_rig, switch_on
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest

@@ -27,7 +27,7 @@ from middeck.updating.orbit.deflections import predict_deflections
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.gauges import Gauge, GaugeKind
-from middeck.updating.residuals.statics import ErrorFields, StaticTest, set_up_static
+from middeck.updating.residuals.static_tests import ErrorFields, StaticTest, set_up_static
 from middeck.updating.unknowns.unknowns import Unknown
 from repeats import LONG, repeats
 

@@ -18,7 +18,7 @@ from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.signals.ports import Channel, Port
-from middeck.structure.modes.results.first_bending import dispersed_modes
+from middeck.structure.modes.results.dispersed_modes import dispersed_modes
 from middeck.systems.plants.standard_sweep import DispersedModes, Dispersion, dispersed_factors
 
 HZ = np.array([1.7, 7.0, 9.0])

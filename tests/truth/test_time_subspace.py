@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from middeck.identification.record_fit.subspace import compress_past, observability, record_poles
+from middeck.identification.record_fit.time_subspace import compress_past, observability, record_poles
 
 Z = np.array([0.95 * np.exp(0.7j), 0.9 * np.exp(1.9j)])
 

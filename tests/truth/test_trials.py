@@ -15,7 +15,7 @@ from middeck.realtime.engine.process.supervisor import DriverRig
 from middeck.realtime.engine.rigs.article import Fault, linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
-from middeck.realtime.package.section import LoopPath, static_gain
+from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.single_precision import to_single
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

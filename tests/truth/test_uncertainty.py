@@ -17,10 +17,17 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 from middeck.identification.spectra import estimate_response
-from middeck.identification.spectra.weights import spread_of
+from middeck.identification.spectra.fit_weights import spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance, line_degrees
 from middeck.identification.uncertainty.entry_factors import entry_slopes
-from middeck.identification.uncertainty.parameters import (
+from middeck.identification.uncertainty.model_unknowns import (
+    ModelStructure,
+    model_at,
+    places_of,
+    ties,
+    unknowns_of,
+)
+from middeck.identification.uncertainty.parameter_deviations import (
     distinct_poles,
     modal_constant,
     parameters_of,
@@ -29,7 +36,6 @@ from middeck.identification.uncertainty.parameters import (
     zero_deviation,
 )
 from middeck.identification.uncertainty.response_bounds import response_bounds
-from middeck.identification.uncertainty.unknowns import ModelStructure, model_at, places_of, ties, unknowns_of
 from middeck.systems.plants.response import FrequencyResponse, ResponseCovariance
 from repeats import LONG, repeats
 

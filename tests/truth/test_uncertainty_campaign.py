@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from middeck.identification.model.measurement_model import natural_hz
-from middeck.identification.uncertainty.parameters import parameters_of
+from middeck.identification.uncertainty.parameter_deviations import parameters_of
 from middeck.identification.uncertainty.response_bounds import response_bounds, simultaneous_bounds
 
 # Peaks, zeros and what lies between, over the band that is scored.

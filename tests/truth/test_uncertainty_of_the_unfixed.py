@@ -11,8 +11,8 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.uncertainty.covariance import estimate_covariance
-from middeck.identification.uncertainty.parameters import stated, uncertainty_of
-from middeck.identification.uncertainty.unknowns import ModelStructure
+from middeck.identification.uncertainty.model_unknowns import ModelStructure
+from middeck.identification.uncertainty.parameter_deviations import stated, uncertainty_of
 from middeck.signals.ports import Port
 from middeck.study.chapters.measured_control.text import fit_tables
 from middeck.study.chapters.two_sensor_control.text import encoder_tables

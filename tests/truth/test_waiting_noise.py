@@ -8,7 +8,7 @@ import scipy.linalg as sla
 
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sensor
 from middeck.laboratory.rig.rig import Rig, build_rig
-from middeck.laboratory.rig.ticks.simulation import simulate_rig
+from middeck.laboratory.rig.ticks.simulate_rig import simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from plant_builders import sum_of_modes

@@ -16,7 +16,7 @@ from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_plants
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.participation import find_participation, find_participations
+from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
 from middeck.control.sampled.emulation import emulate
@@ -173,19 +173,6 @@ def test_nominal_lqg_inverts_and_the_sampled_loop_says_the_same() -> None:
     assert sampled[0].zero == pytest.approx(found[0].zero, rel=1e-4)
 
 
-def test_participation_of_every_pole() -> None:
-    loop = close_loop(approximate_delays(LATE, 3), LAW)
-    every = find_participations(loop)
-    assert len(every) == int(np.sum(loop.poles.imag >= 0.0))
-    assert every[0] == find_participation(loop)
-    assert all(p.shares.sum() + p.compensator == pytest.approx(1.0) for p in every)
-    idle = close_loop(
-        PLANT, dataclasses.replace(LAW, dynamics=dataclasses.replace(LAW.system, C=LAW.system.C * 0.0))
-    )
-    leads = {p.names[int(np.argmax(p.shares))] for p in find_participations(idle) if p.shares.max() > 0.99}
-    assert leads == set(MODES)
-
-
 @pytest.mark.parametrize("k", [0.3, 2.0, 6.0])
 def test_two_coupled_modes_share_a_pole_as_their_eigenvectors_say(k: float) -> None:
     """Two modes of w1, w2 joined by a spring: (1 - s, s), tan 2a = 2 k / (w2^2 - w1^2), s = sin^2 a."""
@@ -196,7 +183,7 @@ def test_two_coupled_modes_share_a_pole_as_their_eigenvectors_say(k: float) -> N
     loop = close_loop(plant, Compensator(gain_system(np.array([[-k]])), (WAY,), (FORCE,)))
     a = 0.5 * np.arctan2(2.0 * k, w[1] ** 2 - w[0] ** 2)
     stiff = np.linalg.eigvalsh(np.diag(w**2) + k)
-    for found in find_participations(loop):
-        slow = np.cos(a) ** 2 if found.pole.imag < np.sqrt(stiff.mean()) else np.sin(a) ** 2
-        # Left and right eigenvectors are those of the symmetric stiffness.
-        assert found.shares == pytest.approx([slow, 1.0 - slow], rel=1e-10)
+    found = find_participation(loop)
+    slow = np.cos(a) ** 2 if found.pole.imag < np.sqrt(stiff.mean()) else np.sin(a) ** 2
+    # Left and right eigenvectors are those of the symmetric stiffness.
+    assert found.shares == pytest.approx([slow, 1.0 - slow], rel=1e-10)

@@ -10,15 +10,20 @@ from .loop.pointing import (
     PointingWindow as PointingWindow,
     budget_pointing as budget_pointing,
 )
-from .lqg.spectra import (
+from .lqg.coloured_plant import colour_disturbances as colour_disturbances
+from .lqg.disturbance_spectra import (
     fit_spectrum as fit_spectrum,
     line_filter as line_filter,
     sum_spectra as sum_spectra,
 )
+from .robust.designs.plant_as_sampled import plant_as_sampled as plant_as_sampled
 from .robust.designs.worst_of_many import design_for_worst as design_for_worst
 from .robust.designs.popov import design_popov as design_popov
 from .robust.designs.sensitivity_weighted import design_sensitivity_weighted as design_sensitivity_weighted
-from .robust.verification.many_loops import measure_many as measure_many
+from .robust.verification.many_loops import (
+    close_many as close_many,
+    measure_many as measure_many,
+)
 from .robust.verification.monte_carlo import verify_robustness as verify_robustness
 from .sampled.aliases import find_aliases as find_aliases
 from .sampled.antialias import filter_measurements as filter_measurements

@@ -4,12 +4,12 @@ from .article import (
     rig_article_plant as rig_article_plant,
     solve_rig_article as solve_rig_article,
 )
-from .rig.plant.drift import (
+from .rig.plant.drifting_modes import (
     Drift as Drift,
     age_plant as age_plant,
     nearest_modes as nearest_modes,
 )
-from .rig.events import StopRule as StopRule
+from .rig.run_events import StopRule as StopRule
 from .rig.parts.motors import Motor as Motor
 from .rig.parts.sensors import (
     Encoder as Encoder,

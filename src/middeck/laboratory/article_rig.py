@@ -15,7 +15,7 @@ from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Sensor
-from middeck.laboratory.rig.plant.drift import Drift, age_plant
+from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.settings import RigSettings
 from middeck.structure.model.article import Actuator, JointState, SensorKind, Structure

@@ -17,7 +17,7 @@ from middeck.identification.spectra import estimate_response
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.limit_cycle import limit_cycle
-from middeck.laboratory.rig.plant.drift import Drift, nearest_modes
+from middeck.laboratory.rig.plant.drifting_modes import Drift, nearest_modes
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import run_closed_loop, run_open_loop
 from middeck.laboratory.settings import LoopTest, RigSettings

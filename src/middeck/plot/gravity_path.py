@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from middeck.plot.style import COLOUR, PlainNumbers, new_figure, styled
-from middeck.structure.gravity.events import EventKind, GravityEvent
 from middeck.structure.gravity.path import GravityPath
+from middeck.structure.gravity.path_events import EventKind, GravityEvent
 
 KIND = {
     **{"rigid": COLOUR["ink"], "suspension": COLOUR["orbit"], "pendulum": COLOUR["orbit"]},

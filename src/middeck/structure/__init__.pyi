@@ -18,11 +18,12 @@ from .modes.results.drawing import (
     Drawing as Drawing,
     build_mode_drawing as build_mode_drawing,
 )
-from .modes.results.recovery import recover_outputs as recover_outputs
+from .modes.results.component_outputs import recover_outputs as recover_outputs
 from .plants.residual_flexibility import compare_static_gain as compare_static_gain
 from .rest.link_loads import link_loads as link_loads
 from .sensitivity.parameters import find_parameters as find_parameters
 from .sensitivity.rest import differentiate_rest as differentiate_rest
+from .sensitivity.shapes import differentiate_modes as differentiate_modes
 from .suspension.attitude import estimate_attitude as estimate_attitude
 from .suspension.device_friction import (
     estimate_rest_band as estimate_rest_band,

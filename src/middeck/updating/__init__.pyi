@@ -10,6 +10,6 @@ from .residuals.gauges import (
     Gauge as Gauge,
     GaugeKind as GaugeKind,
 )
-from .residuals.statics import StaticTest as StaticTest
+from .residuals.static_tests import StaticTest as StaticTest
 
 __all__: list[str]

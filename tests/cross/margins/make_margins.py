@@ -17,14 +17,13 @@ import control
 def margins(A, B, C, D) -> dict:
     L = control.ss(A, B, C, D)
     gain, phase, _, w_gain, w_phase, _ = control.stability_margins(L, returnall=True)
-    T, S = control.feedback(L, 1), control.feedback(1, L)
+    S = control.feedback(1, L)
     return {
         "gain": sorted(gain.tolist()),
         "phase_deg": phase[np.argsort(w_phase)].tolist(),
         "phase_omega": sorted(w_phase.tolist()),
         "gain_omega": w_gain[np.argsort(gain)].tolist(),
         "sensitivity": float(control.system_norm(S, "inf")),
-        "complementary": float(control.system_norm(T, "inf")),
     }
 
 

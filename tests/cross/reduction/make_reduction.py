@@ -1,4 +1,4 @@
-"""Reduced systems and peak gains by slycot (SLICOT's AB09AD, AB09BD, AB09MD, AB09ND, AB13DD).
+"""Reduced systems and peak gains by slycot (SLICOT's AB09AD, AB09MD, AB13DD).
 
 In an environment of its own with slycot 0.7.1 and scipy: python make_reduction.py.
 Writes numbers.npz beside it.
@@ -51,16 +51,13 @@ def reduced(name: str, order: int, A: np.ndarray, B: np.ndarray, C: np.ndarray, 
     head = "C", "B", "N", len(A), B.shape[1], len(C)
     if name == "rigid":
         nr, Ar, Br, Cr, _, hsv = ask("ab09md", *head, A, B, C, alpha=-1e-5, nr=order)
-        sr, *still = ask("ab09nd", *head, A, B, C, D, alpha=-1e-5, nr=order)
     else:
         nr, Ar, Br, Cr, hsv = ask("ab09ad", *head, A, B, C, nr=order)
-        sr, *still = ask("ab09bd", *head, A, B, C, D, nr=order)
-    assert nr == sr == order
+    assert nr == order
     error = sla.block_diag(A, Ar), np.vstack([B, Br]), np.hstack([C, -Cr]), np.zeros(D.shape)
     return {
         f"{name}_hsv": hsv,
         f"{name}_truncate_{order}": response(Ar, Br, Cr, D),
-        f"{name}_residualise_{order}": response(*still[:4]),
     } | ({} if name == "rigid" else {f"{name}_peak_{order}": peak(*error)})
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.identification.model.channel_selection import Selection, select_channels
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz, path_delay, rank_of
-from middeck.identification.model.selection import Selection, select_channels
-from middeck.identification.plants.delays import merge_delays
 from middeck.identification.plants.measured_plant import measured_plant
+from middeck.identification.plants.merged_delays import merge_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes

@@ -20,7 +20,7 @@ from middeck.errors import ConfigError
 from middeck.files.measured.models import load_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.structure.modes.results.first_bending import dispersed_modes
+from middeck.structure.modes.results.dispersed_modes import dispersed_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plants.mode_shift import shift_modes

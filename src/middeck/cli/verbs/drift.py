@@ -12,7 +12,7 @@ from middeck.cli.shown.screen import Table, show
 if TYPE_CHECKING:
     from middeck.cli.given.settings import FitSettings
     from middeck.identification.model.measurement_model import MeasurementModel
-    from middeck.identification.uncertainty.drift import Drift
+    from middeck.identification.uncertainty.fit_drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
     from middeck.systems.plants.response import FrequencyResponse
 
@@ -91,7 +91,7 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     from middeck.files.measured.models import load_fitted
     from middeck.files.records import require_record
     from middeck.identification.uncertainty.covariance import as_exact
-    from middeck.identification.uncertainty.drift import compare_fits
+    from middeck.identification.uncertainty.fit_drift import compare_fits
 
     if looks_like(after) == SCHEMAS["model"]:
         raise ConfigError(

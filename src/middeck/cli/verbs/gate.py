@@ -174,7 +174,7 @@ def _held(packages: list[ControllerPackage], paths: tuple[tuple[str, str, float]
     import dataclasses
 
     from middeck.realtime.gate.trials import package_settings
-    from middeck.realtime.package.section import LoopPath, static_gain
+    from middeck.realtime.package.filter_sections import LoopPath, static_gain
 
     plain, *others = (package_settings(package) for package in packages)
     for other in others:

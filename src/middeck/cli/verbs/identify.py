@@ -179,9 +179,9 @@ def _validate(
     """
     from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import load_periods
-    from middeck.identification.model.simulation import nrmse
-    from middeck.identification.record_fit.simulation import record_nrmse
-    from middeck.identification.record_fit.spectra import as_fitted
+    from middeck.identification.model.steady_simulation import nrmse
+    from middeck.identification.record_fit.record_spectra import as_fitted
+    from middeck.identification.record_fit.simulate_record import record_nrmse
 
     if not files:
         return None
@@ -199,7 +199,7 @@ def _validate(
 def describe(found: Identified) -> dict[str, Any]:
     """The JSON document."""
     from middeck.identification.model.measurement_model import damping_ratio, is_mode, natural_hz
-    from middeck.identification.uncertainty.parameters import stated
+    from middeck.identification.uncertainty.parameter_deviations import stated
 
     fit, model, measured = found.fit, found.fit.model, found.measured
     names = [p.name for p in model.outputs]

@@ -103,7 +103,7 @@ def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
     import numpy as np
 
     from middeck.identification.model.measurement_model import damping_ratio, natural_hz
-    from middeck.identification.uncertainty.parameters import stated
+    from middeck.identification.uncertainty.parameter_deviations import stated
 
     rate = test.blocks.sample_hz
     names = [p.name for p in fit.model.outputs]

@@ -25,8 +25,8 @@ from middeck.identification.spectra import (
     spectra_response,
 )
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.parameters import distinct_poles
-from middeck.identification.uncertainty.unknowns import ModelStructure
+from middeck.identification.uncertainty.model_unknowns import ModelStructure
+from middeck.identification.uncertainty.parameter_deviations import distinct_poles
 from middeck.signals.excitation.recognition import cut_periods, recognise_excitation
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record

@@ -37,34 +37,12 @@ def find_participation(loop: ClosedLoop) -> Participation:
     For a plant built from modes the states are the modal ones, position and rate, with or without static
     feedback around it. Raises `NumericalError` for a defective eigenvalue, where shares do not exist.
     """
-    values, left, right = _eigenvectors(loop)
-    lead = int(np.argmax(np.real(values)))
-    if _defective(left[:, lead], right[:, lead]):
-        raise NumericalError(f"the eigenvalue {values[lead]:.3g} is defective: participation does not exist")
-    return _describe(loop, complex(values[lead]), left[:, lead], right[:, lead])
-
-
-def find_participations(loop: ClosedLoop) -> tuple[Participation, ...]:
-    """Participation in every pole, one of each pair, rightmost first; defective poles are left out."""
-    values, left, right = _eigenvectors(loop)
-    order = np.argsort(-np.real(values), kind="stable")
-    return tuple(
-        _describe(loop, complex(values[k]), left[:, k], right[:, k])
-        for k in order
-        if np.imag(values[k]) >= 0.0 and not _defective(left[:, k], right[:, k])
-    )
-
-
-def _eigenvectors(loop: ClosedLoop) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     form = sla.eig(loop.system.A, left=True, right=True)
-    return cast("tuple[np.ndarray, np.ndarray, np.ndarray]", form)
-
-
-def _defective(left: np.ndarray, right: np.ndarray) -> bool:
-    return bool(abs(np.vdot(left, right)) < 1e-12)
-
-
-def _describe(loop: ClosedLoop, pole: complex, left: np.ndarray, right: np.ndarray) -> Participation:
+    values, left, right = cast("tuple[np.ndarray, np.ndarray, np.ndarray]", form)
+    lead = int(np.argmax(np.real(values)))
+    pole, left, right = complex(values[lead]), left[:, lead], right[:, lead]
+    if abs(np.vdot(left, right)) < 1e-12:
+        raise NumericalError(f"the eigenvalue {pole:.3g} is defective: participation does not exist")
     product = np.abs(left.conj() * right)
     product /= product.sum()
     names = tuple(dict.fromkeys(loop.state_names))

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg.problem import put_beside
+from middeck.control.lqg.design_model import put_beside
 from middeck.control.lqg.shaping import PortFilters, Shaping, pick
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, name_states

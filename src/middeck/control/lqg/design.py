@@ -7,8 +7,8 @@ import numpy as np
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
+from middeck.control.lqg.design_model import LQGProblem, pose_problem
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
-from middeck.control.lqg.problem import LQGProblem, pose_problem
 from middeck.control.lqg.regulator import Regulator, design_regulator
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.lqg.problem import LQGProblem
+from middeck.control.lqg.design_model import LQGProblem
 
 
 class Weighed(NamedTuple):

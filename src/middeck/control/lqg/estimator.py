@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg.problem import LQGProblem, pose_problem
+from middeck.control.lqg.design_model import LQGProblem, pose_problem
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati

@@ -18,9 +18,15 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.reduction.balanced import in_sizes, out_of_sizes
+from middeck.control.reduction.balanced_projection import (
+    balance,
+    bound_of,
+    check_order,
+    project,
+    settle_order,
+)
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
-from middeck.control.reduction.projection import balance, bound_of, check_order, project, settle_order
+from middeck.control.reduction.port_sizes import in_sizes, out_of_sizes
 from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.control.reduction.weighted_loop import Loop, gramians_in_loop, proper_law, seen_at_y
 from middeck.control.riccati.continuous import solve_riccati
@@ -66,8 +72,8 @@ def find_start(system: StateSpace, order: int, loops: Sequence[Loop]) -> Candida
     factors = gramians_in_loop([loop.model for loop in loops], whole)
     own = GramianFactors(*(restrict(f, slice(kept, None)) for f in (factors.reach, factors.see)))
     coordinates = balance(own)
-    k = settle_order(coordinates.hankel, order - kept, None)
-    reduced = _mirrored(project(parts.rest, coordinates, k, "truncate"))
+    k = settle_order(coordinates.hankel, order - kept)
+    reduced = _mirrored(project(parts.rest, coordinates, k))
     law = add(parts.kept, reduced)
     return Candidate(law, subtract(parts.rest, reduced), coordinates.hankel, None)
 
@@ -83,8 +89,8 @@ def _mirrored(system: StateSpace) -> StateSpace:
 
 def _in_loop(system: StateSpace, order: int, loops: Sequence[Loop]) -> Candidate:
     coordinates = balance(gramians_in_loop([loop.model for loop in loops], proper_law(system)))
-    k = settle_order(coordinates.hankel, order, None)
-    law = project(system, coordinates, k, "truncate")
+    k = settle_order(coordinates.hankel, order)
+    law = project(system, coordinates, k)
     return Candidate(law, subtract(system, law), coordinates.hankel, None)
 
 
@@ -100,7 +106,7 @@ def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, we
         seen = seen_at_y([loop.model for loop in loops], whole, loops[0].output_size)
         factors = GramianFactors(factors.reach, restrict(seen.see, slice(kept, None)))
     coordinates = balance(factors)
-    reduced = project(parts.rest, coordinates, settle_order(coordinates.hankel, count, None), "truncate")
+    reduced = project(parts.rest, coordinates, settle_order(coordinates.hankel, count))
     bound = None if weighted else bound_of(coordinates.hankel, len(reduced.A))
     return Candidate(
         out_of_sizes(add(parts.kept, reduced), *sizes),
@@ -120,8 +126,8 @@ def _by_factors(system: StateSpace, order: int, loop: Loop) -> Candidate:
     C = np.vstack([sized.C, feedback])
     factors = StateSpace(sized.A + sized.B @ feedback, sized.B, C, np.zeros((len(C), sized.B.shape[1])))
     coordinates = balance(factor_gramians(factors))
-    k = settle_order(coordinates.hankel, order, None)
-    small = project(factors, coordinates, k, "truncate")
+    k = settle_order(coordinates.hankel, order)
+    small = project(factors, coordinates, k)
     N, F = small.C[: len(sized.C)], small.C[len(sized.C) :]
     law = out_of_sizes(StateSpace(small.A - small.B @ F, small.B, N, sized.D), *sizes)
     return Candidate(law, subtract(system, law), coordinates.hankel, None)

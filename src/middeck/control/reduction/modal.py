@@ -17,7 +17,7 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.stability.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
-from middeck.control.reduction.result import ReducedPlant
+from middeck.control.reduction.reduced_systems import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
@@ -86,21 +86,14 @@ def _of_modal(
     left = modal_to_statespace(select_channels(gone, *ports))
     if static:
         left = dataclasses.replace(left, D=left.D - limit[np.ix_(ports[1], ports[0])])
-    peak = peak_gain(left, band)
     return ReducedPlant(
         plant=dataclasses.replace(plant, dynamics=smaller),
         order=2 * len(smaller.omega),
-        method=_words(static),
         kept=smaller.names,
         dropped=gone.names,
         contribution=shares,
-        error=peak.gain,
-        error_hz=peak.omega / (2.0 * np.pi),
+        error=peak_gain(left, band).gain,
     )
-
-
-def _words(static: bool) -> str:
-    return "modal, limits of the rest kept" if static else "modal, truncated"
 
 
 def _limits(gone: ModalSystem, band: tuple[float, float]) -> Float[np.ndarray, "output input"]:
@@ -164,17 +157,15 @@ def _of_statespace(
     gone = parts.rest
     limit = _static_limit(gone, values[~keep & (np.abs(values) >= band[0])]) if static else gone.D
     smaller = dataclasses.replace(parts.kept, D=limit)
-    peak = peak_gain(_between(dataclasses.replace(gone, D=gone.D - limit), *ports), band)
+    left = _between(dataclasses.replace(gone, D=gone.D - limit), *ports)
     states = tuple(f"modal {i}" for i in range(len(smaller.A)))
     return ReducedPlant(
         plant=dataclasses.replace(plant, dynamics=smaller, state_names=states),
         order=len(smaller.A),
-        method=_words(static),
         kept=_pole_names(values[keep]),
         dropped=_pole_names(values[~keep]),
         contribution=shares,
-        error=peak.gain,
-        error_hz=peak.omega / (2.0 * np.pi),
+        error=peak_gain(left, band).gain,
     )
 
 

@@ -17,9 +17,9 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.law.stabilisability import CANDIDATE, require_reachable
-from middeck.control.riccati.balancing import fold_weights, unit_diagonal, unit_scales
+from middeck.control.riccati.hamiltonian_units import fold_weights, unit_diagonal, unit_scales
 from middeck.control.riccati.newton import refine, residual, rounding
-from middeck.control.riccati.subspace import solve_by_subspace
+from middeck.control.riccati.stable_subspace import solve_by_subspace
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 

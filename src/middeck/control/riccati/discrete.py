@@ -16,8 +16,8 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.riccati.balancing import fold_weights, unit_diagonal, unit_scales
 from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS, RiccatiSolution
+from middeck.control.riccati.hamiltonian_units import fold_weights, unit_diagonal, unit_scales
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.errors import NumericalError
 

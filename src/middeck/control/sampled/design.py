@@ -18,7 +18,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant
-from middeck.control.sampled.integrals import integrate_along
+from middeck.control.sampled.quadratic_integrals import integrate_along
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace

@@ -8,9 +8,9 @@ from jaxtyping import Float
 from middeck.control.law.compensator import driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights, require_size
-from middeck.control.sampled.delays import place_delays
-from middeck.control.sampled.integrals import spread_noise
 from middeck.control.sampled.period import Between, Segment, follow_period
+from middeck.control.sampled.placed_delays import place_delays
+from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, name_states, subsystem

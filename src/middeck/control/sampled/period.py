@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.sampled.integrals import spread_noise
+from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.systems.sampling.sampling import WHOLE
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record

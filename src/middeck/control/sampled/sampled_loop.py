@@ -9,7 +9,7 @@ from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant
-from middeck.control.sampled.integrals import spread_noise
+from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import is_stable

@@ -16,8 +16,8 @@ from middeck.files.json.output import write_json
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.binary import MAGIC, decode_package, encode_package, hash_package
 from middeck.realtime.package.core import Core
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package import ControllerPackage, TestVectors
-from middeck.realtime.package.section import InputFilter, LoopPath, Section
 
 PACKAGE_SCHEMA = "middeck.package/1"
 AGAIN = "the file as it was generated"

@@ -17,7 +17,7 @@ from middeck.identification.fit.mode_trust import Standing
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay
 from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
+from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of
 from middeck.systems.plants.plant import Plant, delay_plant
 
 MODEL_SCHEMA = "middeck.model/1"

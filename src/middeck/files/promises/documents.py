@@ -23,8 +23,8 @@ from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.promise.performance_bound import Bound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise
+from middeck.updating.promise.robustness_sweep import Swept
 from middeck.updating.promise.slip_time import SlipTime
-from middeck.updating.promise.sweep import Swept
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined
 

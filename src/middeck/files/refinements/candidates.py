@@ -22,7 +22,7 @@ from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
-from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import SHAPE_STD
 from middeck.values import record
 

@@ -19,7 +19,7 @@ from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
 from middeck.updating.refinement.posterior import USUAL
 from middeck.updating.refinement.refine import USUAL_STATIC
-from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
 from middeck.values import record

@@ -23,7 +23,7 @@ from middeck.files.toml.tables import tables
 from middeck.structure.model.article import LoadCase
 from middeck.structure.model.environment import Environment
 from middeck.updating.residuals.gauges import Gauge, GaugeKind
-from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.static_tests import StaticTest
 
 # Endings of the keys of each kind, and their units over those of a `Gauge`.
 ENDING = {"shift": "m", "tilt": "deg", "force": "n", "moment": "nm"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, cast
 
@@ -28,3 +29,14 @@ def tables(data: Table, key: str) -> Iterator[tuple[int, Table]]:
 def is_number(value: Any) -> bool:
     """Whether the value is a number, not a truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def all_numbers(*values: Any) -> bool:
+    """Whether all are finite numbers."""
+    return all(is_number(v) and math.isfinite(v) for v in values)
+
+
+def is_vector(value: Any) -> bool:
+    """Whether the value is an array of three finite numbers."""
+    items = cast("list[Any]", value) if isinstance(value, list) else []
+    return len(items) == 3 and all_numbers(*items)

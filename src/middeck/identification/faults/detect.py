@@ -8,10 +8,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.identification.faults.against import compare_with_reference
+from middeck.identification.faults.against_reference import compare_with_reference
+from middeck.identification.faults.collocated_channels import find_pair_faults
 from middeck.identification.faults.equal_runs import Found, Runs, Signal, fault, levels_of
+from middeck.identification.faults.gaps_clipping_and_dropouts import (
+    find_clipping,
+    find_dropouts,
+    find_gaps,
+    is_dead,
+)
 from middeck.identification.faults.hum import find_hum
-from middeck.identification.faults.levels import (
+from middeck.identification.faults.lost_in_a_period import find_lost_in_period
+from middeck.identification.faults.lost_samples_and_feedback import find_relation_faults
+from middeck.identification.faults.offset_drift_and_transient import (
     find_coarse_steps,
     find_drift,
     find_held,
@@ -19,18 +28,7 @@ from middeck.identification.faults.levels import (
     find_transient,
     find_unsteady_input,
 )
-from middeck.identification.faults.one_period import find_lost_in_period
-from middeck.identification.faults.pairs import find_pair_faults
-from middeck.identification.faults.relation import find_relation_faults
-from middeck.identification.faults.samples import (
-    find_clipping,
-    find_dropouts,
-    find_gaps,
-    find_spikes,
-    is_dead,
-    is_impact,
-    spike_runs,
-)
+from middeck.identification.faults.spikes import find_spikes, is_impact, spike_runs
 from middeck.signals.fault import Fault, Side
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -21,13 +21,13 @@ from middeck.identification.fit.mode_trust import (
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.fit.poles_for_delay import PolesInstead, poles_instead, true_modes
+from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
 from middeck.identification.fit.stands_for_delay import stands_for_delay
-from middeck.identification.fit.tidy import parted, tidied
-from middeck.identification.model.checks import check_logarithms, check_response, check_word
+from middeck.identification.fit.unneeded_modes import parted, tidied
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.model.simulation import folded_response
+from middeck.identification.model.refused_data import check_logarithms, check_response, check_word
+from middeck.identification.model.steady_simulation import folded_response
 from middeck.identification.order.best_start import leaves_noise, model_error, race, spread_to_follow
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
@@ -36,9 +36,15 @@ from middeck.identification.search.fit_warnings import doubts_of_deviations, dou
 from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.polish import Polished, logarithmic_polish, settle
-from middeck.identification.spectra.weights import Spread, by_output, excess_share, line_degrees, spread_of
+from middeck.identification.spectra.fit_weights import (
+    Spread,
+    by_output,
+    excess_share,
+    line_degrees,
+    spread_of,
+)
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
-from middeck.identification.uncertainty.parameters import Uncertainty, uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import Uncertainty, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_hold
 from middeck.values import record

@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from middeck.errors import FitError
-from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
+from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 from middeck.identification.search.fit_warnings import confounded_delays
 from middeck.identification.search.leading_outputs import leads
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.orthogonal import canonical_root
-from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import distinct_poles, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 

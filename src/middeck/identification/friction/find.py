@@ -19,7 +19,7 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, DataError, FitError
 from middeck.identification.friction.slider import JointAngles, joint_angles
-from middeck.identification.model.checks import check_record
+from middeck.identification.model.refused_data import check_record
 from middeck.signals.ports import port_indices
 from middeck.signals.record import Record
 from middeck.values import record as frozen

@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.faults.equal_runs import levels_of, runs_of
-from middeck.identification.faults.samples import DROP, find_clipping
-from middeck.identification.model.checks import check_record
+from middeck.identification.faults.gaps_clipping_and_dropouts import DROP, find_clipping
+from middeck.identification.model.refused_data import check_record
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 

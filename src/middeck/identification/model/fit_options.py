@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Literal, get_args
 
 from middeck.errors import ConfigError
-from middeck.identification.model.checks import check_word
+from middeck.identification.model.refused_data import check_word
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record

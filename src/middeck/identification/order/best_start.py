@@ -9,10 +9,10 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.exchanged_modes import exchanges
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.layout import Start
+from middeck.identification.problem.unknowns_layout import Start
+from middeck.identification.search.least_squares_costs import weighted
 from middeck.identification.search.polish import Polished, polish
-from middeck.identification.search.refine import weighted
-from middeck.identification.spectra.weights import Spread
+from middeck.identification.spectra.fit_weights import Spread
 from middeck.identification.start.start import starts
 
 # Steps of all starts, of the best few of them, of the best, and of modes exchanged.

@@ -25,7 +25,7 @@ from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.search.fit_warnings import LEFT
 from middeck.identification.search.polish import Polished
-from middeck.identification.spectra.weights import Spread
+from middeck.identification.spectra.fit_weights import Spread
 from middeck.systems.plants.response import FrequencyResponse
 
 

@@ -26,17 +26,6 @@ CRITICAL = 0.5
 DOUBLE, SINGLE = np.array([[0.0, 1.0], [0.0, 0.0]]), np.zeros((1, 1))
 
 
-def sampled_statespace(model: MeasurementModel) -> SampledStateSpace:
-    """Real block-modal form of a sampled model, of ``model.states`` states."""
-    if model.sample_hz is None or np.any(path_delay(model)):
-        raise ConfigError(
-            "only a sampled model without a delay has this state space",
-            hint="sample_plant(measured_plant(model), period_s)",
-        )
-    A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
-    return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)
-
-
 def modal_statespace(model: MeasurementModel) -> StateSpace:
     """Real block-modal form of a continuous model without its delays, of ``model.states`` states.
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError, NumericalError
+from middeck.identification.model.channel_selection import select_channels
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     double_pole,
@@ -22,7 +23,6 @@ from middeck.identification.model.measurement_model import (
     rational_slope,
     single_pole,
 )
-from middeck.identification.model.selection import select_channels
 from middeck.identification.plants.measured_plant import rational_statespace
 from middeck.systems.delay.delay_approximation import SAME_DELAY_S
 from middeck.systems.poles.transmission_zeros import transmission_zeros

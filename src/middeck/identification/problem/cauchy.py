@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.problem.layout import Layout
 from middeck.identification.problem.terms import Fractions
+from middeck.identification.problem.unknowns_layout import Layout
 
 # Twins closer than their distance to where fractions are summed by more are one but for three digits.
 CLOSE = 0.01

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.problem.layout import Layout, Point
 from middeck.identification.problem.terms import Fractions, linear_of_terms
+from middeck.identification.problem.unknowns_layout import Layout, Point
 
 
 def functions(

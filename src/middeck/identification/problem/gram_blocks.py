@@ -14,8 +14,8 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.identification.problem.cauchy import cauchy_gram, close_twins
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import Terms
 from middeck.identification.problem.factors import functions
+from middeck.identification.problem.residual_and_slopes import Terms
 
 # Weights whose Gram matrices are formed together: more would fill the memory.
 TOGETHER = 64

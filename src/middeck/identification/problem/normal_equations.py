@@ -19,11 +19,11 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.problem.design import Terms
 from middeck.identification.problem.factors import column_factors, slope_factors
 from middeck.identification.problem.gram_blocks import Functions, Weighted, on_functions
-from middeck.identification.problem.layout import Layout, Point
+from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.terms import linear_of_terms
+from middeck.identification.problem.unknowns_layout import Layout, Point
 
 
 class ZeroSum:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.problem.layout import Layout, Point
+from middeck.identification.problem.unknowns_layout import Layout, Point
 from middeck.values import record
 
 

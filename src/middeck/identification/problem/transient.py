@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.problem.data import Transient
-from middeck.identification.problem.layout import Layout, Point
+from middeck.identification.problem.unknowns_layout import Layout, Point
 
 # Terms of drift and edges are one and the same, over a narrow band, up to this share.
 ALIKE = 1e-9

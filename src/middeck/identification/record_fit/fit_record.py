@@ -26,27 +26,27 @@ from middeck.identification.fit.mode_trust import (
     standing_of_delays,
 )
 from middeck.identification.fit.stands_for_delay import stands_for_delay
-from middeck.identification.model.checks import check_record, check_word
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
-from middeck.identification.model.simulation import folded_response
+from middeck.identification.model.refused_data import check_record, check_word
+from middeck.identification.model.steady_simulation import folded_response
 from middeck.identification.model.unstable_article import refuse_growth
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import residual_of
-from middeck.identification.record_fit import causes
-from middeck.identification.record_fit.continuous import fit_continuous
-from middeck.identification.record_fit.model import record_covariance
-from middeck.identification.record_fit.noise import negative_log_likelihood, noise_variance
-from middeck.identification.record_fit.order import choose_record
+from middeck.identification.problem.residual_and_slopes import residual_of
+from middeck.identification.record_fit import doubted_deviations
+from middeck.identification.record_fit.continuous_fit import fit_continuous
+from middeck.identification.record_fit.noise_variance import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.poles_for_delay import poles_instead
-from middeck.identification.record_fit.search import WEIGHTINGS, RecordRun, Weighting
-from middeck.identification.record_fit.spectra import record_data, without_drift, without_trend
-from middeck.identification.record_fit.tidy import Tidied, tidied
+from middeck.identification.record_fit.record_covariance import record_covariance
+from middeck.identification.record_fit.record_order import choose_record
+from middeck.identification.record_fit.record_spectra import record_data, without_drift, without_trend
+from middeck.identification.record_fit.refine_record import WEIGHTINGS, RecordRun, Weighting
+from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay
 from middeck.identification.spectra import estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.parameters import uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.excitation.driven_band import driven_band
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
@@ -174,7 +174,7 @@ def _fit(
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = decided(lines, asked)
     _check_length(record, options.moving + options.at_zero)
-    with causes.named_cause(measured):
+    with doubted_deviations.named_cause(measured):
         if sampled:
             run, reason = choose_record(
                 record, options, band_hz, states=states, weighting=weighting, tell=tell
@@ -185,7 +185,8 @@ def _fit(
                 record, data, options, local, states=states, weighting=weighting, tell=tell
             )
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
-        score = np.maximum(causes.growth_score(data, run), causes.growth_score(fitted.data, fitted.run))
+        grown = [doubted_deviations.growth_score(*of) for of in ((data, run), (fitted.data, fitted.run))]
+        score = np.maximum(*grown)
         return _result(measured, record, fitted, reason, score)
 
 
@@ -261,11 +262,11 @@ def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: n
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     warnings += _doubts(run, record, error)
     warnings += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*causes.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += [] if model.sample_hz is not None else causes.doubts_of_folding(record)
+    wrong = [*doubted_deviations.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += [] if model.sample_hz is not None else doubted_deviations.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
-    wrong += causes.causes_of(measured, data, run, lead, error)
+    wrong += doubted_deviations.causes_of(measured, data, run, lead, error)
     warnings += [*wrong, *doubts_of_lines(fit.lines)]
     phase = _pairs_for_a_delay(model, covariance, data, run)
     standing = standing_of(lines, covariance, holds=not wrong, phase=phase[0])

@@ -14,11 +14,11 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import Start, pack
-from middeck.identification.record_fit.search import RecordRun
-from middeck.identification.record_fit.starts import start_of
-from middeck.identification.search.refine import weighted
+from middeck.identification.problem.residual_and_slopes import residual_of
+from middeck.identification.problem.unknowns_layout import Start, pack
+from middeck.identification.record_fit.record_starts import start_of
+from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.search.least_squares_costs import weighted
 
 # A new mode's damping ratio, and lines to either side over which the residual is averaged, as a share of all.
 DAMPING, WIDTH = 0.03, 0.01

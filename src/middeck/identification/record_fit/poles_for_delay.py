@@ -1,4 +1,4 @@
-"""Whether a delay in the fit of a record stands for poles beyond the band (`fit.poles_for_delay`).
+"""Whether a delay in the fit of a record stands for poles beyond the band (`fit.poles_beyond_the_band`).
 
 The sound modes and one or two pairs beyond the band, of complex constants and without delays, are refined on
 the same lines.
@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.identification.fit.mode_trust import Standing
-from middeck.identification.fit.poles_for_delay import PAIRS, PolesInstead, instead_of
+from middeck.identification.fit.poles_beyond_the_band import PAIRS, PolesInstead, instead_of
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.problem.data import Data
-from middeck.identification.record_fit.order import record_length
-from middeck.identification.record_fit.search import RecordRun, refine_record
-from middeck.identification.record_fit.starts import start_of
+from middeck.identification.record_fit.record_order import record_length
+from middeck.identification.record_fit.record_starts import start_of
+from middeck.identification.record_fit.refine_record import RecordRun, refine_record
 
 # Where the pairs start, over the last line, and how far from the axis: those of a low-pass filter.
 BEYOND = (1.4, 2.5)

@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.start.start import HEAVY, NARROW
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import distinct_poles, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 
 # A steady record of a test article repeats itself within a few per cent, sensor noise and weak

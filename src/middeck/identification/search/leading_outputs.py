@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.errors import FitError
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.search.fit_warnings import LEFT, is_narrow
-from middeck.identification.uncertainty.parameters import Uncertainty
+from middeck.identification.uncertainty.parameter_deviations import Uncertainty
 from middeck.systems.plants.response import FrequencyResponse
 
 # Deviations by which the fit of an output that is not delayed may lead by chance: once in 700 fits.

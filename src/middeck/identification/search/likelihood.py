@@ -20,12 +20,12 @@ import scipy.optimize
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
-from middeck.identification.model.descent import search
+from middeck.identification.model.levenberg_marquardt import search
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import residual_of
+from middeck.identification.problem.residual_and_slopes import residual_of
+from middeck.identification.search.least_squares_costs import weighted
 from middeck.identification.search.polish import Polished, bound_theta, bounded
-from middeck.identification.search.refine import weighted
-from middeck.identification.spectra.weights import ROUNDING, averaged_covariance
+from middeck.identification.spectra.fit_weights import ROUNDING, averaged_covariance
 from middeck.systems.plants.response import ResponseCovariance
 from middeck.values import record
 

@@ -18,12 +18,12 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.model.descent import Refined, Step, search
+from middeck.identification.model.levenberg_marquardt import Refined, Step, search
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import residual_of
-from middeck.identification.problem.layout import Layout, Start
-from middeck.identification.search.refine import by_normal_equations, logarithmic, weighted
-from middeck.identification.spectra.weights import Spread, excess_share
+from middeck.identification.problem.residual_and_slopes import residual_of
+from middeck.identification.problem.unknowns_layout import Layout, Start
+from middeck.identification.search.least_squares_costs import by_normal_equations, logarithmic, weighted
+from middeck.identification.spectra.fit_weights import Spread, excess_share
 from middeck.values import record
 
 # Least decay rate of a pole outside the band, as a share of its distance. Complex constants follow in phase

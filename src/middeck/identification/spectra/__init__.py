@@ -4,8 +4,8 @@ from middeck.identification.spectra.averages import Spectra, doubts_of_window, e
 from middeck.identification.spectra.coherence import multiple_coherence, ordinary_coherence, partial_coherence
 from middeck.identification.spectra.distortion import Distortion, estimate_distortion
 from middeck.identification.spectra.estimate import Method, estimate_response, response_scatter
-from middeck.identification.spectra.ratios import Ratio, spectra_response
-from middeck.identification.spectra.scatter import ResponseScatter
+from middeck.identification.spectra.h1_h2_hv import Ratio, spectra_response
+from middeck.identification.spectra.scattered_response import ResponseScatter
 
 __all__ = [
     "Distortion",

@@ -9,8 +9,8 @@ from jaxtyping import Complex, Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 from middeck.errors import DataError
-from middeck.identification.model.checks import Swing, check_record, check_swing, widen
-from middeck.identification.spectra.scatter import ResponseScatter
+from middeck.identification.model.refused_data import Swing, check_record, check_swing, widen
+from middeck.identification.spectra.scattered_response import ResponseScatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen
@@ -181,7 +181,7 @@ def _worth(segments: int, taper: Float[np.ndarray, " sample"], hop: int) -> floa
 def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     """Peaks of a response that are as narrow as the window it was seen through; none for whole periods.
 
-    >>> from middeck.identification.spectra.ratios import spectra_response
+    >>> from middeck.identification.spectra.h1_h2_hv import spectra_response
     >>> from middeck.signals.ports import Port
     >>> from middeck.signals.record import Record
     >>> from scipy.signal import lfilter

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.identification.spectra.averages import Spectra
-from middeck.identification.spectra.lines import WORST_CONDITION, refuse_alike
+from middeck.identification.spectra.excited_lines import WORST_CONDITION, refuse_alike
 
 
 def ordinary_coherence(spectra: Spectra) -> Float[np.ndarray, "line output input"]:

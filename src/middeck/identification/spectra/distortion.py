@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from middeck.errors import DataError
 from middeck.identification.spectra import periods
 from middeck.identification.spectra.averages import checked_stream
-from middeck.identification.spectra.lines import in_band, refuse_silence
+from middeck.identification.spectra.excited_lines import in_band, refuse_silence
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, RecordStream
 from middeck.values import record as frozen

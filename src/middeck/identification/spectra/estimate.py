@@ -9,13 +9,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.model.checks import check_record
-from middeck.identification.spectra import closed_loop
+from middeck.identification.model.refused_data import check_record
+from middeck.identification.spectra import response_under_feedback
 from middeck.identification.spectra.averages import estimate_spectra
+from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.identification.spectra.local_models import scatter_of_local_models
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
-from middeck.identification.spectra.ratios import spectra_response
-from middeck.identification.spectra.scatter import ResponseScatter, trusted
+from middeck.identification.spectra.scattered_response import ResponseScatter, trusted
 from middeck.identification.spectra.start_up import steadied
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.repetition import blocks_of
@@ -33,8 +33,8 @@ def estimate_response(
     *,
     band_hz: tuple[float, float] | None = None,
     method: Method | None = None,
-    reference: closed_loop.Reference | None = None,
-    controller: closed_loop.Controller | None = None,
+    reference: response_under_feedback.Reference | None = None,
+    controller: response_under_feedback.Controller | None = None,
     segment: int | None = None,
 ) -> FrequencyResponse:
     """The frequency response of a record, on its excited lines.
@@ -85,7 +85,7 @@ def estimate_response(
     )
     variance, covariance = trusted(found)
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
-    inputs, outputs = closed_loop.plant_ports(record, reference)
+    inputs, outputs = response_under_feedback.plant_ports(record, reference)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -102,8 +102,8 @@ def response_scatter(
     *,
     band_hz: tuple[float, float] | None = None,
     method: Method | None = None,
-    reference: closed_loop.Reference | None = None,
-    controller: closed_loop.Controller | None = None,
+    reference: response_under_feedback.Reference | None = None,
+    controller: response_under_feedback.Controller | None = None,
     segment: int | None = None,
 ) -> ResponseScatter:
     """The response with its noise and total variance and their covariances; see `estimate_response`."""
@@ -115,26 +115,26 @@ def response_scatter(
         raise ConfigError(
             "reference and controller are both given", hint="one of them; the reference if known"
         )
-    _, outputs = closed_loop.plant_ports(record, reference)
+    _, outputs = response_under_feedback.plant_ports(record, reference)
     joint = _from_reference(record, reference, controller)
-    return closed_loop.plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
+    return response_under_feedback.plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
 
 
 def _from_reference(
     record: Record | RecordStream,
-    reference: closed_loop.Reference | None,
-    controller: closed_loop.Controller | None,
+    reference: response_under_feedback.Reference | None,
+    controller: response_under_feedback.Controller | None,
 ) -> Record | RecordStream:
     if reference is not None and not isinstance(reference, np.ndarray):
-        return closed_loop.from_channels(record, [str(name) for name in reference])
+        return response_under_feedback.from_channels(record, [str(name) for name in reference])
     if isinstance(record, RecordStream):
         raise ConfigError(
             "a record longer than memory takes references by name only", hint="record the reference with it"
         )
     joint = (
-        closed_loop.from_controller(record, controller)
+        response_under_feedback.from_controller(record, controller)
         if controller is not None
-        else closed_loop.from_signal(record, np.asarray(reference, dtype=float))
+        else response_under_feedback.from_signal(record, np.asarray(reference, dtype=float))
     )
     check_record(joint)
     return joint

@@ -9,14 +9,14 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.errors import DataError
 from middeck.identification.spectra import local_fit
-from middeck.identification.spectra.lines import (
+from middeck.identification.spectra.excited_lines import (
     FAINTEST,
     WORST_CONDITION,
     in_band,
     refuse_alike,
     refuse_silence,
 )
-from middeck.identification.spectra.scatter import ResponseScatter
+from middeck.identification.spectra.scattered_response import ResponseScatter
 from middeck.identification.spectra.zoom import zoomed_lines
 from middeck.signals.record import Record, RecordStream
 

@@ -6,9 +6,9 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.model.checks import Swing, check_swing, widen
-from middeck.identification.spectra.lines import FAINTEST, in_band, refuse_silence, solve_lines
-from middeck.identification.spectra.scatter import ResponseScatter, variance_of
+from middeck.identification.model.refused_data import Swing, check_swing, widen
+from middeck.identification.spectra.excited_lines import FAINTEST, in_band, refuse_silence, solve_lines
+from middeck.identification.spectra.scattered_response import ResponseScatter, variance_of
 from middeck.identification.spectra.start_up import StartUp
 from middeck.signals.record import RecordStream
 from middeck.values import record as frozen

@@ -12,7 +12,7 @@ import scipy.fft
 from jaxtyping import Complex, Float, Int
 
 from middeck.errors import DataError
-from middeck.identification.model.checks import Swing, check_swing, widen
+from middeck.identification.model.refused_data import Swing, check_swing, widen
 from middeck.signals.record import RecordStream
 
 # Numbers that are held: 32 MB; windows and models of them take some ten times as much.

@@ -19,11 +19,11 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.design import build_terms
-from middeck.identification.problem.layout import Layout, Point, Start, pack
-from middeck.identification.problem.projection import as_real
+from middeck.identification.problem.residual_and_slopes import build_terms
 from middeck.identification.problem.terms import columns, fractions, shapes
-from middeck.identification.start.subspace import block_rows, prune, subspace_modes, subspace_poles
+from middeck.identification.problem.transient_projection import as_real
+from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack
+from middeck.identification.start.frequency_subspace import block_rows, prune, subspace_modes, subspace_poles
 from middeck.identification.start.vector_fitting import relocate
 
 # Size of the subspace as a multiple of the states kept, and its block rows as a multiple of the least.

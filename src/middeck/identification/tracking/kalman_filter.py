@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.identification.tracking import lag, recovery
-from middeck.identification.tracking.recovery import poles_at, step_modes
+from middeck.identification.tracking import lag, loss_and_restart
+from middeck.identification.tracking.loss_and_restart import poles_at, step_modes
 from middeck.identification.tracking.tracked_state import Followed, Tracking, log_places, motion_deviation
 
 # An innovation pulls no further than so many of its deviations: a spike is no news.
@@ -117,7 +117,7 @@ class _Work:
     def take_input(self, u: np.ndarray) -> None:
         self.past[1:] = self.past[:-1]
         self.past[0] = u
-        self.loudness += (u * u - self.loudness) / recovery.MEMORY
+        self.loudness += (u * u - self.loudness) / loss_and_restart.MEMORY
 
     def correct(self, y: np.ndarray) -> None:
         followed, n = self.followed, self.states
@@ -161,13 +161,13 @@ class _Work:
         self.sums = self.forget * self.sums + move
         self.chance = self.forget**2 * self.chance + removed
         product = np.concatenate([[news @ news], self.late @ news]) / self.outputs
-        self.products += (product - self.products) / recovery.MEMORY
-        self.weight += (1.0 - self.weight) / recovery.MEMORY
-        self.brief += (product - self.brief) / recovery.BRIEF
-        self.brief_weight += (1.0 - self.brief_weight) / recovery.BRIEF
+        self.products += (product - self.products) / loss_and_restart.MEMORY
+        self.weight += (1.0 - self.weight) / loss_and_restart.MEMORY
+        self.brief += (product - self.brief) / loss_and_restart.BRIEF
+        self.brief_weight += (1.0 - self.brief_weight) / loss_and_restart.BRIEF
         self.blocks[0] += product
         self.seen += 1
-        if self.seen % recovery.BLOCK == 0:
+        if self.seen % loss_and_restart.BLOCK == 0:
             self._end_block()
         self.late[1:] = self.late[:-1]
         self.late[0] = news
@@ -175,7 +175,7 @@ class _Work:
     def _end_block(self) -> None:
         self.blocks[1:] = self.blocks[:-1]
         self.blocks[0] = 0.0
-        new = recovery.healed(self.products, self.weight, self.blocks, self.seen, self.outputs)
+        new = loss_and_restart.healed(self.products, self.weight, self.blocks, self.seen, self.outputs)
         if new is not None:
             self.products, self.weight = new
 
@@ -239,7 +239,7 @@ class _Work:
 
     def _is_astray(self) -> bool:
         """Whether innovations are those of lost modes, or not yet well again: then they tell no lag."""
-        large = self.brief[0] > recovery.TOO_LARGE * self.brief_weight
+        large = self.brief[0] > loss_and_restart.TOO_LARGE * self.brief_weight
         return bool(large or self.recovery.lost or self.recovery.tries)
 
     def _is_open(self, logs: np.ndarray) -> np.ndarray:
@@ -266,18 +266,20 @@ class _Work:
     def look_for_loss(self, samples: int) -> None:
         """Keep what is good; begin again from it when the modes have been lost for long."""
         kept, T = self.recovery, self.followed.T
-        lost = recovery.is_lost(self.brief, self.brief_weight)
+        lost = loss_and_restart.is_lost(self.brief, self.brief_weight)
         count = max(0, kept.lost + (LOOK if lost else -LOOK))
         self.recovery = dataclasses.replace(kept, lost=count)
-        if count * T > recovery.patience(kept.tries) and recovery.is_large(self.blocks, self.seen):
+        if count * T > loss_and_restart.patience(kept.tries) and loss_and_restart.is_large(
+            self.blocks, self.seen
+        ):
             self._restart(samples)
-        elif count == 0 and recovery.is_trusted(self.products, self.weight, self.outputs):
+        elif count == 0 and loss_and_restart.is_trusted(self.products, self.weight, self.outputs):
             self._keep(samples)
 
     def _keep(self, samples: int) -> None:
         kept = self.recovery
         self.recovery = dataclasses.replace(kept, tries=0)
-        if (samples - kept.taken[1]) * self.followed.T < recovery.PATIENCE_S:
+        if (samples - kept.taken[1]) * self.followed.T < loss_and_restart.PATIENCE_S:
             return
         first = self.logs.start
         mean, variance = self.x[first:], self.cov[self.diagonal[first:], self.diagonal[first:]]
@@ -291,7 +293,7 @@ class _Work:
     def _restart(self, samples: int) -> None:
         """Parameters of the older good state, as uncertain as they now are; motion by what moves it."""
         kept, n, T, first = self.recovery, self.states, self.followed.T, self.logs.start
-        opened = recovery.opening(kept.tries) * self.followed.drift.frequency_jump
+        opened = loss_and_restart.opening(kept.tries) * self.followed.drift.frequency_jump
         variance = kept.variance[0] + (samples - kept.taken[0]) * self.Q[first:]
         variance[: self.modes] += opened**2
         moving = np.tile(motion_deviation(self.followed, self.loudness) ** 2, 2 * self.groups)
@@ -299,8 +301,8 @@ class _Work:
         self.cov = np.diag(np.concatenate([moving, variance]))
         self.sums[:], self.chance[:], self.brief[:], self.brief_weight = 0.0, 0.0, 0.0, 0.0
         self.lag[:] = 0.0
-        self.blocks, self.seen = recovery.no_blocks()
-        event = recovery.Restart(samples * T, float(kept.taken[0]) * T, opened)
+        self.blocks, self.seen = loss_and_restart.no_blocks()
+        event = loss_and_restart.Restart(samples * T, float(kept.taken[0]) * T, opened)
         self.recovery = dataclasses.replace(
             kept, lost=0, tries=kept.tries + 1, restarts=(*kept.restarts, event)
         )

@@ -8,8 +8,14 @@ from jaxtyping import Complex, Float, Int
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.tracking.lag import Sums, no_lag, unexplained
-from middeck.identification.tracking.recovery import WATCHED, Recovery, Restart, first_recovery, is_trusted
-from middeck.identification.uncertainty.parameters import Uncertainty
+from middeck.identification.tracking.loss_and_restart import (
+    WATCHED,
+    Recovery,
+    Restart,
+    first_recovery,
+    is_trusted,
+)
+from middeck.identification.uncertainty.parameter_deviations import Uncertainty
 from middeck.values import record
 
 # Motion before the first sample, as a multiple of what white inputs of the stated rms would keep up: a signal

@@ -18,13 +18,17 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
-from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of
 from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root
-from middeck.identification.uncertainty.parameters import Uncertainty, modal_constant, uncertainty_of
-from middeck.identification.uncertainty.unknowns import ModelStructure, places_of
+from middeck.identification.uncertainty.parameter_deviations import (
+    Uncertainty,
+    modal_constant,
+    uncertainty_of,
+)
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.signal import Excitation
 from middeck.signals.record import Record
@@ -109,37 +113,6 @@ def expected_accuracy(
         periods=periods,
         duration_s=len(u) * periods * samples / sample_hz,
     )
-
-
-def periods_needed(
-    expected: ExpectedAccuracy,
-    *,
-    frequency: float | None = None,
-    damping: float | None = None,
-    gain: float | None = None,
-    delay_s: float | None = None,
-    error: float | None = None,
-) -> int:
-    """Periods of the same signal until every accuracy that is named is reached, for all modes and outputs.
-
-    ``frequency``, ``damping`` and ``gain`` are relative standard deviations, ``delay_s`` is one in seconds,
-    ``error`` the relative complex error. Variances fall as one over the number of periods. Raises
-    `ConfigError` where none is named or one is not positive.
-    """
-    model, known = expected.covariance.model, expected.uncertainty
-    wanted = (
-        (frequency, known.natural_hz / natural_hz(model)),
-        (damping, known.damping / damping_ratio(model)),
-        (gain, expected.gain[np.isfinite(expected.gain)]),
-        (delay_s, known.delay_s),
-        (error, expected.error),
-    )
-    ratios = [float(np.max(has, initial=0.0)) / want for want, has in wanted if want]
-    if not ratios or any(want is not None and not want > 0.0 for want, _ in wanted):
-        raise ConfigError(
-            "no accuracy is asked for, or one that is not positive", hint="such as damping=0.01"
-        )
-    return max(1, int(np.ceil(expected.periods * max(ratios) ** 2 - 1e-9)))
 
 
 def structure_of(model: MeasurementModel) -> ModelStructure:

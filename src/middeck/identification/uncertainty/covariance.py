@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.spectra.weights import NEIGHBOURS, by_output, line_degrees
+from middeck.identification.spectra.fit_weights import NEIGHBOURS, by_output, line_degrees
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
@@ -28,7 +28,13 @@ from middeck.identification.uncertainty.entry_factors import (
     entry_slopes,
     shared_functions,
 )
-from middeck.identification.uncertainty.unknowns import ModelStructure, Places, places_of, ties, unknowns_of
+from middeck.identification.uncertainty.model_unknowns import (
+    ModelStructure,
+    Places,
+    places_of,
+    ties,
+    unknowns_of,
+)
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 

@@ -23,8 +23,8 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.spectra.weights import averaged
-from middeck.identification.uncertainty.unknowns import (
+from middeck.identification.spectra.fit_weights import averaged
+from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
     Places,
     constants_of,

@@ -7,8 +7,8 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.covariance import ModelCovariance, draw_errors
+from middeck.identification.uncertainty.model_unknowns import model_at
 from middeck.identification.uncertainty.response_drift import check_channels
-from middeck.identification.uncertainty.unknowns import model_at
 
 # Deviation of the logarithm of a decay rate, and of a delay's phase [rad] at the highest mode, beyond which a
 # linearised covariance says nothing of the ends of its distribution.

@@ -15,7 +15,7 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError
 from middeck.identification.uncertainty.covariance import ModelCovariance, draw_errors
 from middeck.identification.uncertainty.entry_factors import EntrySlopes, entry_slopes
-from middeck.identification.uncertainty.parameters import check_level, joint_factor, quantile
+from middeck.identification.uncertainty.parameter_deviations import check_level, joint_factor, quantile
 from middeck.values import record
 
 # Deviations from zero beyond which magnitude and phase are as good as linear in the response: their curvature
@@ -38,8 +38,6 @@ class ResponseBounds:
         magnitude_low, magnitude_high: Band of |H|; at a zero of the response it begins at zero.
         phase_error: Half width of the band of phase [rad]; pi where the phase is not known at all.
         level: Probability. The bands hold it far from zeros, and more than it near them.
-        simultaneous: True if all lines and entries lie within their ellipses at once with that probability;
-            false if each does by itself.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -49,7 +47,6 @@ class ResponseBounds:
     magnitude_high: Float[np.ndarray, "line output input"]
     phase_error: Float[np.ndarray, "line output input"]
     level: float
-    simultaneous: bool
 
 
 def response_bounds(
@@ -63,7 +60,7 @@ def response_bounds(
     """
     check_level(level)
     ellipse = joint_factor(level, 2, covariance.degrees)
-    return _bounds(covariance, frequency_hz, ellipse, quantile(level, covariance.degrees), level, False)
+    return _bounds(covariance, frequency_hz, ellipse, quantile(level, covariance.degrees), level)
 
 
 def simultaneous_bounds(
@@ -91,7 +88,7 @@ def simultaneous_bounds(
         )
         worst = np.maximum(worst, np.max(np.sum(e * np.linalg.solve(S, e), axis=1), axis=0))
     factor = float(np.sqrt(np.quantile(worst, level)))
-    return _bounds(covariance, frequency_hz, factor, factor, level, True)
+    return _bounds(covariance, frequency_hz, factor, factor, level)
 
 
 def _bounds(
@@ -100,7 +97,6 @@ def _bounds(
     ellipse: float,
     band: float,
     level: float,
-    simultaneous: bool,
 ) -> ResponseBounds:
     shape = (len(frequency_hz), *covariance.model.direct.shape)
     H, axes = np.zeros(shape, dtype=complex), np.zeros((*shape, 2), dtype=complex)
@@ -123,7 +119,6 @@ def _bounds(
         magnitude_high=high,
         phase_error=phase,
         level=level,
-        simultaneous=simultaneous,
     )
 
 

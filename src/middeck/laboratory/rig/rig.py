@@ -22,7 +22,7 @@ from middeck.laboratory.rig.parts.motors import Motor, MotorBank, gather_motors
 from middeck.laboratory.rig.parts.readout import Readout, gather_readout
 from middeck.laboratory.rig.parts.sensors import Sampler, Sensor, sensor_lag
 from middeck.laboratory.rig.plant.ageing import Ageing, plan_ageing
-from middeck.laboratory.rig.plant.drift import Drift, age_plant
+from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -23,7 +23,6 @@ class GainProof:
         proved: For every constant gain, and for every path of the gain within its rate.
         constant: For every constant gain.
         decay_per_s: Least decay that is proved of every constant gain [1/s]; 0 for none.
-        moving_decay_per_s: The same while the gain moves within its rate.
         rate_limit: A rate [1/s] up to which it is proved; None where it is proved at any rate.
         weakest: The gains between which the decay that is proved is least; None where none is.
         pieces: Intervals of gain with a metric of their own.
@@ -35,7 +34,6 @@ class GainProof:
     proved: bool
     constant: bool
     decay_per_s: float
-    moving_decay_per_s: float
     rate_limit: float | None
     weakest: tuple[float, float] | None
     pieces: int
@@ -85,7 +83,6 @@ def _prove(package: ControllerPackage, gain: AdaptiveGain, name: str, plant: Pla
         proved=bool(found.moving < 1.0),
         constant=bool(found.constant < 1.0),
         decay_per_s=_decay(found.constant, period),
-        moving_decay_per_s=_decay(found.moving, period),
         rate_limit=limit,
         weakest=found.weakest,
         pieces=found.pieces,

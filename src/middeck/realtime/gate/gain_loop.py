@@ -10,7 +10,7 @@ from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.rounding import unfold_law
+from middeck.realtime.package.rounding_errors import unfold_law
 from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.statespace import SampledStateSpace, same_period

@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.rounding import unfold_law
+from middeck.realtime.package.rounding_errors import unfold_law
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 

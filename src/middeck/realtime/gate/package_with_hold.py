@@ -9,8 +9,8 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.package.core import Core
+from middeck.realtime.package.filter_sections import LoopPath
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.section import LoopPath
 from middeck.signals.ports import Port
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.package.core import Core
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package import (
     CHANNELS,
     RAMP,
@@ -26,7 +27,6 @@ from middeck.realtime.package.package import (
     ControllerPackage,
     TestVectors,
 )
-from middeck.realtime.package.section import InputFilter, LoopPath, Section
 from middeck.signals.ports import Port
 
 MAGIC = b"MIDDECKP"

@@ -14,9 +14,9 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
 from middeck.realtime.package.core import Core
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath, static_gain
 from middeck.realtime.package.modal_form import CONDITION, to_modal
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.section import InputFilter, LoopPath, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
 from middeck.realtime.package.core import Core
-from middeck.realtime.package.section import InputFilter, LoopPath
+from middeck.realtime.package.filter_sections import InputFilter, LoopPath
 from middeck.signals.ports import Port
 from middeck.values import record
 

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.realtime.package.core import Core
+from middeck.realtime.package.filter_sections import SMALLEST, Section
 from middeck.realtime.package.package import ControllerPackage, largest
-from middeck.realtime.package.section import SMALLEST, Section
 
 Array = np.ndarray
 Part = TypeVar("Part", float, np.floating)

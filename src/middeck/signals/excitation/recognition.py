@@ -22,8 +22,6 @@ CLEAR_OF_NOISE = 100.0
 # A period is steady when it differs from the last by no more than twice the power of what two late ones
 # differ by: a transient below that is below the noise.
 STEADY = 2.0
-# Largest rms correlation over the lines between two inputs that are called orthogonal.
-ORTHOGONAL = 0.05
 
 
 @record(kw_only=True)
@@ -61,11 +59,6 @@ class Recognised:
     crest_factor: Float[np.ndarray, " input"]
     odd: bool
     orthogonality: float | None
-
-    @property
-    def orthogonal(self) -> bool:
-        """Whether the inputs can be told apart at no cost."""
-        return self.orthogonality is not None and self.orthogonality < ORTHOGONAL
 
 
 def recognise_excitation(measured: Record) -> Recognised:

@@ -103,14 +103,3 @@ def repeat_periods(
             hint="one or more periods of a periodic signal, or one of any other",
         )
     return np.repeat(excitation.u[:, None], periods, axis=1)
-
-
-def detection_lines(excitation: Excitation) -> tuple[np.ndarray, np.ndarray]:
-    """Even and odd lines of the band that carry nothing: there distortion shows.
-
-    Even ones carry what even nonlinearity makes of odd lines, odd ones what odd nonlinearity makes of them
-    (Pintelon and Schoukens 2012, section 4.3). Both are empty for a full grid.
-    """
-    band = np.arange(max(1, excitation.lines[0]), excitation.lines[-1] + 1)
-    silent = np.setdiff1d(band, excitation.lines)
-    return silent[silent % 2 == 0], silent[silent % 2 == 1]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, whole_samples
@@ -62,33 +61,3 @@ def design_sweep(
         lines=np.arange(first, last + 1),
         periodic=True,
     )
-
-
-def design_stepped_sine(
-    frequency_hz: Float[np.ndarray, " step"],
-    dwell_s: float,
-    sample_hz: float,
-    limits: Limits | Sequence[Limits],
-    *,
-    inputs: int = 1,
-) -> Excitation:
-    """One sine after the other, each for ``dwell_s``, in whole cycles: value and phase have no jump.
-
-    Each frequency is moved to the nearest with whole cycles in the dwell. Slow, but all power is on one line
-    and an article's nonlinearity is seen at a stated amplitude. Raises `ConfigError` for a frequency that has
-    no whole cycle in the dwell or reaches half the sampling rate.
-    """
-    samples = whole_samples(dwell_s, sample_hz)
-    cycles = np.round(np.asarray(frequency_hz, dtype=float) * dwell_s).astype(int)
-    if cycles.ndim != 1 or not len(cycles) or cycles.min() < 1 or 2 * cycles.max() >= samples:
-        raise ConfigError(
-            f"steps of {dwell_s} s do not hold a whole cycle of every frequency below {0.5 * sample_hz} Hz",
-            hint="longer steps, or frequencies between 1/dwell_s and half the sampling rate",
-        )
-    phase = 2.0 * np.pi * np.outer(cycles, np.arange(samples) / samples)
-    u = spread_signs(np.sin(phase).ravel(), inputs)
-    u = scale_to_limits(u, limits, sample_hz, periodic=True)
-    lines = np.unique(cycles * len(cycles))
-    what = f"{len(cycles)} sines from {cycles.min() / dwell_s:.6g} to {cycles.max() / dwell_s:.6g} Hz, "
-    what += f"{dwell_s:.6g} s each"
-    return Excitation(kind="stepped sine", what=what, sample_hz=sample_hz, u=u, lines=lines, periodic=True)

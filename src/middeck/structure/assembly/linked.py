@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Inexact
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly.closing import NEARLY, Closing, close_rows
 from middeck.structure.assembly.freedom import Freedom
-from middeck.structure.assembly.links import GROUND, LinkState, link_state
+from middeck.structure.assembly.link_rows import GROUND, LinkState, link_state
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import (
     At,

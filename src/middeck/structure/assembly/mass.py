@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.structure.assembly.beam_ends import chunks, element_ends
-from middeck.structure.assembly.components import component_rows
+from middeck.structure.assembly.component_states import component_rows
 from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import moved_since, poses_at, symmetric, transport

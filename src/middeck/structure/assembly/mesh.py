@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.structure.assembly.carried_elements import Inside, lay_out_inside
 from middeck.structure.assembly.carriers import bushing_stiffness, choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
-from middeck.structure.assembly.links import LinkRows, lay_out_links, link_points
+from middeck.structure.assembly.link_rows import LinkRows, lay_out_links, link_points
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
 from middeck.structure.elements.component import ComponentElement

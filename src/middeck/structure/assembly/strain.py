@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Inexact
 
 from middeck.structure.assembly.beam_ends import carried_levers, chunks, element_ends, tensioned_beams
-from middeck.structure.assembly.components import component_states
+from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.energy import Assembly
 from middeck.structure.assembly.loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model, select_beams

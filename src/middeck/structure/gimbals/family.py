@@ -111,12 +111,6 @@ class GimbalFamily:
         return tuple(not trouble for trouble in self.trouble)
 
     @property
-    def overloaded(self) -> tuple[tuple[int, str], ...]:
-        """(point, joint) where the motor would have to hold more than its limit."""
-        over = np.argwhere(np.abs(self.holding_torque) > self.torque_limit)
-        return tuple((int(p), self.joints[j]) for p, j in over)
-
-    @property
     def doubtful(self) -> tuple[tuple[int, int], ...]:
         """(point, branch) where less than half of a shape is what it was at the neighbour."""
         return tuple((int(p), int(b)) for p, b in np.argwhere(self.match < HALF_SHAPE))

@@ -23,7 +23,7 @@ from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.assembly.linked import bent_links
 from middeck.structure.assembly.mass import mass_matrix
-from middeck.structure.gravity.pairs import pair_modes
+from middeck.structure.gravity.orbit_lab_pairs import pair_modes
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
 from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.gravity.pairs import pair_modes, shares_of
+from middeck.structure.gravity.orbit_lab_pairs import pair_modes, shares_of
 from middeck.structure.gravity.tracking import align_repeated, spectrum_of
 from middeck.structure.modes.names.kind_warnings import CURE
 from middeck.structure.modes.names.kinds import HELD

@@ -18,7 +18,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.rest.following import rest_beside
 from middeck.structure.rest.imbalance import STANDARD_GRAVITY, imbalance, imbalance_scale
-from middeck.structure.rest.settled import TOLERANCE
+from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.whole_steps import deformation, move_whole, stride
 
 MAX_ITERATIONS = 12

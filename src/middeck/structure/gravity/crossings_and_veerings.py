@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.structure.gravity.events import EventKind, GravityEvent, Station
+from middeck.structure.gravity.path_events import EventKind, GravityEvent, Station
 from middeck.structure.gravity.tracking import Spectrum, track
 from middeck.structure.modes.eigenproblem.repeated import REPEATED
 

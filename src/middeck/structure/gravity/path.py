@@ -24,14 +24,14 @@ from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.crossings_and_veerings import Advance, Course, reorder, resolve_exchanges
-from middeck.structure.gravity.events import EventKind, GravityEvent, Station
 from middeck.structure.gravity.gravity_levels import DeviceRule, Place, gravity_between, loads_in
+from middeck.structure.gravity.path_events import EventKind, GravityEvent, Station
 from middeck.structure.gravity.tracking import HALF_SHAPE, spectrum_at, spectrum_of, track
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.rest.statics import settle
+from middeck.structure.rest.settle import settle
 from middeck.values import record
 
 # Parts of the way between two places.

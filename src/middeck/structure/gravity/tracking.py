@@ -22,7 +22,7 @@ from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.modes.eigenproblem.all_or_lowest import solve_pairs
 from middeck.structure.modes.eigenproblem.eigen import Eigenpairs
 from middeck.structure.modes.eigenproblem.repeated import repeated
-from middeck.structure.modes.eigenproblem.rounding import rounding, separate_rigid
+from middeck.structure.modes.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.modes.solve import Modes
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.

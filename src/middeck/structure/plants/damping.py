@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.components import component_states
+from middeck.structure.assembly.component_states import component_states
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
 from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable, JointState
 from middeck.structure.modes.motions.strain_shares import member_energy

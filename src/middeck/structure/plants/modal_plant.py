@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
-from middeck.structure.assembly.gyroscopic import Spin, spinning_wheels
+from middeck.structure.assembly.wheel_forces import Spin, spinning_wheels
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
@@ -39,7 +39,7 @@ def build_plant(
     """The lowest ``count`` modes between named actuators [N m, N] and sensors [rad, m; with _rate per s].
 
     Sensor and actuator axes turn with their bodies: both are linearised at the equilibrium. An accelerometer
-    [m/s^2] reads acceleration and, under gravity, g times tilt, as a change from `accelerometer_offset`; its
+    [m/s^2] reads acceleration and, under gravity, g times tilt, as a change from its reading at rest; its
     direct term is that of the kept modes.
 
     Where wheels spin in the environment of ``modes``, their momentum couples the modes: the plant is a state

@@ -111,18 +111,6 @@ def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
     )
 
 
-def accelerometer_offset(equilibrium: Equilibrium, name: str) -> float:
-    """Reading of accelerometer ``name`` at rest [m/s^2]: -n . g, one g for an axis that points up.
-
-    A plant's output is the change from it. Raises `ConfigError` for another kind of sensor.
-    """
-    sensor, _ = _find_sensor(equilibrium, name)
-    if sensor.kind is not SensorKind.ACCELEROMETER or sensor.axis is None:
-        raise ConfigError(f"sensor {name!r} is no accelerometer", hint="what others read is zero at rest")
-    n = _world_axis(equilibrium, sensor.frame, sensor.axis)
-    return 0.0 - float(n @ equilibrium.environment.gravity)  # never a negative zero
-
-
 def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
     """Sensor of an output and whether its rate is meant; a sensor may itself be called ``turn_rate``."""
     sensors = {s.name: s for s in equilibrium.model.structure.sensors}

@@ -11,11 +11,11 @@ from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import assemble_carried
-from middeck.structure.assembly.gyroscopic import check_speeds
 from middeck.structure.assembly.linked import check_links, link_warnings, links_at, static_freedom
 from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.assembly.springs import bushing_states
+from middeck.structure.assembly.wheel_forces import check_speeds
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.elements.since_drawn import whole_motion
@@ -26,9 +26,9 @@ from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.model.travel import check_travel
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
-from middeck.structure.rest.settled import TOLERANCE
+from middeck.structure.rest.rest_criteria import TOLERANCE
+from middeck.structure.rest.settle import settle
 from middeck.structure.rest.slack_cables import refuse_slack_cables
-from middeck.structure.rest.statics import settle
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 

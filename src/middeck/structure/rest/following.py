@@ -20,7 +20,7 @@ from middeck.structure.elements.frames import Configuration, move_carried, place
 from middeck.structure.elements.rotations import skew, turn_of
 from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
-from middeck.structure.rest.settled import (
+from middeck.structure.rest.rest_criteria import (
     LONGEST_STEP,
     ROUNDED,
     TOLERANCE,

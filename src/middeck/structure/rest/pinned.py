@@ -16,11 +16,11 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.rest.descent import MAX_ITERATIONS
+from middeck.structure.rest.damped_descent import MAX_ITERATIONS
 from middeck.structure.rest.following import CONTRACTION
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
-from middeck.structure.rest.settled import LONGEST_STEP, TOLERANCE
-from middeck.structure.rest.statics import LOAD_FACTORS
+from middeck.structure.rest.rest_criteria import LONGEST_STEP, TOLERANCE
+from middeck.structure.rest.settle import LOAD_FACTORS
 from middeck.values import record
 
 # A motion that nothing resists is opposed by this acceleration, in g per metre: so weak that weight drives it

@@ -16,7 +16,7 @@ from middeck.structure.assembly.strain import predict_forces
 from middeck.structure.elements.frames import move_carried
 from middeck.structure.rest.following import with_linear_springs
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
-from middeck.structure.rest.settled import (
+from middeck.structure.rest.rest_criteria import (
     DAMPING_STEP,
     LEAST_DAMPING,
     LONGEST_STEP,

@@ -12,7 +12,7 @@ from middeck.structure.elements.frames import Configuration, move_carried, place
 from middeck.structure.elements.rotations import cross, turn_of
 from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.rest.imbalance import article_size
-from middeck.structure.rest.settled import UNMOVED
+from middeck.structure.rest.rest_criteria import UNMOVED
 
 
 def move_whole(

@@ -30,6 +30,7 @@ from middeck.structure.rest.pinned import (
     support_forces,
 )
 from middeck.structure.rest.suspension_tuning import pinned_loads, pinned_points
+from middeck.structure.sensitivity.links_and_components import Tied, TieModel
 from middeck.structure.sensitivity.patches import (
     STEP,
     Patch,
@@ -39,7 +40,6 @@ from middeck.structure.sensitivity.patches import (
     restrict,
     spread_gradients,
 )
-from middeck.structure.sensitivity.ties import Tied, TieModel
 
 # Give of a support in one step, over that of the stiffest part; the next steps take it back.
 SUPPORT_GIVES = 1e-4

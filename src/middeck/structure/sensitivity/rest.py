@@ -24,6 +24,7 @@ from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.doubts.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
+from middeck.structure.sensitivity.links_and_components import TieChange, Tied, TieModel
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import (
     STEP,
@@ -41,7 +42,6 @@ from middeck.structure.sensitivity.patches import (
 from middeck.structure.sensitivity.reactions import differentiate_support
 from middeck.structure.sensitivity.softened import soften_rest
 from middeck.structure.sensitivity.static_solver import StaticSolver
-from middeck.structure.sensitivity.ties import TieChange, Tied, TieModel
 from middeck.values import record
 
 NO_LOAD = np.zeros(6)

@@ -32,12 +32,12 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import mode_multipliers
+from middeck.structure.sensitivity.links_and_components import TieChange, Tied
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
 from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import Moved, move_rest
 from middeck.structure.sensitivity.softened import soften_modes
-from middeck.structure.sensitivity.ties import TieChange, Tied
 from middeck.values import record
 
 

@@ -13,10 +13,10 @@ from middeck.structure.assembly.springs import bushing_states, device_tension
 from middeck.structure.assembly.strain import strain_pull
 from middeck.structure.elements.frames import move
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.sensitivity.links_and_components import Tied
 from middeck.structure.sensitivity.patches import STEP, columns, derivative
 from middeck.structure.sensitivity.rest import RestMotion, support_slopes
 from middeck.structure.sensitivity.static_solver import StaticSolver
-from middeck.structure.sensitivity.ties import Tied
 
 
 def yield_further(rest: Equilibrium, strain: Float[np.ndarray, "element 6 field"]) -> RestMotion:

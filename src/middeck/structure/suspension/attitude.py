@@ -34,7 +34,6 @@ class Attitude:
         node, node_tilt: Name and tilt of every node; what differs from
             ``tilt`` is the article's own bending.
         device, tension: Name and pull [N] of every device and spring.
-        centre_of_mass: As drawn.
         hangs_from: What the attach points in use, and clamped nodes, span as drawn: a "point", a "line", a
             "plane" or "space".
         lies_off: From that point, line or plane to the centre of mass, normal to it. A rigid article on a
@@ -48,7 +47,6 @@ class Attitude:
     node_tilt: Float[np.ndarray, "node 3"]
     device: tuple[str, ...]
     tension: Float[np.ndarray, " device"]
-    centre_of_mass: Float[np.ndarray, "3"]
     hangs_from: str
     lies_off: Float[np.ndarray, "3"]
 
@@ -68,8 +66,7 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
     turned = node_rotations(equilibrium)
     tilts = np.array([split_rotation(rotation_exp(v), up)[0] for v in turned.values()])
     T = rigid_columns(model.tree, model.rest, np.zeros(3))
-    centre = centre_of_mass(T, mass_matrix(model, model.rest))
-    span, lies_off = _span(equilibrium, centre)
+    span, lies_off = _span(equilibrium, centre_of_mass(T, mass_matrix(model, model.rest)))
     return Attitude(
         tilt=tilt,
         heading=heading,
@@ -77,7 +74,6 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
         node_tilt=tilts,
         device=equilibrium.devices,
         tension=equilibrium.tension,
-        centre_of_mass=centre,
         hangs_from=span,
         lies_off=lies_off,
     )

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from middeck.files.json.results import response_numbers
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
-from middeck.identification.uncertainty.parameters import stated
+from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.measured_loop.computation import SEEN_DB, MeasuredLoop
 from middeck.study.words import Claim, Numbers, at_most, largest
 from middeck.systems.plants.plant import Plant

@@ -19,7 +19,7 @@ from middeck.updating.candidates.foreseen import Foreseen, foresee
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import There, predict_at, solve_there
 from middeck.updating.refinement.refine import Refined
-from middeck.updating.residuals.statics import StaticTest
+from middeck.updating.residuals.static_tests import StaticTest
 from middeck.values import record
 
 # Digits of a ratio beyond which two tests are as good as each other.

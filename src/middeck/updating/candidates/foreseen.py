@@ -19,7 +19,7 @@ from middeck.updating.candidates.candidate_survey import CandidateSurvey, measur
 from middeck.updating.refinement.common_rests import common_rests, same_modes, same_readings
 from middeck.updating.refinement.posterior import Estimate, Linear, estimate_at
 from middeck.updating.refinement.refine import MODAL, OF_READING, USUAL_STATIC, Refined, linear_problem
-from middeck.updating.residuals.statics import (
+from middeck.updating.residuals.static_tests import (
     ComparedStatic,
     ErrorFields,
     StaticTest,

@@ -13,7 +13,13 @@ from middeck.structure.model.environment import Environment
 from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import MODAL, OF_READING, USUAL_STATIC, Refined, zero_of
 from middeck.updating.residuals.gauges import Gauge
-from middeck.updating.residuals.statics import ErrorFields, check_zero, full_scales, gauge_key, set_up_static
+from middeck.updating.residuals.static_tests import (
+    ErrorFields,
+    check_zero,
+    full_scales,
+    gauge_key,
+    set_up_static,
+)
 from middeck.values import record
 
 USUAL_TAU = np.array([USUAL_STATIC, OF_READING * USUAL_STATIC])

@@ -25,10 +25,10 @@ from middeck.updating.promise.draws import DrawnPlants, draw_plants
 from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
 from middeck.updating.promise.performance_bound import Bound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise.robustness_sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.updating.promise.slip import draw_slips
 from middeck.updating.promise.slip_run import run_slips
 from middeck.updating.promise.slip_time import SlipTime
-from middeck.updating.promise.sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import set_up
 from middeck.values import record

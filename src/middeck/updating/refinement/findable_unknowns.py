@@ -16,7 +16,7 @@ from middeck.structure.model.article import Structure
 from middeck.updating.refinement.posterior import USUAL
 from middeck.updating.refinement.refine import USUAL_STATIC, compare_at_first
 from middeck.updating.residuals.responses import ComparedResponse
-from middeck.updating.residuals.statics import ComparedStatic, StaticTest
+from middeck.updating.residuals.static_tests import ComparedStatic, StaticTest
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
 from middeck.values import record

@@ -30,7 +30,7 @@ from middeck.updating.refinement.posterior import (
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
-from middeck.updating.residuals.statics import (
+from middeck.updating.residuals.static_tests import (
     ComparedStatic,
     ErrorFields,
     Loaded,

@@ -15,10 +15,10 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError, DataError
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.fit.mode_trust import Standing
-from middeck.identification.fit.tidy import DOUBTFUL, mode_significance
+from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.parameters import distinct_poles, uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import distinct_poles, uncertainty_of
 from middeck.structure.correlation.measured_modes import ACTUATOR, SENSOR, MeasuredModes
 from middeck.structure.model.article import Actuator, ActuatorKind, Sensor, SensorKind, Structure
 from middeck.structure.plants.sensors_and_actuators import RATE

@@ -61,7 +61,7 @@ class LoopMargins:
             then unstable. Sampled loops give the smallest only; None where it was not requested, and where
             the continuous plant is unknown (samples do not tell how a delay turns a mode beyond half the
             rate).
-        sensitivity, complementary: Peaks of 1 / (1 + L) and of L / (1 + L).
+        sensitivity: Peak of 1 / (1 + L).
         disk: The balanced disk margin of this loop alone.
     """
 
@@ -72,7 +72,6 @@ class LoopMargins:
     phase_hz: Float[np.ndarray, " circle"]
     delay_s: Float[np.ndarray, " delay"] | None
     sensitivity: Peak
-    complementary: Peak
     disk: DiskMargin
 
     @property
@@ -246,9 +245,7 @@ def _describe(
     lag = np.mod(np.angle(value) + np.pi, 2.0 * np.pi)
     turn = 2.0 * np.pi
 
-    at_peaks = [_peak(curve, one) for one in (_sensitivity, _complementary, _skewed)]
-    S, T = (Peak(gain, w / turn) for w, gain in at_peaks[:2])
-    worst, skewed = at_peaks[2]
+    (at_S, S), (worst, skewed) = (_peak(curve, one) for one in (_sensitivity, _skewed))
     return LoopMargins(
         channel=name,
         gain=gain[order],
@@ -256,8 +253,7 @@ def _describe(
         phase_rad=np.where(lag > np.pi, lag - turn, lag),
         phase_hz=at / turn,
         delay_s=lag / at,
-        sensitivity=S,
-        complementary=T,
+        sensitivity=Peak(S, at_S / turn),
         disk=disk_from_peak(skewed if stable else np.inf, worst),
     )
 
@@ -270,7 +266,7 @@ def _peak(
 
     def gain(w: np.ndarray) -> np.ndarray:
         there = ratio(1j * w)
-        # On a pole of the ratio nothing peaks: S vanishes there, and T is one.
+        # On a pole of the ratio nothing peaks: S vanishes there.
         return size(np.where(np.isfinite(there), there, 0.0))
 
     with np.errstate(divide="ignore"):  # all are infinite on a root of the loop
@@ -279,10 +275,6 @@ def _peak(
 
 def _sensitivity(L: np.ndarray) -> np.ndarray:
     return 1.0 / np.abs(1.0 + L)
-
-
-def _complementary(L: np.ndarray) -> np.ndarray:
-    return np.abs(L) / np.abs(1.0 + L)
 
 
 def _skewed(L: np.ndarray) -> np.ndarray:

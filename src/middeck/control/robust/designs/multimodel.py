@@ -20,8 +20,8 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.problem.problem import Problem, law_of, pose_problem, true_costs, whole_law
-from middeck.control.robust.problem.result import RobustCompensator
+from middeck.control.robust.problem.robust_compensator import RobustCompensator
+from middeck.control.robust.problem.several_plants import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.search.approach import Arrival, approach, carry_on
 from middeck.control.robust.search.blend import blend
 from middeck.errors import ConfigError

@@ -22,7 +22,8 @@ from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem.directions import Directions, shift_directions
-from middeck.control.robust.problem.problem import (
+from middeck.control.robust.problem.robust_compensator import RobustCompensator, Stage
+from middeck.control.robust.problem.several_plants import (
     Problem,
     law_of,
     models_of,
@@ -30,11 +31,10 @@ from middeck.control.robust.problem.problem import (
     true_costs,
     whole_law,
 )
-from middeck.control.robust.problem.result import RobustCompensator, Stage
 from middeck.control.robust.search.approach import RESTARTS, approach, carry_on
 from middeck.control.robust.search.blend import gradient_row
-from middeck.control.robust.search.coordinates import even_scale, parameter_scale
-from middeck.control.robust.search.descent import descend
+from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
+from middeck.control.robust.search.quasi_newton import descend
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.values import record

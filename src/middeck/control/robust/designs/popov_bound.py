@@ -24,7 +24,7 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import Law, LawCost, closed_matrices, law_gradient, solve_gramian
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.riccati.lyapunov import solve_lyapunov
-from middeck.control.riccati.subspace import solve_by_subspace
+from middeck.control.riccati.stable_subspace import solve_by_subspace
 from middeck.control.robust.problem.directions import Directions
 from middeck.values import record
 

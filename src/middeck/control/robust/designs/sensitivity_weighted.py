@@ -25,8 +25,8 @@ from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.robust.problem.directions import Directions, stiffness_directions
-from middeck.control.robust.problem.problem import Problem, models_of, pose_problem, whole_law
-from middeck.control.robust.problem.result import RobustCompensator, Stage
+from middeck.control.robust.problem.robust_compensator import RobustCompensator, Stage
+from middeck.control.robust.problem.several_plants import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.search.blend import evaluate_models
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant

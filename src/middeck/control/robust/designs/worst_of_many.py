@@ -19,7 +19,7 @@ from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.multimodel import MultiModelCompensator, design_multimodel
-from middeck.control.robust.problem.problem import law_of
+from middeck.control.robust.problem.several_plants import law_of
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant
 

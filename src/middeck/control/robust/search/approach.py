@@ -10,10 +10,16 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, discounted
 from middeck.control.h2.law_form import order_of, shifted, station_ports
 from middeck.control.h2.nominal_law import lqg_law
-from middeck.control.robust.problem.problem import Problem, models_of
-from middeck.control.robust.problem.result import Stage
+from middeck.control.robust.problem.robust_compensator import Stage
+from middeck.control.robust.problem.several_plants import Problem, models_of
 from middeck.control.robust.search.blend import Stations, improve
-from middeck.control.robust.search.starts import LADDER, find_starts, in_the_loop, spread_starts, stabilises
+from middeck.control.robust.search.starting_laws import (
+    LADDER,
+    find_starts,
+    in_the_loop,
+    spread_starts,
+    stabilises,
+)
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import Law, LawCost, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import Free, arrange, pack, scale_states, unpack
-from middeck.control.robust.search.coordinates import even_scale, parameter_scale
-from middeck.control.robust.search.descent import Descent, descend
+from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
+from middeck.control.robust.search.quasi_newton import Descent, descend
 
 Stations = list[tuple[list[int], list[int], int]]
 

@@ -13,7 +13,7 @@ from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.batch import row_rms, same_shapes, sampled_covariances
-from middeck.control.sampled.integrals import spread_noise
+from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, subsystem

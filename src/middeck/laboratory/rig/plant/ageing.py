@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.laboratory.rig.plant.drift import Drift, age_plant, drift_end, modal_part
+from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant, drift_end, modal_part
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant, Wiring, build_hybrid_plant
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import rate_scale

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.sampled.integrals import spread_noise
+from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, add_viscous
 from middeck.laboratory.rig.parts.sensor_filters import anti_alias, sensor_filter

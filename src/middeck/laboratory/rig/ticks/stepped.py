@@ -11,7 +11,7 @@ from middeck.laboratory.rig.plant.ageing import follow_ageing
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.ticks.compiled import TickRows, compile_ticks
-from middeck.laboratory.rig.ticks.simulation import BLOCK, draw_errors, pair_rows, switch_on
+from middeck.laboratory.rig.ticks.simulate_rig import BLOCK, draw_errors, pair_rows, switch_on
 from middeck.laboratory.rig.ticks.state import RigState
 from middeck.laboratory.rig.ticks.tick import Tick
 from middeck.realtime.engine.rigs.rig import EngineRig

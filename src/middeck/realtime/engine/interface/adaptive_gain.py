@@ -84,14 +84,3 @@ def encode_proof(proof: ProvedGain) -> bytes:
     hashes = bytes.fromhex(proof.package) + bytes.fromhex(proof.hold)
     body = b"MIDDECKG" + hashes + struct.pack("<3d", proof.minimum, proof.maximum, proof.rate)
     return body + hashlib.sha256(body).digest()
-
-
-def move_gain(gain: float, rms: float, law: AdaptiveGain, period_s: float) -> float:
-    """The gain of the next sample.
-
-    >>> law = AdaptiveGain(maximum=2.0, rate=0.5, sensor="y", band_hz=(1.0, 9.0), quiet_rms=0.1, loud_rms=0.2)
-    >>> [move_gain(1.0, rms, law, 0.1) for rms in (0.05, 0.15, 0.25)], move_gain(0.01, 0.25, law, 0.1)
-    ([1.05, 1.0, 0.95], 0.0)
-    """
-    way = 1.0 if rms < law.quiet_rms else -1.0 if rms > law.loud_rms else 0.0
-    return min(max(gain + way * law.rate * period_s, law.minimum), law.maximum)

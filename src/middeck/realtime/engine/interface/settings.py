@@ -11,8 +11,8 @@ from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.header import constants, layout
 from middeck.realtime.engine.interface.monitors import LONGEST_S, Monitor
+from middeck.realtime.package.filter_sections import LoopPath
 from middeck.realtime.package.package import check_ports
-from middeck.realtime.package.section import LoopPath
 from middeck.signals.ports import Port
 from middeck.values import record
 

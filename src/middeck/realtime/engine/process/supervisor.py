@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import TracebackType
 
@@ -17,25 +17,17 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.interface.adaptive_gain import ProvedGain, encode_proof
 from middeck.realtime.engine.interface.commands import (
-    ANSWERS,
-    COMMANDS,
     KINDS,
-    QUEUE,
-    STATES,
-    STRIP_WORDS,
     TRIPS,
-    Answer,
     Event,
-    check_of,
     read_event,
 )
-from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.monitors import LONGEST_S
-from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold, time_to_rest
-from middeck.realtime.engine.interface.shared_file import SharedFile, make_shared_file, open_shared_file
+from middeck.realtime.engine.interface.settings import EngineSettings, time_to_rest
+from middeck.realtime.engine.interface.shared_file import make_shared_file, open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
+from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S, CommandedEngine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.folder_lock import locked
 from middeck.realtime.engine.process.launch import (
@@ -54,21 +46,15 @@ from middeck.realtime.engine.recording.recorder import Recorder
 from middeck.realtime.engine.recording.ring import event_rows, pretrip_records, take_records
 from middeck.realtime.engine.recording.run_head import run_head
 from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
-from middeck.realtime.package.binary import encode_package
-from middeck.realtime.package.package import ControllerPackage
 
 __all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
 
-POLL_S = 5e-5
 BEAT_S = 0.05
-PATIENCE_S = 60.0
 PATIENCE_AT_END_S = 5.0
 LOOK_S = 0.01
-KEPT, KEPT_FREE = 16, {"disengage": 1, "silence": 1, "end": 0}
-"""Places of the queue that a command leaves free: those that make safe find one where the rest wait."""
 
 
-class Supervisor:
+class Supervisor(CommandedEngine):
     """One engine and its shared file; a context manager, which ends both.
 
     Args:
@@ -144,7 +130,7 @@ class Supervisor:
                 pretrip=max(1, settings.samples(pretrip_s)),
             )
             self._sign()
-            self.process: subprocess.Popen[str] | AdoptedEngine = launch(program, self.file)
+            self.process = launch(program, self.file)
             try:
                 self._wait(lambda: bool(self.file.status["running"]))
             except BaseException:
@@ -190,8 +176,6 @@ class Supervisor:
 
     def _begin(self, settings: EngineSettings, real_time: bool) -> None:
         self.settings, self.real_time = settings, real_time
-        self._admitted: Mapping[str, str] | None
-        self.file: SharedFile
         self.recorder: Recorder | None = None
         self.seen_events = self._said = 0
         self._runs_on = real_time
@@ -209,7 +193,7 @@ class Supervisor:
         """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
         if self.process.poll() is None:
             try:
-                self._wait_for_end(self._patience_at_end() if kind_of_end(self) else 0.0)
+                self._wait_for_end(self._patience_at_end() if self._takes_end() else 0.0)
             except (subprocess.TimeoutExpired, TimeoutError):
                 self._end_in_safe()
         self.process.wait()
@@ -272,102 +256,6 @@ class Supervisor:
             self.recorder.close()
             self._say_faults()
             self.recorder = None
-
-    @property
-    def state(self) -> str:
-        """ "safe", "ready", "identify", "engaging", "control" or "disengaging"."""
-        return STATES[int(self.file.status["state"])]
-
-    @property
-    def sample(self) -> int:
-        """Samples that have been run."""
-        return int(self.file.status["sample"])
-
-    @property
-    def trip(self) -> int:
-        """Number of the trip that holds the loop in SAFE; 0 for none, and at power-up."""
-        return int(self.file.status["trip"])
-
-    @property
-    def momentum(self) -> Float[np.ndarray, " output"]:
-        """What each output has stored by now: `Drive.stored` of an engine that follows this one."""
-        return self.file.status["momentum"][: len(self.settings.drives)].copy()
-
-    def send(self, kind: str, *, slot: int = 0, values: Sequence[float] = (), at: int = 0) -> int:
-        """Queue a command, not before sample ``at``; its number. Commands are taken in order, but for
-        "disengage", "silence" and "end": what makes safe waits for none, and an "engage" or "excite" before
-        it that has not been carried out is withdrawn.
-
-        Raises `ConfigError` for a word that is no command, more than four values, and what is no number;
-        waits while the queue is full.
-        """
-        if kind not in COMMANDS or len(values) > 4:
-            raise ConfigError(
-                f"no command {kind!r} of {len(values)} values", hint=f"one of {', '.join(COMMANDS)}"
-            )
-        self._beat_by_the_clock()
-        number = int(self.file.asks["written"]) + 1
-        room = QUEUE - KEPT_FREE.get(kind, KEPT)
-        self._wait(lambda: number - int(self.file.status["acknowledged"]) < room)
-        row = np.zeros((), layout("command"))
-        try:
-            row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
-            row["value"][: len(values)] = values
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ConfigError(f"{kind}: {error}", hint="a sample, a slot, numbers") from None
-        row["check"] = check_of(row)
-        self.file.commands[number % QUEUE] = row
-        self.file.asks["written"] = number
-        return number
-
-    def answer(self, number: int) -> Answer:
-        """Wait until a command is answered. In lockstep one that is not due yet needs `run` first.
-
-        Raises `DataError` for one whose place a later answer has taken.
-        """
-        place = self.file.acknowledgements[number % QUEUE]
-        self._wait(lambda: int(self.file.status["acknowledged"]) >= number or int(place["number"]) == number)
-        row = place.copy()
-        if int(row["number"]) != number:
-            raise DataError(
-                f"the answer to command {number} is gone", where="engine", hint=f"the last {QUEUE} are kept"
-            )
-        return Answer(number, int(row["sample"]), ANSWERS[int(row["answer"])])
-
-    def command(self, kind: str, *, slot: int = 0, values: Sequence[float] = ()) -> Answer:
-        """Send a command and wait for its answer."""
-        return self.answer(self.send(kind, slot=slot, values=values))
-
-    def load(
-        self, package: ControllerPackage | bytes, slot: int = 0, *, proof: ProvedGain | None = None
-    ) -> Answer:
-        """Put a package into a slot that does not run: it is checked there, its test vectors replayed.
-
-        ``proof`` is what the gate has proved of the adaptive gain: without it "adapt" is refused. A package
-        that is not ``admitted`` does not reach the engine: its answer has the number 0.
-        """
-        if self._admitted is not None and self._admitted.get(_seal(package)) != hash_hold(self.settings):
-            return Answer(0, self.sample, "not admitted")
-        sealed = b"" if proof is None else encode_proof(proof)
-        return self.command("load", slot=slot, values=[self.file.stage(package, sealed), bool(sealed)])
-
-    def set_strip(self, output: str, word: str, value: float) -> Answer:
-        """Gain, offset, limit (a share) or hold (1 or 0) of an output's strip."""
-        if word not in STRIP_WORDS:
-            raise ConfigError(f"no word {word!r} of a strip", hint=f"one of {', '.join(STRIP_WORDS)}")
-        return self.command("strip", slot=self.settings.drive(output), values=[STRIP_WORDS[word], value])
-
-    def reset(self) -> Answer:
-        """Leave SAFE, naming the trip that led there."""
-        return self.command("reset", values=[self.trip])
-
-    def stop(self) -> None:
-        """STOP: safe at the next sample, whatever the queue holds."""
-        self.file.asks["stop"] += 1
-
-    def beat(self) -> None:
-        """Show the engine that its supervisor lives."""
-        self.file.asks["heartbeat"] += 1
 
     def run(self, samples: int, *, beats: bool = True, keep: bool = True) -> np.ndarray:
         """Let it run so many samples and return their records; none are kept where ``keep`` is false.
@@ -441,11 +329,6 @@ class Supervisor:
         """Records up to the trip that holds the loop in SAFE, oldest first; without one, those until now."""
         return pretrip_records(self.file)
 
-    def blacklist(self) -> tuple[str, ...]:
-        """Laws that are refused, by their `hash_law`: those of the start, then those that tripped."""
-        count = int(self.file.status["blacklisted"])
-        return tuple(bytes(row).hex() for row in self.file.status["blacklist"][:count])
-
     def _skip(self) -> np.ndarray:
         if self.recorder is None:
             self.file.asks["taken"] = self.sample
@@ -470,44 +353,3 @@ class Supervisor:
             if time.monotonic() - began > PATIENCE_S:
                 return
             time.sleep(POLL_S)
-
-    def _wait(self, reached: Callable[[], object]) -> None:
-        began = time.monotonic()
-        while not reached():
-            self._require_alive()
-            self._beat_by_the_clock()
-            if time.monotonic() - began > PATIENCE_S:
-                raise DataError(
-                    f"the engine does not answer for {PATIENCE_S:g} s",
-                    where="engine",
-                    hint="is its rig alive?",
-                )
-            time.sleep(POLL_S)
-
-    def _beat_by_the_clock(self) -> None:
-        """Who commands or waits for an answer lives; time goes on meanwhile."""
-        if self.real_time:
-            self.beat()
-
-    def _require_alive(self) -> None:
-        if self.process.poll() is not None:
-            said = self.process.stderr.read() if self.process.stderr else ""
-            raise DataError(
-                f"the engine has ended with code {self.process.returncode}: {said.strip()}",
-                where="engine",
-                hint="what it said; its records are still in the shared file",
-            )
-
-
-def kind_of_end(supervisor: Supervisor) -> bool:
-    """Ask an engine to end; False where it has no ear for it any more."""
-    try:
-        supervisor.send("end")
-    except DataError:
-        return False
-    return True
-
-
-def _seal(package: ControllerPackage | bytes) -> str:
-    """The SHA-256 that a package says it has; the engine computes it anew."""
-    return (package if isinstance(package, bytes) else encode_package(package))[-32:].hex()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -182,8 +181,3 @@ def _check_channel(article: LinearArticle, fault: Fault) -> None:
             where=HERE,
             hint=f"0 to {ports - 1}",
         )
-
-
-def with_faults(article: LinearArticle, *faults: Fault, seed: int | None = None) -> LinearArticle:
-    """``article`` with these faults instead, and another seed where one is given."""
-    return dataclasses.replace(article, faults=faults, seed=article.seed if seed is None else seed)

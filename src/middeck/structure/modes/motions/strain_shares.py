@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.structure.assembly.beam_ends import element_poses
-from middeck.structure.assembly.components import component_states
+from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.elements.beam import beam_deformations
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2

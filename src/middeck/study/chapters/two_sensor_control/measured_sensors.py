@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import damping_ratio, model_
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.zeros import Zeros, path_zeros
 from middeck.identification.search.fit_warnings import FAR, HALF
-from middeck.identification.uncertainty.parameters import zero_deviation
+from middeck.identification.uncertainty.parameter_deviations import zero_deviation
 from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
 from middeck.study.measured_loop.computation import DesignCase, design_case
 from middeck.systems.delay.delay_approximation import approximate_delays

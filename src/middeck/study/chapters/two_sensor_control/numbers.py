@@ -7,7 +7,7 @@ import numpy as np
 from middeck.files.json.results import fitted_numbers, response_numbers
 from middeck.identification.model.measurement_model import path_delay
 from middeck.identification.plants.zeros import name_zeros
-from middeck.identification.uncertainty.parameters import stated
+from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.two_sensor_control.computation import ABOVE_HZ, FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors, SensorZeros
 from middeck.study.chapters.two_sensor_control.reach import Reach

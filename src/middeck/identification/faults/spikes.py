@@ -1,0 +1,159 @@
+"""Spikes: few samples far outside of all beside them; and records of impacts, which consist of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg
+import scipy.ndimage
+from jaxtyping import Bool
+
+from middeck.identification.faults.equal_runs import ROUNDING, Found, Levels, Runs, Signal, fault, runs_of
+
+# Spikes: samples on each side that a spike is compared with, the nearest left out, and by how many times
+# their span it leaves it. Of Gaussian samples one in 1e9 does.
+BESIDE, LEAP = 12, 2.0
+# Samples on each side that are left out where longer ones are sought: so many and one may be one spike.
+WIDE = 8
+# Spikes among large samples of the signal's own: residuals of a prediction from so many samples before. The
+# largest, a share but no fewer than FEWEST_LARGE, tell the tail; chance is beyond it in one of e^BEYOND.
+PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
+# Samples by which an output may follow a spike or a step of an input and be its answer.
+ANSWERS = WIDE + 2
+# Share of the largest sample of a run that one beside it has where the run is the middle of a longer one.
+LASTS = 0.8
+# Inputs with so much of their energy in spikes are impacts.
+IMPACTS = 0.1
+# Share of a sample at an edge that the next one inward has of it, from which on the two are one decay.
+DECAYS = 0.2
+# A decay that leaves its first sample outside of the rest falls to 0.58 or less from each to the next.
+FALLS = 1.5
+
+
+def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[Found]:
+    """One to nine samples far outside of all that is beside them, of the signal's tail and of any answer.
+
+    ``driven`` are spikes of the inputs, which an output may answer.
+    """
+    runs = [r for r in spike_runs(x, levels) if not _answers(r, driven or [])]
+    if not runs:
+        return []
+    largest = max(float(np.abs(x[a:b] - np.median(x)).max()) for a, b in runs)
+    what = f"{len(runs)} spikes up to {largest:.3g}, first at {runs[0][0]}"
+    hint = "check for loose contacts and switching nearby; repair the samples, or leave the period out"
+    return [fault("spike", what, hint, samples=runs)]
+
+
+def spike_runs(x: Signal, levels: Levels) -> Runs:
+    """Samples outside of what is beside them that are no large samples like others of the signal.
+
+    >>> from middeck.identification.faults.equal_runs import levels_of
+    >>> rng = np.random.default_rng(0)
+    >>> x = rng.laplace(size=4000)
+    >>> x[70] = 60.0
+    >>> spike_runs(x, levels_of(x))
+    [(70, 71)]
+    """
+    runs = _outside_runs(x, levels.step)
+    if not runs:
+        return []
+    left, limit = _tail(x, runs)
+    return [(a, b) for a, b in runs if left[a:b].max() > limit]
+
+
+def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
+    """Linear prediction error of each sample, and the limit that chance hardly exceeds.
+
+    The largest residuals of the rest are taken for a power law (Hill 1975): exact for heavy tails, and for
+    lighter ones, exponential or normal, on the safe side.
+    """
+    rest = np.ones(len(x), dtype=bool)
+    for a, b in runs:
+        # The first samples are foretold from those after them, up to twice as far in.
+        rest[max(a - PREDICTED_FROM, 0) if a < 2 * PREDICTED_FROM else a : b + PREDICTED_FROM] = False
+    if not rest.any():  # steps or pulses all along: the signal itself
+        return np.zeros(len(x)), np.inf
+    level = np.where(rest, x, np.interp(np.arange(len(x)), np.flatnonzero(rest), x[rest]))
+    before = min(PREDICTED_FROM, len(x) // 4)
+    past = np.fft.irfft(np.abs(np.fft.rfft(level - level.mean(), 2 * len(x))) ** 2)[: before + 1]
+    # A share of white noise, as small as the rounding of a good converter, keeps the equations determined.
+    column = past[:-1] + np.eye(1, before)[0] * 1e-9 * past[0]
+    weights = scipy.linalg.solve_toeplitz(column, past[1:]) if past[0] > 0.0 else np.zeros(before)
+    ahead = np.concatenate([[1.0], -weights])
+    left = np.abs(np.convolve(ahead, x - level.mean())[: len(x)])
+    # The first samples have none before them: they are foretold from those after, by the same weights.
+    left[:before] = np.abs(np.convolve(ahead, x[::-1] - level.mean())[: len(x)])[::-1][:before]
+    clean = np.sort(left[rest])
+    large = clean[-max(FEWEST_LARGE, int(LARGE * len(clean))) :]
+    least = max(float(large[0]), np.finfo(float).tiny)
+    slope = float(np.mean(np.log(np.maximum(large, least) / least)))
+    return left, least * float(np.exp(min(slope * (np.log(len(large)) + BEYOND), 300.0)))
+
+
+def _answers(run: tuple[int, int], driven: Runs) -> bool:
+    return any(a <= run[0] <= b - 1 + ANSWERS for a, b in driven)
+
+
+def _outside_runs(x: Signal, step: float) -> Runs:
+    if len(x) < 2 * BESIDE + 5:
+        return []
+    found = _outside(x, step, 1)
+    if len(x) > 4 * (BESIDE + WIDE):
+        inner = slice(BESIDE + WIDE, -BESIDE - WIDE)
+        found[inner] |= _outside(x, step, WIDE)[inner]
+    return [run for run in runs_of(found) if not (_decays(x, run) or _goes_on(x, run))]
+
+
+def _outside(x: Signal, step: float, near: int) -> Bool[np.ndarray, " sample"]:
+    """Samples outside of those more than ``near`` and up to BESIDE + ``near`` - 1 away."""
+    highest = _beside(x, scipy.ndimage.maximum_filter1d, near)
+    lowest = -_beside(-x, scipy.ndimage.maximum_filter1d, near)
+    beyond = np.maximum(x - highest, lowest - x)
+    return (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
+
+
+def _beside(x: Signal, largest: Callable[..., np.ndarray], near: int) -> Signal:
+    """The largest of BESIDE - 1 samples on each side of those ``near``, at an edge as many from inside."""
+    size = BESIDE - 1
+    # The window of BESIDE - 1 samples that ends just before those near, and the one that begins after them.
+    shift = near + 1 + size // 2
+    inner = largest(x, size)
+    around = np.maximum(np.roll(inner, shift), np.roll(inner, -shift))
+    for k in range(BESIDE + 1):
+        around[k] = _most_beside(x[: 2 * BESIDE + 3], k)
+        around[-1 - k] = _most_beside(x[: -2 * BESIDE - 4 : -1], k)
+    return around
+
+
+def _most_beside(window: Signal, k: int) -> float:
+    return float(window[np.abs(np.arange(len(window)) - k) > 1].max())
+
+
+def _decays(x: Signal, run: tuple[int, int]) -> bool:
+    """Whether a run at an edge decays into what follows, as free motion does."""
+    a, b = run
+    if a <= BESIDE:
+        inward = x[a : a + 2 * BESIDE + 3]
+    elif b >= len(x) - BESIDE:
+        inward = x[b - 1 : b - 2 * BESIDE - 4 : -1]
+    else:
+        return False
+    off = np.abs(inward - np.median(inward[b - a + 1 :]))
+    # The next one of a decay is itself outside of what comes after; beside a spike any sample may lie.
+    return bool(off[b - a] > max(DECAYS * off[b - a - 1], FALLS * off[b - a + 1 :].max()))
+
+
+def _goes_on(x: Signal, run: tuple[int, int]) -> bool:
+    """Whether a run is the middle of something longer, as a level of a square wave."""
+    a, b = run
+    rest = np.median(x[max(a - BESIDE - WIDE, 0) : b + BESIDE + WIDE])
+    off = np.abs(x[max(a - 1, 0) : b + 1] - rest)
+    return bool(max(off[0] * (a > 0), off[-1] * (b < len(x))) > LASTS * off[min(a, 1) : b - a + 1].max())
+
+
+def is_impact(x: Signal) -> bool:
+    """Whether much of the energy is in spikes, as with a hammer."""
+    swing = x - np.median(x)
+    energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in _outside_runs(x, 0.0))
+    return energy > IMPACTS * float(np.sum(swing**2))

@@ -1,0 +1,198 @@
+"""The response of an impact test: blows windowed, averaged, with their coherence.
+
+The force window leaves the pulse and takes out the noise of the rest. The exponential window exp(-t / tau),
+on force and response alike, makes a response that rings beyond its block end within it. It multiplies both
+signals by the same, so that the windowed response is H(s + 1 / tau), exactly: every pole is moved by
+-1 / tau, and can be moved back (`without_window`; Fladung and Rost 1997; Ewins 2000, section 3.7).
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.errors import DataError
+from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
+from middeck.identification.spectra.averages import Spectra
+from middeck.identification.spectra.coherence import ordinary_coherence
+from middeck.identification.spectra.h1_h2_hv import spectra_response
+from middeck.identification.spectra.scattered_response import trusted
+from middeck.signals.record import Record
+from middeck.systems.plants.response import FrequencyResponse
+from middeck.values import record as frozen
+
+# Share of the response's first rms that the window leaves of it at the end.
+END = 1e-3
+# Lines are of use down to this share of the force's largest power (20 dB).
+USEFUL = 0.01
+# Samples of the force window's slope after the pulse: the ringing of filters.
+SLOPE = 32
+# Parts of a record, of which the quietest tells the level at rest.
+PARTS = 16
+# Coherence below which a line is told of.
+INCOHERENT = 0.9
+
+
+@frozen(kw_only=True)
+class ImpactTest:
+    """Averaged response of an impact test.
+
+    Attributes:
+        response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
+        coherence: Of each line and output: the share of the response explained by the force, over the good
+            blows.
+        blocks: The good blows under the force window alone, each an experiment.
+        window_s: Time constant tau of the exponential window [s]; infinite without.
+        blows: All blows, the rejected ones with the reason.
+        warnings: What the user should know; empty if nothing.
+    """
+
+    response: FrequencyResponse
+    coherence: Float[np.ndarray, "line output"]
+    blocks: Record
+    window_s: float
+    blows: tuple[Blow, ...]
+    warnings: tuple[str, ...]
+
+
+def average_blows(
+    record: Record,
+    *,
+    ratio: Literal["h1", "h2"] = "h1",
+    window_s: float | None = None,
+    band_hz: tuple[float, float] | None = None,
+    blow_s: float | None = None,
+) -> ImpactTest:
+    """The response by the good blows of a record, each a block of its own.
+
+    Args:
+        record: One input, the force; one or several experiments, of one blow or several each.
+        ratio: "h1" where the responses are noisy, "h2" where the force is (and at resonances).
+        window_s: Time constant of the exponential window [s]; infinity for none. By default the longest that
+            leaves a thousandth of the response at the end of a block, none where it has decayed so far.
+        band_hz: Lines to keep; by default up to where the force falls 20 dB below its largest power.
+        blow_s: As of `locate_blows`.
+
+    Raises `ConfigError` if the record has several inputs, or is periodic; `DataError` if fewer than two good
+    blows are left.
+    """
+    blows = locate_blows(record, blow_s=blow_s)
+    good = [b for b in blows if not b.rejected]
+    if len(good) < 2:
+        reasons = "; ".join(dict.fromkeys(b.rejected for b in blows if b.rejected)) or "one blow"
+        raise DataError(
+            f"{len(good)} of {len(blows)} blows are good, two are needed: {reasons}",
+            hint="strike again, once a block, at rest; fit_record takes a record of any blows as it is",
+        )
+    size = min(b.last - b.first for b in good)
+    u, y = (x.reshape(len(x), -1, x.shape[3]) for x in (record.u, record.y))
+    force = np.stack([_force(u[b.experiment, b.first : b.first + size], b) for b in good])
+    levels = [_at_rest(x) for x in y]
+    answer = np.stack([y[b.experiment, b.first : b.first + size] - levels[b.experiment] for b in good])
+    tau = _time_constant(answer, record.sample_hz) if window_s is None else window_s
+    blocks = Record(
+        sample_hz=record.sample_hz,
+        u=force[:, None],
+        y=answer[:, None],
+        inputs=record.inputs,
+        outputs=record.outputs,
+        periodic=False,
+    )
+    spectra = _spectra(blocks, tau)
+    band_hz = _useful(spectra) if band_hz is None else band_hz
+    found = spectra_response(spectra, ratio, band_hz=band_hz)
+    variance, covariance = trusted(found)
+    response = FrequencyResponse(
+        frequency_hz=found.frequency_hz,
+        H=found.H,
+        inputs=record.inputs,
+        outputs=record.outputs,
+        variance=variance,
+        covariance=covariance,
+    )
+    kept = np.isin(spectra.frequency_hz, found.frequency_hz)
+    coherence = ordinary_coherence(spectra)[kept, :, 0]
+    return ImpactTest(
+        response=response,
+        coherence=coherence,
+        blocks=blocks,
+        window_s=float(tau),
+        blows=blows,
+        warnings=tuple(_warnings(record, coherence, blows)),
+    )
+
+
+def _force(x: Float[np.ndarray, "sample input"], blow: Blow) -> Float[np.ndarray, "sample input"]:
+    """Zero but for the pulse and as much again, with slopes of half a cosine."""
+    end = min(2 * blow.pulse_end - blow.struck, blow.last) - blow.first
+    last = end + SLOPE
+    slope = 0.5 * (1.0 + np.cos(np.pi * np.arange(1, SLOPE + 1) / (SLOPE + 1)))
+    window = np.concatenate([np.ones(last), slope, np.zeros(max(len(x) - last - SLOPE, 0))])[: len(x)]
+    return (x - np.median(x, axis=0)) * window[:, None]
+
+
+def _at_rest(x: Float[np.ndarray, "sample channel"]) -> Float[np.ndarray, " channel"]:
+    """Level of each channel where it moves least."""
+    parts = np.array_split(x, PARTS)
+    least = np.argmin([p.var(axis=0) for p in parts], axis=0)
+    return np.array([parts[k][:, c].mean() for c, k in enumerate(least)])
+
+
+def _time_constant(answer: Float[np.ndarray, "blow sample output"], sample_hz: float) -> float:
+    size = answer.shape[1]
+    part = max(size // 8, 1)
+    early, late = (np.sqrt(np.mean(x**2, axis=(0, 1))) for x in (answer[:, :part], answer[:, -part:]))
+    left = float(np.max(late / early))
+    return np.inf if left <= END else size / sample_hz / np.log(left / END)
+
+
+def windowed_spectra(
+    blocks: Record, window_s: float
+) -> tuple[
+    Float[np.ndarray, " line"],
+    Complex[np.ndarray, "blow line input"],
+    Complex[np.ndarray, "blow line output"],
+]:
+    """Lines [Hz], force and response of each block under exp(-t / window_s)."""
+    size = blocks.u.shape[2]
+    window = np.exp(-(np.arange(size) - BEFORE) / (blocks.sample_hz * window_s))[:, None]
+    U, Y = (np.fft.rfft(x[:, 0] * window, axis=1) for x in (blocks.u, blocks.y))
+    return np.fft.rfftfreq(size, 1.0 / blocks.sample_hz), U, Y
+
+
+def _spectra(blocks: Record, window_s: float) -> Spectra:
+    hz, U, Y = windowed_spectra(blocks, window_s)
+    count, size = len(U), blocks.u.shape[2]
+    scale = 1.0 / (count * size * blocks.sample_hz)
+    return Spectra(
+        frequency_hz=hz,
+        S_uu=scale * np.einsum("eki,ekj->kij", U, U.conj()),
+        S_yu=scale * np.einsum("eko,eki->koi", Y, U.conj()),
+        S_yy=scale * np.einsum("eko,ekp->kop", Y, Y.conj()),
+        inputs=blocks.inputs,
+        outputs=blocks.outputs,
+        averages=float(count),
+        window_hz=0.0,
+    )
+
+
+def _useful(spectra: Spectra) -> tuple[float, float]:
+    power = np.real(spectra.S_uu[:, 0, 0])[1:]
+    above = power > USEFUL * power.max()
+    last = len(above) if above.all() else max(int(np.argmin(above)), 2)
+    return float(spectra.frequency_hz[1]), float(spectra.frequency_hz[last])
+
+
+def _warnings(record: Record, coherence: np.ndarray, blows: tuple[Blow, ...]) -> list[str]:
+    good = sum(not b.rejected for b in blows)
+    found = [f"{len(blows) - good} of {len(blows)} blows were rejected"] if good < len(blows) else []
+    for o, port in enumerate(record.outputs):
+        share = float(np.mean(coherence[:, o] < INCOHERENT))
+        if share > 0.5:
+            found.append(
+                f"output {port.name}: the coherence is below {INCOHERENT} on {share:.0%} of the lines: blows "
+                "that differ, or noise"
+            )
+    return found

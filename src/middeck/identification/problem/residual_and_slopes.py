@@ -1,0 +1,116 @@
+"""A model at given unknowns: columns of the linear ones, slopes by theta, residual and Jacobian."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.terms import Fractions, columns, fractions, slopes
+from middeck.identification.problem.transient import transient_columns, transient_slopes
+from middeck.identification.problem.unknowns_layout import Layout, Point, unpack
+
+
+class Terms:
+    """A model at one theta: partial fractions, and ``B`` of the transients (or no columns)."""
+
+    def __init__(self, layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> None:
+        self.layout, self.data = layout, data
+        self.point: Point = unpack(layout, theta)
+        self.parts: Fractions = fractions(layout, self.point.poles, data.s)
+        self.B: Complex[np.ndarray, "column line"] = (
+            np.zeros((0, len(data.s)), dtype=complex)
+            if data.transient is None
+            else transient_columns(layout, self.point, data.transient, data.s)
+        )
+
+    @functools.cached_property
+    def X(self) -> Complex[np.ndarray, "column line experiment"]:
+        """Columns of the model's linear unknowns, without delay; not all evaluations need them."""
+        return columns(self.layout, self.point, self.parts, self.data.s, self.data.drive)
+
+    @property
+    def finite(self) -> bool:
+        """False where a trial step has gone too far."""
+        numbers = (self.parts.upper, self.parts.lower, self.point.b, self.point.delay_s, self.B)
+        return all(bool(np.isfinite(x).all()) for x in numbers)
+
+    def delay_factors(self, output: int) -> Complex[np.ndarray, "line path"]:
+        """exp(-s tau) of one output: for all its paths, or for each."""
+        return np.exp(-self.data.s[:, None] * self.point.delay_s[output])
+
+    def split(
+        self, linear: Float[np.ndarray, " column"]
+    ) -> tuple[Float[np.ndarray, " column"], Float[np.ndarray, "experiment column"]]:
+        """The linear unknowns of one output: those of the model, and those of each column's transient."""
+        own = self.layout.columns
+        return linear[:own], linear[own:].reshape(self.data.H.shape[2], -1)
+
+    def columns(self, output: int) -> Complex[np.ndarray, "column line experiment"]:
+        """Columns of the response of one output, its delays included."""
+        factors, drive = self.delay_factors(output), self.data.drive
+        if drive is None or factors.shape[1] == 1:
+            return self.X * factors
+        return columns(self.layout, self.point, self.parts, self.data.s, drive * factors[:, :, None])
+
+    def response(
+        self, linear: Float[np.ndarray, " column"], output: int
+    ) -> Complex[np.ndarray, "line column"]:
+        """E of one output: its response or spectra, transients included."""
+        x, t = self.split(linear)
+        return np.tensordot(x, self.columns(output), axes=1) + (t @ self.B).T
+
+    def slopes(
+        self, linear: Float[np.ndarray, " column"], output: int
+    ) -> Complex[np.ndarray, "unknown line experiment"]:
+        """Slopes of one output by theta, those of its delays and of its transients included."""
+        layout, data, (x, t) = self.layout, self.data, self.split(linear)
+        G = np.zeros((layout.size, *data.H.shape[1:]), dtype=complex)
+        factors = self.delay_factors(output)
+        if data.drive is None or factors.shape[1] == 1:
+            by_terms = slopes(layout, self.point, self.parts, x, data.s, data.drive) * factors
+        else:
+            by_terms = slopes(layout, self.point, self.parts, x, data.s, data.drive * factors[:, :, None])
+        G[: len(by_terms)] = by_terms
+        if layout.options.delay_of:
+            first = len(by_terms) + (0 if layout.options.delay_of == "common" else output * factors.shape[1])
+            G[first : first + factors.shape[1]] = self._delay_slopes(x, factors)
+        if data.transient is not None:
+            by_poles = transient_slopes(layout, self.point, data.transient, data.s, t)
+            G[: len(by_poles)] += by_poles
+        return G
+
+    def _delay_slopes(
+        self, x: np.ndarray, factors: np.ndarray
+    ) -> Complex[np.ndarray, "delay line experiment"]:
+        """By the delays of one output: the response of each path, or of all of them together."""
+        s, drive = self.data.s, self.data.drive
+        rate = -s[:, None]
+        if factors.shape[1] == 1:
+            return (rate * factors * np.tensordot(x, self.X, axes=1))[None]
+        each = self.X if drive is None else columns(self.layout, self.point, self.parts, s)
+        path = rate * factors * np.tensordot(x, each, axes=1)
+        drive = np.eye(self.layout.inputs)[None] if drive is None else drive
+        return (path[:, :, None] * drive).swapaxes(0, 1)
+
+
+def build_terms(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Terms | None:
+    """The terms at ``theta``; None where they are not finite, as a trial step may have it."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        terms = Terms(layout, data, theta)
+    return terms if terms.finite else None
+
+
+def residual_of(
+    layout: Layout,
+    data: Data,
+    theta: Float[np.ndarray, " unknown"],
+    linear: Float[np.ndarray, "output column"],
+) -> Complex[np.ndarray, "output line column"]:
+    """H - E, unweighted."""
+    terms = build_terms(layout, data, theta)
+    if terms is None:
+        return np.full(data.H.shape, np.inf, dtype=complex)
+    return np.stack([data.H[o] - terms.response(linear[o], o) for o in range(layout.outputs)])

@@ -1,0 +1,244 @@
+"""Why the deviations of a fit of a record do not hold: structure in its residual, or a fault.
+
+What is left of a model that holds is noise: no input, earlier or later, tells it (Ljung 1999, sec. 16.6), and
+no part of the record asks for another delay than the rest. Otherwise the faults of the record are looked for.
+
+Noise of sensors, and forces that the inputs do not make, do not know how large the response is. Blows that
+scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large: with the
+residual whitened, the score of a variance that grows with the response (Breusch and Pagan 1979) tells, its
+denominator that of Koenker (1981), so that heavy tails of the noise do not count.
+
+A continuous fit takes inputs as band-limited between samples. That a blow is not, its own spectrum tells: a
+filter leaves nothing of it at half the rate, where an unfiltered pulse of a few samples has some per cent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.errors import FitError
+from middeck.identification.faults import detect_faults
+from middeck.identification.model.fit_options import is_rate
+from middeck.identification.problem.data import Data
+from middeck.identification.record_fit.noise_variance import likelier_variance, noise_variance
+from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.signals.fault import Fault
+from middeck.signals.record import Record
+
+# Above this share of an output's rms, what is left is looked into; above the second, and told by the inputs,
+# it makes the modes doubtful.
+LEFT, MUCH = 0.05, 0.1
+# Deviations of a correlation with the inputs, and of a delay's step, above which what is left is no noise:
+# chance makes the largest of 1e4 four.
+TOLD, STEPS = 6.0, 5.0
+# Deviations by which an output leads that are no chance.
+LEADS = 6.0
+# Of rates the constants are complex, which their unit tells.
+NO_UNIT = ", a velocity or an acceleration (the output has no unit: give it, or --constants complex)"
+# A force moves a rate within a sample; a continuous model has it through the hold, as a filter would.
+AT_ONCE = "a velocity or an acceleration that a held force moves within a sample (take a sampled model), "
+# A step of the delay is looked for so many samples, and this share of the record, from both ends.
+EDGE, EDGE_SHARE = 16, 0.01
+# Faults by which a fit is wrong in all parts of the record.
+BIASING = ("shift", "joint", "feedback", "delay", "truncated")
+# Blocks of samples, as many as there are lines over this, so that each has some degrees of freedom.
+LINES_PER_BLOCK = 4
+# Score of a residual that grows with the response above which it is no noise: noise passes it once in 4000,
+# if its power were normal over blocks.
+GROWS = 3.5
+# Of the largest sample, what is a blow; samples beside it that belong to it; and the most of a record that
+# blows are.
+BLOW, BESIDE, SPARSE = 0.02, 8, 0.2
+# Lines below half the rate, and what may be left there of the largest line: so much of it folds back. Blows
+# behind a filter that ends at half the rate had 0.26 % at most of 120, blows of 2 to 6 samples without one
+# 0.5 % at least of 40.
+TOP, FOLDED = 0.02, 0.004
+# The noise of the force, from where no blow is, counts twice before anything is said.
+CLEAR = 2.0
+
+
+def causes_of(
+    record: Record,
+    data: Data,
+    run: RecordRun,
+    lead: Float[np.ndarray, " output"],
+    left: Float[np.ndarray, " output"],
+) -> list[str]:
+    """Warnings for a fit whose deviations do not hold; empty where they do.
+
+    ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
+    ``left`` is what the fit leaves, over the output, in rms.
+    """
+    white, response = _whitened(data, run)
+    moved = np.array([_step_score(w, y, data) for w, y in zip(white, response, strict=True)])
+    told = np.array([_told_by_inputs(w, data) for w in white])
+    leads = lead > LEADS
+    wrong = np.any(left > LEFT) or np.any(moved > STEPS) or leads.any()
+    faults = _biasing_faults(record) if wrong else []
+    found = [
+        f"{f.side} {f.channel}: {f.what}; so no stated deviation holds. {f.hint[0].upper()}{f.hint[1:]}"
+        for f in faults
+    ]
+    named = {f.channel for f in faults}
+    real = run.layout.options.constants == "real"
+    unknown = [NO_UNIT if real and not port.unit else "" for port in record.outputs]
+    held = record.held and run.layout.options.period_s == 0.0
+    at_once = [AT_ONCE if held and is_rate(port) else "" for port in record.outputs]
+    for o, port in enumerate(record.outputs):
+        if port.name in named:
+            continue
+        if moved[o] > STEPS:
+            found.append(
+                f"output {port.name}: its delay is not the same throughout the record ({moved[o]:.0f} "
+                "standard deviations of noise): samples lost or repeated, two runs joined, a clock that "
+                "drifts, or an article that changes; no stated deviation holds"
+            )
+        elif told[o] > TOLD and left[o] > (0.0 if at_once[o] else MUCH):
+            found.append(
+                f"output {port.name}: what the fit leaves still follows the inputs ({told[o]:.0f} standard "
+                f"deviations of noise), so that it is no noise: {at_once[o]}more states, a delay, "
+                f"feedback{unknown[o]} or a fault of the record; no stated deviation holds"
+            )
+        elif leads[o]:
+            found.append(
+                f"output {port.name}: it leads its input by {lead[o]:.0f} deviations, as no article does: "
+                f"feedback, an input recorded late{unknown[o]}, or modes the model lacks; no stated "
+                "deviation holds"
+            )
+    return found
+
+
+@contextlib.contextmanager
+def named_cause(record: Record) -> Generator[None]:
+    """A refused fit with the fault of the record that may be why, where there is one."""
+    try:
+        yield
+    except FitError as error:
+        faults = _biasing_faults(record)
+        if not faults:
+            raise
+        why = "; ".join(f"{f.side} {f.channel} {f.what}" for f in faults)
+        raise FitError(f"{error.what}: {why}", where=error.where, hint=faults[0].hint) from error
+
+
+def _biasing_faults(record: Record) -> list[Fault]:
+    return [f for f in detect_faults(record) if f.kind in BIASING]
+
+
+def _whitened(
+    data: Data, run: RecordRun
+) -> tuple[Complex[np.ndarray, "output line column"], Complex[np.ndarray, "output line column"]]:
+    """What is left, and the model's outputs, both over the deviation of the likelier noise."""
+    r = run.residual(data)
+    size = np.sqrt(likelier_variance(r, run.denominator(data)))
+    return r / size, (data.H - r) / size
+
+
+def _step_score(white: np.ndarray, response: np.ndarray, data: Data) -> float:
+    """Deviations by which a delay of the later part of a record differs from that of the earlier.
+
+    The score of a delay, the residual times the response's rate of change, summed up to each sample: a
+    bridge for one delay (Andrews 1993).
+    """
+    x, slope = signals(data, white), signals(data, response * data.s[:, None])
+    information = np.cumsum(slope**2, axis=1)
+    best = 0.0
+    for own, known, noise in zip(
+        np.cumsum(x * slope, axis=1), information, np.mean(x**2, axis=1), strict=True
+    ):
+        edge = max(EDGE, int(EDGE_SHARE * len(own)))
+        inner = slice(edge, len(own) - edge)
+        share = known[inner] / max(known[-1], np.finfo(float).tiny)
+        spread = noise * known[-1] * share * (1.0 - share)
+        use = spread > 0.0
+        bridge = np.abs(own[inner] - share * own[-1])[use]
+        best = max(best, float(np.max(bridge / np.sqrt(spread[use]), initial=0.0)))
+    return best
+
+
+def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> float:
+    """The largest correlation with an input, earlier or later, in deviations of noise."""
+    U = np.moveaxis(data.U, 1, 0)
+    size = np.sqrt(noise_variance(U))
+    spread = np.sqrt(0.5 * np.sum(np.abs(white * U / size) ** 2, axis=(1, 2)))
+    step = data.lines
+    best = 0.0
+    for u, deviation in zip(U / size, spread, strict=True):
+        cross = np.zeros(step[-1] + 1, dtype=complex)
+        cross[step] = np.sum(white * u.conj(), axis=1)
+        told = np.fft.irfft(cross, 2 * len(cross)) * len(cross)
+        best = max(best, float(np.abs(told).max() / max(deviation, np.finfo(float).tiny)))
+    return best
+
+
+def signals(data: Data, spectra: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "column sample"]:
+    """In time, on a grid just fine enough for the lines."""
+    lines = data.lines
+    full = np.zeros((spectra.shape[1], lines[-1] + 1), dtype=complex)
+    full[:, lines] = spectra.T
+    return np.fft.irfft(full, 2 * full.shape[1], axis=1)
+
+
+def growth_score(data: Data, run: RecordRun) -> Float[np.ndarray, " output"]:
+    """Of each output, a number that is normal with unit variance for noise of constant size."""
+    r = run.residual(data)
+    v = noise_variance(r)
+    return np.array([_score(r[o] / np.sqrt(v[o]), data.H[o] - r[o], data) for o in range(len(r))])
+
+
+def _score(white: np.ndarray, response: np.ndarray, data: Data) -> float:
+    left, moves = (_power(data, x) for x in (white, response))
+    left, moves = left - left.mean(), moves - moves.mean()
+    scale = np.sqrt(np.mean(left**2) * np.sum(moves**2))
+    return float(left @ moves / scale) if scale > 0.0 else 0.0
+
+
+def _power(data: Data, spectra: np.ndarray) -> Float[np.ndarray, " block"]:
+    """Mean square in each block of time, of all experiments one after the other."""
+    x, blocks = signals(data, spectra) ** 2, max(len(data.s) // LINES_PER_BLOCK, 2)
+    edges = np.linspace(0, x.shape[1], blocks + 1).astype(int)[:-1]
+    return (np.add.reduceat(x, edges, axis=1) / np.diff(np.append(edges, x.shape[1]))).ravel()
+
+
+def _folded_share(record: Record) -> Float[np.ndarray, " input"]:
+    """Of each input, what is left at half the rate of its largest line; zero for one that is no blows."""
+    u = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    return np.array([max(_share(x) for x in u[..., i]) for i in range(u.shape[2])])
+
+
+def _share(x: Float[np.ndarray, " sample"]) -> float:
+    force = x - np.median(x)
+    on = np.abs(force) > BLOW * np.abs(force).max()
+    beside = np.convolve(on, np.ones(2 * BESIDE + 1), "same") > 0.0
+    if np.mean(on) > SPARSE:
+        return 0.0
+    power = np.abs(np.fft.rfft(np.where(beside, force, 0.0))) ** 2
+    noise = float(np.mean(force[~beside] ** 2) * np.sum(beside)) if not beside.all() else 0.0
+    top = float(np.mean(power[int((1.0 - TOP) * len(power)) :])) - CLEAR * noise
+    return float(np.sqrt(max(top, 0.0) / power.max()))
+
+
+def doubts_of_growth(record: Record, score: np.ndarray) -> list[str]:
+    """Outputs of which more is left while they move more: what is left is no noise."""
+    return [
+        f"output {port.name}: what the fit leaves grows with the response ({z:.0f} standard deviations of "
+        "noise), so that it is no noise: blows that scatter, a sensor that clips, an article that is not "
+        "linear or a wrong model; no stated deviation holds"
+        for port, z in zip(record.outputs, score, strict=True)
+        if z >= GROWS
+    ]
+
+
+def doubts_of_folding(record: Record) -> list[str]:
+    """Inputs whose blows reach beyond half the sampling rate."""
+    return [
+        f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
+        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
+        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
+        for port, share in zip(record.inputs, _folded_share(record), strict=True)
+        if share > FOLDED
+    ]

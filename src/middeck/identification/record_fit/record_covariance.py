@@ -1,0 +1,107 @@
+"""The measurement model at the end of a record's fit, and the covariance of its unknowns."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.fit.fitted_model import structure_of
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.residual_and_slopes import Terms
+from middeck.identification.problem.transient import transient_slopes
+from middeck.identification.problem.transient_projection import TransientProjection, as_real
+from middeck.identification.record_fit.noise_variance import covering_variance
+from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.uncertainty import orthogonal
+from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
+from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, ties
+
+
+def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> ModelCovariance:
+    """That of the weighted fit, A^-1 B A^-1, the transients among the unknowns.
+
+    The weights W are what the simulation asks for, and only by chance one over the variance V of the noise.
+    So B = J^H W V W J has V from what is left, whatever W is (White 1980, a spectrum in the place of single
+    squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together.
+    """
+    structure = structure_of(run.layout)
+    size = places_of(model, structure).size
+    each = _Rows(run, data, model, structure)
+    alone = np.zeros(size)
+    blocks: list[np.ndarray] = []
+    for o in range(run.layout.outputs):
+        J, own = each.of(o)
+        at = np.flatnonzero(J.any(axis=(1, 2)))  # poles, inputs and what is this output's own
+        alone[at] += np.sum(as_real(J[at] / np.sqrt(run.variance[o])) ** 2, axis=1)
+        R = orthogonal.triangle(own.removed(J[at]).T)
+        blocks.append(np.zeros((len(R), size)))
+        blocks[-1][:, at] = R
+    held = ties(model, structure)
+    inverse, loose = orthogonal.inverse_root(orthogonal.factor_of(blocks), held)
+    inflation = np.maximum(alone * np.sum(inverse**2, axis=1), 1.0)
+    W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
+    root = np.hstack(
+        [orthogonal.canonical_root(W @ orthogonal.root_of(_scores_spread(each, W))), np.sqrt(0.5) * free]
+    )
+    unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
+    degrees = float(2 * data.H.size - unknowns)
+    return ModelCovariance(
+        model=model,
+        structure=structure,
+        root=root,
+        inflation=inflation,
+        degrees=degrees,
+        robust=run.weighting == "flat",
+        loose=loose,
+    )
+
+
+class _Rows:
+    """Derivatives of each output's spectra with the norm of its transients; made anew, for they are large."""
+
+    def __init__(
+        self, run: RecordRun, data: Data, model: MeasurementModel, structure: ModelStructure
+    ) -> None:
+        self.run, self.data, self.model, self.structure = run, data, model, structure
+        self.terms = Terms(run.layout, data, run.refined.theta)
+
+    def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], TransientProjection]:
+        """Of one output, by the unknowns of the model, through the transients' poles also."""
+        model, data, layout, point = self.model, self.data, self.run.layout, self.terms.point
+        assert data.transient is not None
+        at = places_of(model, self.structure)
+        J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
+        for i in range(layout.inputs):
+            entry = entry_slopes(model, self.structure, data.s, output, i)
+            J[entry.place] += entry.by[:, :, None] * data.U[:, i]
+        _, t = self.terms.split(self.run.refined.step.linear[output])
+        mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])
+        place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
+        J[place] += transient_slopes(layout, point, data.transient, data.s, t)
+        return J, TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
+
+
+def _scores_spread(
+    each: _Rows, W: Float[np.ndarray, "unknown direction"]
+) -> Float[np.ndarray, "direction direction"]:
+    """Covariance of the scores in the directions W under the noise that is left.
+
+    Degrees of freedom are counted on each line.
+    """
+    run, data = each.run, each.data
+    shape = run.denominator(data)
+    residual = run.residual(data)
+    _, lines, columns = residual.shape
+    spread = np.zeros((W.shape[1], W.shape[1]))
+    for o in range(run.layout.outputs):
+        J, own = each.of(o)
+        at = np.flatnonzero(J.any(axis=(1, 2)))
+        Q, R = np.linalg.qr(W[at].T)  # of W^T J over all directions, no more than these few are nonzero
+        rows = R @ own.removed(J[at])
+        followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
+        left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
+        v = covering_variance(residual[o, None], shape, left.T[None])[0]
+        spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
+    return spread

@@ -1,0 +1,162 @@
+"""Refine a model on a record and estimate its noise in turn, with poles that stay where a record can see."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from middeck.identification.model.levenberg_marquardt import Refined, Step, search
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.residual_and_slopes import residual_of
+from middeck.identification.problem.unknowns_layout import Layout, Start
+from middeck.identification.record_fit import noise_variance
+from middeck.identification.search.least_squares_costs import weighted
+from middeck.identification.search.polish import Run
+from middeck.values import record
+
+# "flat": one variance for each output, so that what is least is the error of the simulation itself.
+Weighting = Literal["flat"] | noise_variance.Noise
+WEIGHTINGS: tuple[Weighting, ...] = ("output", "motion", "flat")
+# A decay rate times the record's length below which free motion is no different from a steady one, and times
+# the sampling period above which it is over within a sample.
+SLOWEST, FASTEST = 0.1, 15.0
+# Of real poles with fewer decays over the record a sampled model has one: several make ramps and parabolas,
+# which fit any drift, and which no initial state brings to other samples.
+SLOW_REAL = 10.0
+# Steps of all starts, and of those that stay: twice as many each time, the noise estimated anew within.
+HEAT, ROUNDS = 3, 2
+
+
+@record(kw_only=True)
+class RecordRun(Run):
+    """A model refined on a record; its ``variance`` is, by the weighting, from what it leaves."""
+
+    weighting: Weighting
+    variance: Float[np.ndarray, "output line column"]
+
+    def denominator(self, data: Data) -> Float[np.ndarray, " line"]:
+        """|A|^2 of its poles."""
+        return _denominator(data, self.start)
+
+
+def refine_record(
+    data: Data, start: Start, weighting: Weighting, *, rounds: int, steps: int
+) -> RecordRun | None:
+    """Search and estimate the noise in turn; None for no finite model, or one of several slow real poles."""
+    layout = start.layout
+    theta = np.clip(start.theta, *_bounds(layout, data))
+    first = weighted(layout, data, theta)
+    if first is None:
+        return None
+    found = Refined(theta, first, (first.cost,), False)
+    r = residual_of(layout, data, theta, first.linear)
+    v = _variance_of(r, data, layout, theta, weighting)
+    first_run = RecordRun(layout=layout, refined=found, weighting=weighting, variance=v, likelihood=np.inf)
+    return _refined(data, first_run, rounds, steps)
+
+
+def further(data: Data, run: RecordRun, *, rounds: int, steps: int) -> RecordRun:
+    """A run refined further on the data that it was refined on; itself where that fails."""
+    return _refined(data, run, rounds, steps) or run
+
+
+def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun | None:
+    layout, found, weighting, v = run.layout, run.refined, run.weighting, run.variance
+    bounds, likelihood = _bounds(layout, data), run.likelihood
+    for _ in range(rounds):
+        again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
+        evaluate = _bounded(lambda x, again=again: weighted(layout, again, x), *bounds)
+        better = search(evaluate, found.theta, steps)
+        if better is None or not np.isfinite(better.step.cost):
+            return None
+        found = dataclasses.replace(better, theta=np.clip(better.theta, *bounds))
+        r = residual_of(layout, data, found.theta, found.step.linear)
+        v = _variance_of(r, data, layout, found.theta, weighting)
+        likelihood = noise_variance.negative_log_likelihood(r, v)
+    decays = np.exp(found.theta[layout.pairs : len(layout.pair)]) * data.length_s
+    if layout.options.period_s > 0.0 and int(np.sum(decays < SLOW_REAL)) > 1:
+        return None
+    return dataclasses.replace(run, refined=found, variance=v, likelihood=likelihood)
+
+
+def _variance_of(
+    r: Complex[np.ndarray, "output line column"],
+    data: Data,
+    layout: Layout,
+    theta: np.ndarray,
+    weighting: Weighting,
+) -> Float[np.ndarray, "output line column"]:
+    """Variance of each output on each line from what a model leaves."""
+    if weighting == "flat":
+        v = np.mean(np.abs(r) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
+        return np.broadcast_to(v, r.shape)
+    return noise_variance.noise_variance(
+        r, _denominator(data, Start(layout, theta)) if weighting == "motion" else None
+    )
+
+
+def _denominator(data: Data, start: Start) -> Float[np.ndarray, " line"]:
+    p = start.point.poles
+    return noise_variance.denominator(data.s, np.concatenate([p, p[start.layout.pair].conj()]), data.period_s)
+
+
+def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:
+    period, length = data.period_s, data.length_s
+    low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+    modes, pairs = len(layout.pair), layout.pairs
+    low[: modes + pairs] = np.log(SLOWEST / length)
+    high[:modes] = np.log(FASTEST / period)
+    high[modes : modes + pairs] = np.log(0.999 * np.pi / period)
+    return low, high
+
+
+def _bounded(
+    evaluate: Callable[[np.ndarray], Step | None], low: np.ndarray, high: np.ndarray
+) -> Callable[[np.ndarray], Step | None]:
+    """The cost on the box; an unknown that is held by its bound is no direction of the search."""
+
+    def at(theta: np.ndarray) -> Step | None:
+        step = evaluate(np.clip(theta, low, high))
+        if step is None or not (np.isfinite(step.gram).all() and np.isfinite(step.gradient).all()):
+            return None
+        held = ((theta <= low) & (step.gradient > 0.0)) | ((theta >= high) & (step.gradient < 0.0))
+        gram = np.where(held[:, None] | held, 0.0, step.gram) + np.diag(held * 1.0)
+        return dataclasses.replace(step, gradient=np.where(held, 0.0, step.gradient), gram=gram)
+
+    return at
+
+
+def leader(data: Data, starts: Iterable[Start], weighting: Weighting) -> RecordRun | None:
+    """All starts take a few steps, the better half twice as many, and so on; None if none has a model."""
+    heats = [refine_record(data, s, weighting, rounds=1, steps=HEAT) for s in starts]
+    runs, steps = [run for run in heats if run is not None], HEAT
+    left = len(runs)
+    while left > 1:
+        left //= 2
+        runs = [further(data, run, rounds=ROUNDS, steps=steps) for run in _apart(runs)[:left]]
+        steps *= 2
+    return min(runs, key=lambda run: run.likelihood, default=None)
+
+
+def _apart(runs: Iterable[RecordRun]) -> list[RecordRun]:
+    """The likeliest first, without those that have come to where a likelier one is already."""
+    found: list[RecordRun] = []
+    for run in sorted(runs, key=lambda run: run.likelihood):
+        if not any(_meet(run, other) for other in found):
+            found.append(run)
+    return found
+
+
+def _meet(run: RecordRun, other: RecordRun) -> bool:
+    """Whether the data tell two models apart by less than one deviation."""
+    a, b = run.layout, other.layout
+    if not (np.array_equal(a.pair, b.pair) and np.array_equal(a.pivot, b.pivot)):
+        return False
+    if not np.array_equal(a.fixed_imag, b.fixed_imag):
+        return False
+    away = run.refined.theta - other.refined.theta
+    return float(away @ other.refined.step.gram @ away) < 1.0

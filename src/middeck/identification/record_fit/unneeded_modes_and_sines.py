@@ -1,0 +1,258 @@
+"""Remove the modes and sines that a fit of a record does not need.
+
+An order is chosen from models that are refined for a few steps only. At the end, a mode whose residue is no
+more than noise may be left: it is given up if that shortens the description (Rissanen 1978). A pole that does
+not decay within the record and that no input moves is given up for a sine.
+
+Hum and unbalance are sines in the outputs that no input makes. A pole without damping fits one as free
+motion, its residue noise, its decay the least that the search allows. The sine itself is a linear term of
+each output and experiment, whose amplitude and phase may wander slowly (a parabola in time).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import scipy.ndimage
+from jaxtyping import Bool, Complex, Float
+
+from middeck.identification.faults.hum import name_line
+from middeck.identification.fit.fitted_model import model_of
+from middeck.identification.fit.mode_trust import SteadyLine
+from middeck.identification.fit.unneeded_modes import (
+    mode_significance,
+    own_lines,
+    pairs_of,
+    shed,
+    split,
+    with_split,
+    without_modes,
+)
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.unknowns_layout import Start
+from middeck.identification.record_fit.record_covariance import record_covariance
+from middeck.identification.record_fit.record_order import record_length
+from middeck.identification.record_fit.reduced_record import has_many_outputs
+from middeck.identification.record_fit.refine_record import RecordRun, refine_record
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
+from middeck.signals.record import Record
+from middeck.values import record as frozen
+
+# A pole that loses less than this share of its motion over the record may be a sine.
+STEADY = 0.5
+# Rounds of noise and search, and steps of each.
+ROUNDS, STEPS = 3, 20
+# Steps that tell whether the rest is worth its time.
+FIRST_STEPS = 4
+# A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
+# of noise the largest is ln n means of it, or ln n / ln 2 medians.
+LINE_ABOVE, BESIDE = 15.0, 15
+MOST_LINES = 8
+# Powers of 1 / (s - pole) by which modes beside one differ from it, and times what chance makes them gain.
+ORDERS, CHANCE = (1, 2, 3), 2.0
+# Powers of time in the amplitude.
+POWERS = 3
+
+
+@frozen
+class Tidied:
+    """What is left of a fit: data with their steady lines, the model, and those lines."""
+
+    data: Data
+    run: RecordRun
+    lines: tuple[SteadyLine, ...]
+
+
+def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidied:
+    """The model without the sines and modes that do not belong to it, as far as that shortens it.
+
+    A sampled model keeps its modes: its poles stand for delays and filters, too, and its order was judged by
+    how it simulates.
+    """
+    state = _without_sines(record, Tidied(data, run, ()))
+    if not sampled:
+        state = shed(state, functools.partial(_significance, record), _without)
+        state = split(state, lambda found: pairs_of(found.run), _in_two)
+    return _with_hidden_lines(state)
+
+
+def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
+    """Of the unknowns of its model."""
+    run = state.run
+    return record_covariance(run, state.data, model_of(run, record.inputs, record.outputs))
+
+
+def _without_sines(record: Record, state: Tidied) -> Tidied:
+    """Poles that do not decay are given up for sines, the least damped first."""
+    length_s = state.data.length_s
+    tried: list[float] = []
+    while True:
+        poles = pairs_of(state.run)
+        decay = -np.real(poles) * length_s
+        within = (np.imag(poles) >= state.data.omega[0]) & (np.imag(poles) <= state.data.omega[-1])
+        steady = [
+            m
+            for m in np.argsort(decay)
+            if decay[m] < STEADY and within[m] and not _among(float(np.imag(poles[m])), tried, length_s)
+        ]
+        if not steady or len(state.lines) >= MOST_LINES or len(state.run.layout.pair) < 2:
+            return state
+        tried.append(float(np.imag(poles[steady[0]])))
+        state = _as_line(record, state, int(steady[0])) or state
+
+
+def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
+    run = state.run
+    omega = float(pairs_of(run)[m].imag)
+    deviation_hz = float(uncertainty_of(covariance_of(record, state)).natural_hz[m])
+    line = SteadyLine(omega / (2.0 * np.pi), deviation_hz, name_line(omega / (2.0 * np.pi), deviation_hz))
+    return _better(
+        state,
+        with_line(state.data, omega),
+        without_modes(run.start, np.arange(len(run.layout.pair)) == m),
+        (*state.lines, line),
+    )
+
+
+def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None:
+    """Without some modes, or with their free motion alone, which no input is to move."""
+    run = state.run
+    start = without_modes(run.start, dropped)
+    fewer = _better(state, state.data, start, state.lines)
+    if fewer is not None:
+        return fewer
+    poles = run.start.point.poles[dropped]
+    return _better(state, with_free_motion(state.data, poles), start, state.lines)
+
+
+def _in_two(state: Tidied, m: int) -> Tidied | None:
+    start = with_split(state.run.start, m)
+    if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
+        return None
+    return _better(state, state.data, start, state.lines)
+
+
+def _leaves_more(state: Tidied, m: int) -> bool:
+    """Whether the lines of a mode leave more than noise: what follows the inputs as modes beside it would.
+
+    Their power does not tell, as the variance of noise is that of what is left. Of chance, the ways to follow
+    gain one each.
+    """
+    data, run = state.data, state.run
+    pole = pairs_of(run)[m]
+    own = own_lines(data, pole)
+    beside = 1.0 / (data.s[own] - pole)
+    ways = np.stack([(beside / np.abs(beside).max()) ** power for power in ORDERS])
+    size = np.sqrt(run.variance[:, own])
+    columns = np.einsum("pl,lie,ole->olepi", ways, data.U[own], 1.0 / size)
+    outputs, lines, experiments, *each = columns.shape
+    numbers, count = lines * experiments, int(np.prod(each))
+    if numbers <= 2 * count:
+        return True
+    Q = np.linalg.qr(columns.reshape(outputs, numbers, count))[0]
+    white = (run.residual(data)[:, own] / size).reshape(outputs, numbers, 1)
+    alone = white - Q @ (Q.conj().mT @ white)
+    left, rest = (np.sum(np.abs(x) ** 2, axis=(1, 2)) + np.finfo(float).tiny for x in (white, alone))
+    return bool(np.sum(numbers * np.log(left / rest)) > CHANCE * outputs * count)
+
+
+def _promises(state: Tidied, start: Start) -> bool:
+    """Whether a few steps gain half of what the unknowns that ``start`` adds have to, where all take long."""
+    run = state.run
+    first = refine_record(state.data, start, run.weighting, rounds=1, steps=FIRST_STEPS)
+    if first is None:
+        return False
+    gain = 2.0 * (run.likelihood - first.likelihood)
+    return gain > 0.5 * (record_length(state.data, first) - record_length(state.data, run) + gain)
+
+
+def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
+    """Of each pole of the layout."""
+    covariance = covariance_of(record, state)
+    found = mode_significance(covariance)
+    poles = state.run.start.point.poles
+    return np.array([found[covariance.model.poles == pole].max(initial=0.0) for pole in poles])
+
+
+def _with_hidden_lines(state: Tidied) -> Tidied:
+    """Sines that stand in what is left, where no pole was spent on them."""
+    while len(state.lines) < MOST_LINES:
+        omega = _highest_line(state)
+        if omega is None:
+            return state
+        hz, apart = omega / (2.0 * np.pi), 1.0 / state.data.length_s
+        line = SteadyLine(hz, apart, name_line(hz, apart))
+        run = state.run
+        found = _better(state, with_line(state.data, omega), run.start, (*state.lines, line))
+        if found is None:
+            return state
+        state = found
+    return state
+
+
+def _highest_line(state: Tidied) -> float | None:
+    """Where the residual stands highest above what is beside it; None if nowhere much."""
+    run = state.run
+    r = run.residual(state.data)
+    power = np.mean(np.abs(r) ** 2, axis=2)
+    size = min(2 * BESIDE + 1, power.shape[1])
+    beside = scipy.ndimage.median_filter(power, size=(1, size), mode="reflect")
+    above = power / np.maximum(beside, np.finfo(float).tiny)
+    o, k = np.unravel_index(int(np.argmax(above)), above.shape)
+    if above[o, k] < LINE_ABOVE + np.log(above.size):
+        return None
+    # Between the two highest lines, where the sine is (a sine's spectrum falls with the distance).
+    beside_k = k + 1 if k + 1 < power.shape[1] and (k == 0 or power[o, k + 1] > power[o, k - 1]) else k - 1
+    a, b, omega = np.sqrt(power[o, k]), np.sqrt(power[o, beside_k]), state.data.omega
+    return float(omega[k] + (omega[beside_k] - omega[k]) * b / (a + b))
+
+
+def _among(frequency: float, tried: list[float], length_s: float) -> bool:
+    """Whether a sine of this frequency [rad/s], up to a quarter of a line, was tried."""
+    return any(abs(frequency - omega) < 0.5 * np.pi / length_s for omega in tried)
+
+
+def _better(state: Tidied, data: Data, start: Start, lines: tuple[SteadyLine, ...]) -> Tidied | None:
+    """A model refined from ``start``, if its description is no longer."""
+    weighting = state.run.weighting
+    other = refine_record(data, start, weighting, rounds=ROUNDS, steps=STEPS)
+    if other is None or record_length(data, other) > record_length(state.data, state.run):
+        return None
+    return Tidied(data, other, lines)
+
+
+def with_line(data: Data, omega: float) -> Data:
+    """Data whose transients have a sine of ``omega`` [rad/s] in them."""
+    return _with(data, _sines(data, omega))
+
+
+def with_free_motion(data: Data, poles: Complex[np.ndarray, " pole"]) -> Data:
+    """Data whose transients have free motion of ``poles`` [rad/s] in them, which no input is to move."""
+    T = data.period_s
+    series = 1.0 / (1.0 - np.exp(poles[:, None] * T) * np.exp(-data.s * T))
+    mirrored = 1.0 / (1.0 - np.exp(poles.conj()[:, None] * T) * np.exp(-data.s * T))
+    pair = np.imag(poles) * T % np.pi != 0.0
+    return _with(data, _even(np.concatenate([series + mirrored, 1j * (series - mirrored)[pair]])))
+
+
+def _with(data: Data, spectra: Complex[np.ndarray, "column line"]) -> Data:
+    assert data.transient is not None
+    known = data.transient.steady
+    spectra = spectra if known is None else np.concatenate([known, spectra])
+    return dataclasses.replace(data, transient=dataclasses.replace(data.transient, steady=spectra))
+
+
+def _sines(data: Data, omega: float) -> Complex[np.ndarray, "column line"]:
+    """Discrete Fourier transforms of t^k cos and t^k sin over the record, to the mean square of one."""
+    count = round(data.length_s / data.period_s)
+    time = np.linspace(-1.0, 1.0, count, endpoint=False)
+    turning = np.exp(1j * omega * data.period_s * np.arange(count))
+    parts = [x * time**k for k in range(POWERS) for x in (np.real(turning), np.imag(turning))]
+    return _even(np.fft.rfft(parts, axis=1)[:, data.lines])
+
+
+def _even(spectra: Complex[np.ndarray, "column line"]) -> Complex[np.ndarray, "column line"]:
+    return spectra / np.sqrt(np.mean(np.abs(spectra) ** 2, axis=1, keepdims=True))

@@ -1,0 +1,77 @@
+"""Further results of components from their own output transformations: at rest, and of each mode.
+
+Points inside a component whose shifts are among its outputs have places, though no file states them: unit
+turns of the whole shift a point by their cross product with its place.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.errors import ConfigError
+from middeck.structure.assembly.component_states import component_states
+from middeck.structure.model.component import WAYS, Component, rigid_vectors
+from middeck.structure.modes.solve import Modes
+
+# Of a unit translation, and of the size times a unit turn: how far outputs are off that are shifts.
+APART = 1e-6
+
+
+class Recovered(NamedTuple):
+    """Outputs of a component by name: as its frame sees the rest state, and modes of unit amplitude.
+
+    ``rest`` has what deformation gives, no motion as one body; ``modes`` have both, in the axes of the frame.
+    """
+
+    names: tuple[str, ...]
+    rest: Float[np.ndarray, " output"]
+    modes: Float[np.ndarray, "output mode"]
+
+
+def recover_outputs(modes: Modes, component: str) -> Recovered:
+    """Results of the component's output transformation; raises `ConfigError` for one that has none."""
+    at = modes.equilibrium
+    states = component_states(at.model, at.config, at.loads)
+    for part, element, (state, rows) in zip(
+        at.model.structure.components, at.model.components, states, strict=True
+    ):
+        if part.name == component and part.recovery is not None:
+            back = part.recovery @ element.basis
+            return Recovered(part.outputs, back @ state.deformation, back @ state.seen(rows @ modes.shapes))
+    known = [part.name for part in at.model.structure.components if part.recovery is not None]
+    raise ConfigError(
+        f"no component {component!r} with outputs", where="component", hint=", ".join(known) or "none has any"
+    )
+
+
+class InnerPoint(NamedTuple):
+    """A point inside a component: its name, its place [m] and its shift per coordinate, in the own axes."""
+
+    name: str
+    place: Float[np.ndarray, "3"]
+    shift: Float[np.ndarray, "3 n"]
+
+
+def inner_points(part: Component) -> tuple[InnerPoint, ...]:
+    """Points of which the component's outputs "NAME x", "NAME y" and "NAME z" give the shifts.
+
+    Outputs that do not move with the component as one body are no shifts, and give no point.
+    """
+    if part.recovery is None:
+        return ()
+    row = {name: i for i, name in enumerate(part.outputs)}
+    size = max(float(np.abs(part.positions).max()), np.finfo(float).tiny)
+    found: list[InnerPoint] = []
+    for name in (output.removesuffix(" x") for output in part.outputs if output.endswith(" x")):
+        if not all(f"{name} {way}" in row for way in WAYS[:3]):
+            continue
+        shift = part.recovery[[row[f"{name} {way}"] for way in WAYS[:3]]]
+        body = shift @ rigid_vectors(part.positions, len(part.stiffness))
+        turn = body[:, 3:]
+        far = max(size, float(np.abs(turn).max()))
+        if np.abs(body[:, :3] - np.eye(3)).max() < APART and np.abs(turn + turn.T).max() < APART * far:
+            found.append(InnerPoint(name, np.array([turn[1, 2], turn[2, 0], turn[0, 1]]), shift))
+    return tuple(found)
