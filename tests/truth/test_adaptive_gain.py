@@ -361,7 +361,8 @@ def test_growth_is_proved_only_where_it_is():
         ({"maximum": -1.0}, "gains from"), ({"minimum": 3.0}, "gains from"),
         ({"maximum": np.inf}, "gains from"),
         ({"rate": 0.0}, "a rate of"), ({"rate": np.nan}, "a rate of"),
-        ({"band_hz": (9.0, 1.0)}, "a band from"),
+        ({"band_hz": (9.0, 1.0)}, "a band from"), ({"band_hz": (1.0, 2.0, 3.0)}, "a band of"),
+        ({"band_hz": 1.0}, "a band of"),
         ({"quiet_rms": 0.3}, "an rms"), ({"loud_rms": np.nan}, "an rms"),
     ],
 )  # fmt: skip

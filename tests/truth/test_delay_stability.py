@@ -330,7 +330,7 @@ def test_a_root_beside_a_pole_that_rounding_has_moved_as_far(shift: float) -> No
         assert abs(roots[0] - root) < 5e-9 * omega
 
 
-@pytest.mark.parametrize("seed", repeats([15, 29, 31, 39, *range(100)], 4))
+@pytest.mark.parametrize("seed", repeats([3, 20, 29, 192, 392, *range(100)], 5))
 def test_laws_of_high_authority_on_modes_that_they_hardly_move(seed: int) -> None:
     """Roots lie beside poles known no better than the loop moves them: each is found as often as counted.
 

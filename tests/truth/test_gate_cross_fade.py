@@ -217,7 +217,7 @@ def test_the_fade_is_tried_beside_the_hold():
     [
         ({"period_s": 0.02}, "50 Hz"),
         ({"paths": (LoopPath(0, 0, static_gain(-1.0)),)}, "an inner loop of its own"),
-        ({"inputs": (WAY, Port("rate", "mm/s"))}, "reads 'rate' twice"),
+        ({"inputs": (WAY, Port("rate", "mm/s"))}, "rate in mm/s of one package, in m/s of another"),
     ],
 )
 def test_what_does_not_run_beside_it_is_refused(changes, said):

@@ -29,11 +29,11 @@ Examples:
 @click.argument("package_file", metavar="PACKAGE.mdk|json")
 @options.tried
 @click.option(
-    "--gain-db", type=click.FloatRange(min=0.0), default=6.0, show_default=True, help="Least gain margin."
+    "--gain-db", type=options.NOT_NEGATIVE, default=6.0, show_default=True, help="Least gain margin."
 )
 @click.option(
     "--phase-deg",
-    type=click.FloatRange(0.0, 180.0, max_open=True),
+    type=options.Real(0.0, 180.0, max_open=True),
     default=30.0,
     show_default=True,
     help="Least phase margin.",
@@ -41,14 +41,14 @@ Examples:
 @click.option("--paper", is_flag=True, help="Steps on paper only: no dry run.")
 @click.option(
     "--disturbance",
-    type=click.FloatRange(min=0.0),
+    type=options.NOT_NEGATIVE,
     default=0.01,
     show_default=True,
     help="Noise at each output in a dry run: rms as a share of its limit.",
 )
 @click.option(
     "--noise",
-    type=click.FloatRange(min=0.0),
+    type=options.NOT_NEGATIVE,
     default=1e-4,
     show_default=True,
     help="Noise at each input in a dry run: rms as a share of its range.",
@@ -61,7 +61,7 @@ Examples:
 @click.option("--driver", metavar="DRIVER.c", help="The same on converters, by the clock.")
 @click.option(
     "--share",
-    type=click.FloatRange(0.0, 1.0, min_open=True),
+    type=options.Real(0.0, 1.0, min_open=True),
     default=0.25,
     show_default=True,
     help="Share of full authority at which it engages first.",
@@ -69,7 +69,7 @@ Examples:
 @click.option(
     "--hold",
     "paths",
-    type=(str, str, float),
+    type=(str, str, options.Real()),
     multiple=True,
     metavar="SENSOR OUTPUT GAIN",
     help="A path of the engine's hold, closed on every PLANT; may be repeated.",
@@ -104,7 +104,7 @@ Examples:
 @click.option(
     "--adaptive-least",
     "least",
-    type=click.FloatRange(min=0.0),
+    type=options.NOT_NEGATIVE,
     metavar="GAIN",
     help="Least gain.  [default: 0]",
 )

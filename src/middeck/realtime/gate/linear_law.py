@@ -76,4 +76,11 @@ def _along(blocks: Sequence[np.ndarray]) -> np.ndarray:
 def _places(sides: Sequence[tuple[Port, ...]]) -> tuple[np.ndarray, tuple[Port, ...]]:
     """Ones where a port of all packages, side by side, is one of the union; and the union."""
     union = tuple(dict.fromkeys(port for ports in sides for port in ports))
+    units = {port.name: port.unit for port in reversed(union)}
+    for port in union:
+        if port.unit != units[port.name]:
+            raise ConfigError(
+                f"{port.name} in {units[port.name]} of one package, in {port.unit} of another",
+                hint="packages of one article",
+            )
     return np.array([[float(one == port) for one in union] for ports in sides for port in ports]), union

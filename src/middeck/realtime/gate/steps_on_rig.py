@@ -58,7 +58,7 @@ class GateTrials:
         if not (
             all(0.0 < t < math.inf for t in times)
             and all(0.0 < s <= 1.0 for s in shares)
-            and 0.0 <= min(self.disturbance, self.noise) <= max(self.disturbance, self.noise) < math.inf
+            and all(0.0 <= rms < math.inf for rms in (self.disturbance, self.noise))
         ):
             raise ConfigError(
                 f"trials of {times} s, shares {shares}, disturbance {self.disturbance}, noise {self.noise}",

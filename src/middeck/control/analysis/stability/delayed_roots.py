@@ -11,7 +11,7 @@ from middeck.systems.plants.plant import remove_delays
 LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
 NEWTON_STEPS = 12
-UNMOVED, BESIDE, NEAR = 1e-9, 1e-8, 1e-6
+UNMOVED, BESIDE, NEAR = 1e-9, 1e-8, 1e-5
 """Relative shift by the loop below which a mode's root is found from its open pole, to first order; below
 which it is where Newton's method ends at no root, as it does on a pole only known to such a shift; and
 how far from the pole an eigenvalue of the loop may then be, which errs more than the mode moves."""
@@ -95,14 +95,16 @@ def _newton(
             away = s[:, None] - open_poles
             way = np.abs(away).min(axis=1, initial=np.inf)
             h = 1e-3 * np.where(np.isfinite(way), way, size)
-            middle, left, right = (_determinant(halves, x) for x in (s, s - h, s + h))
+            middle, left, right = _determinant(halves, np.concatenate([s, s - h, s + h])).reshape(3, -1)
             on_root = _vanishes(middle, left, right)
             step = middle / ((right - left) / (2.0 * h) + middle * np.sum(1.0 / away, axis=1))
             rests = np.abs(step) <= 0.1 * ONE_ROOT * size
             s = np.where(np.isfinite(step) & ~unmoved, s - step, s)
             s = np.where(real, np.real(s) + 0.0j, s)
+            if np.all(rests | unmoved):
+                break
         h = 0.1 * np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
-        rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
+        rests &= _vanishes(*_determinant(halves, np.concatenate([s, s - h, s + h])).reshape(3, -1))
     is_root = unmoved | on_root | rests
     lost = ~is_root & (shift <= NEAR)
     s[lost], is_root[lost] = _beside_pole(halves, start[lost], open_poles, BESIDE)
@@ -113,11 +115,13 @@ def _newton(
 def _beside_pole(
     halves: Halves, near: np.ndarray, open_poles: np.ndarray, most: float
 ) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
-    """The root of f = r / (s - p) + c beside each pole p that is ``near``: p - r / c; and whether it is one.
+    """The root of f = r / (s - p) + c + d (s - p) beside each pole p that is ``near``; and whether it is one.
 
-    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. Returns
-    ``near`` unchanged where other poles are too close, and where the root is further than ``most`` of the
-    pole and belongs to another: a copy of the mode that no port observes stays on the pole.
+    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. A law that
+    moves neither a mode nor its estimate has two roots beside the pole, which an eigenvalue splits by the
+    root of its rounding: the nearer is taken. Returns ``near`` unchanged where other poles are too close, and
+    where a single root is further than ``most`` of the pole and belongs to another: a copy of the mode that
+    no port observes stays on the pole.
     """
     if not len(near):
         return near, np.zeros(0, dtype=bool)
@@ -128,8 +132,13 @@ def _beside_pole(
     h = 0.1 * np.minimum(others.min(axis=1), np.abs(pole))
     with np.errstate(all="ignore"):
         there = _determinant(halves, (pole[:, None] + h[:, None] * CIRCLE).ravel()).reshape(-1, len(CIRCLE))
-        moved = -h * np.mean(there * CIRCLE, axis=1) / np.mean(there, axis=1)
-    clear = np.isfinite(moved) & (np.abs(moved) < most * np.abs(pole))
+        r, c, d = (np.mean(there * CIRCLE**k, axis=1) for k in (1, 0, -1))
+        half = np.sqrt(c**2 - 4.0 * r * d)
+        larger = -0.5 * (c + np.where(np.real(np.conj(c) * half) < 0.0, -half, half))
+        both = h * np.array([r / larger, larger / d])
+        moved = np.where(np.abs(pole + both[1] - near) < np.abs(pole + both[0] - near), both[1], both[0])
+        pair = np.abs(both).max(axis=0) < NEAR * np.abs(pole)
+    clear = np.isfinite(moved) & (np.abs(moved) < np.where(pair, NEAR, most) * np.abs(pole))
     clear &= 100.0 * np.abs(moved) < h
     return np.where(clear, pole + np.where(clear, moved, 0.0), near), clear
 

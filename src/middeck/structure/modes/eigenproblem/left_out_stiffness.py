@@ -1,4 +1,4 @@
-"""What the geometric stiffness of components, which their matrices do not have, would make of each mode."""
+"""What forces and bending at rest, which linear matrices of components do not know, may make of each mode."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.component_states import component_states
+from middeck.structure.elements.component import ComponentElement
 from middeck.structure.model.component import Component, body_of, component_doubts
 from middeck.structure.rest.equilibrium import Equilibrium
 
@@ -18,18 +19,21 @@ LARGE = 0.1
 SLOPE = 12.0
 # Of all forces over all of the length: what does not act along it works on twist and bending together.
 SHEAR = 0.4
+# Of the stiffness of a part, by the root of its mean square slope at rest.
+BENT = 0.6
 
 
 def left_out(
     equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
 ) -> Float[np.ndarray, "component mode"]:
-    """Estimate of the part of each frequency that a component's geometric stiffness may change; zero at zero.
+    """Estimate of the part of each frequency that a component's linear matrices may miss; zero at zero.
 
     Forces inside a part of length L work by N L slope^2 / 2. N L are the boundary forces along their arms and
     the weight along the part's extent in its direction (Clausius' virial), without signs, and two fifths of
     all forces over the length for what shear does with twist. The slope is that of the boundary grids in the
-    component's frame, and of a beam with the kinetic energy of its modal coordinates. So it is an estimate by
-    experience rather than a bound: forces that pull and push cancel in part.
+    component's frame, and of a beam with the kinetic energy of its modal coordinates. The slope at rest bends
+    the part, by which its own stiffness changes: a kink that opens ties bending to twist otherwise. So it is
+    an estimate by experience rather than a bound: forces that pull and push cancel in part.
     """
     parts = equilibrium.model.structure.components
     states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
@@ -37,16 +41,26 @@ def left_out(
     for k, (part, element, (state, rows)) in enumerate(
         zip(parts, equilibrium.model.components, states, strict=True)
     ):
-        grids = 6 * len(part.grids)
-        pull = (element.stiffness @ state.deformation)[:grids].reshape(-1, 6)[:, :3]
+        pull = (element.stiffness @ state.deformation)[: 6 * len(part.grids)].reshape(-1, 6)[:, :3]
         work, length = _virial(part, pull @ part.axes, part.axes.T @ state.axes.T @ equilibrium.loads.gravity)
         strain = state.slope @ (rows @ shapes)
-        slope = np.mean(np.sum(strain[:grids].reshape(-1, 6, len(lam))[:, 3:] ** 2, axis=1), axis=0)
-        q = strain[grids:]
-        moved = np.sum(q * (element.mass[grids:, grids:] @ q), axis=0)
-        works = work * (slope + SLOPE / (length**2 * part.weight) * np.maximum(moved, 0.0))
-        out[k] = np.divide(0.5 * works, lam, out=np.zeros(len(lam)), where=lam > 0.0)
+        works = 0.5 * work * _square_slope(part, element, length, strain)
+        bent = np.sqrt(_square_slope(part, element, length, state.deformation[:, None]))
+        works += BENT * bent * np.sum(strain * (element.stiffness @ strain), axis=0)
+        out[k] = np.divide(works, lam, out=np.zeros(len(lam)), where=lam > 0.0)
     return out
+
+
+def _square_slope(
+    part: Component, element: ComponentElement, length: float, strain: Float[np.ndarray, "row case"]
+) -> Float[np.ndarray, " case"]:
+    """Mean square slope of a part in each case of strain, by its grids and its modal coordinates."""
+    grids = 6 * len(part.grids)
+    turns, q = strain[:grids].reshape(-1, 6, strain.shape[1])[:, 3:], strain[grids:]
+    moved = np.sum(q * (element.mass[grids:, grids:] @ q), axis=0)
+    return np.mean(np.sum(turns**2, axis=1), axis=0) + SLOPE / (length**2 * part.weight) * np.maximum(
+        moved, 0.0
+    )
 
 
 def component_warnings(
@@ -62,8 +76,9 @@ def component_warnings(
         if len(cost) and cost[worst] > FELT:
             hz = np.sqrt(lam[worst]) / (2.0 * np.pi)
             found.append(
-                f"component {part.name!r} has no geometric stiffness: by an estimate the forces inside it "
-                f"change the frequency of mode {worst} ({hz:.4g} Hz) by up to {100.0 * cost[worst]:.2g} %"
+                f"component {part.name!r} has no geometric stiffness, nor that of its bent shape: by an "
+                f"estimate both change the frequency of mode {worst} ({hz:.4g} Hz) by up to "
+                f"{100.0 * cost[worst]:.2g} %"
             )
     states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
     for part, (state, _) in zip(parts, states, strict=True):
