@@ -17,7 +17,7 @@ import pytest
 
 from middeck.cli.main import execute
 from middeck.cli.work.fit_records import identify
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.updating.candidates.foreseen import foresee
 from middeck.updating.orbit.frequencies import solve_there
 from middeck.updating.promise.promise import promise

@@ -11,7 +11,7 @@ import pytest
 
 from middeck.control.sampled.emulation import emulate
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench
 from middeck.laboratory.rig.linear_view import linearise_rig

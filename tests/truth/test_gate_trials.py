@@ -11,7 +11,7 @@ import pytest
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.process.supervisor import DriverRig
+from middeck.realtime.engine.process.launch import DriverRig
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial

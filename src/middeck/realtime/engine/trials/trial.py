@@ -12,7 +12,8 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.commands import Event
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.engine.process.supervisor import DriverRig, RigChoice, Supervisor, UdpRig
+from middeck.realtime.engine.process.launch import DriverRig, RigChoice, UdpRig
+from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
