@@ -19,8 +19,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.modes.eigenproblem.all_or_lowest import solve_pairs
-from middeck.structure.modes.eigenproblem.eigen import Eigenpairs
+from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_pairs
 from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.modes.solve import Modes
