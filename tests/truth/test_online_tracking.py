@@ -91,6 +91,19 @@ def test_exact_data_of_the_exact_model_leave_nothing():
     np.testing.assert_allclose(found.state.gain, 1.0, atol=1e-4)
 
 
+@pytest.mark.parametrize("hold_s", [1.0 / RATE, 0.0])
+def test_a_hold_that_the_model_is_behind_is_not_taken_out_again(hold_s):
+    """A model of what is behind the hold has no half sample in its delays and no loss in its constants."""
+    taken, _ = moving_gimbal.record(0, 8.0, outputs=3, inputs=2, noise=0.0)
+    tiny = 1e-6 * np.sqrt(np.mean(taken.y**2, axis=(0, 1, 2)))
+    right = gimbal_model.model(3, 2)
+    model = dataclasses.replace(right, delay_s=right.delay_s - moving_gimbal.HOLD, hold_s=hold_s)
+    state = start_tracking(model, noise_rms=tiny, known=WELL_KNOWN, **AT_ONE_RATE)
+    found = track_modes(state, taken, block=512)
+    np.testing.assert_allclose(found.natural_hz[-1], MODES, rtol=1e-7)
+    np.testing.assert_allclose(found.state.gain, 1.0, atol=1e-4)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("mode", repeats([4, 3]))
 def test_a_step_of_one_per_cent_is_followed_within_twenty_seconds(campaign, mode):

@@ -149,7 +149,7 @@ def test_an_open_loop_without_end_is_no_obstacle():
     ports = (Port("t", "N m"),), (Port("a", "rad"),)
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("t",), u=("t",), z=("a",), y=("a",))
     weights = unit_weights(("t",), 1e-6)
-    found = compare_sampling(plant, weights, 1.0, (20.0, 50.0), pade_order=2)
+    found = compare_sampling(plant, weights, 1.0, (20.0, 50.0))
     assert found.open_metric == np.inf
     assert all(row.outcome.stable for row in found.rows)
     assert str(found).splitlines()[1].split()[3] == "-"  # after "20", "direct,", "current"

@@ -1,7 +1,7 @@
 """Frequency responses from records: whole periods, local models, averaged spectra; what scatters them."""
 
 from middeck.identification.spectra.averages import Spectra, doubts_of_window, estimate_spectra
-from middeck.identification.spectra.coherence import multiple_coherence, ordinary_coherence, partial_coherence
+from middeck.identification.spectra.coherence import multiple_coherence, ordinary_coherence
 from middeck.identification.spectra.distortion import Distortion, estimate_distortion
 from middeck.identification.spectra.estimate import Method, estimate_response, response_scatter
 from middeck.identification.spectra.h1_h2_hv import Ratio, spectra_response
@@ -19,7 +19,6 @@ __all__ = [
     "estimate_spectra",
     "multiple_coherence",
     "ordinary_coherence",
-    "partial_coherence",
     "response_scatter",
     "spectra_response",
 ]

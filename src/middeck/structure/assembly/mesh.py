@@ -145,9 +145,7 @@ def lay_out(structure: Structure) -> Model:
     frames = (*(n.name for n in structure.nodes), *inner, *(j.name for j in structure.joints))
     index = {name: i for i, name in enumerate(frames)}
     x = np.concatenate([np.array([n.position for n in structure.nodes]).reshape(-1, 3), cut.inner])
-    parts = (*structure.nodes, *structure.joints)
-    bodies = [(index[p.name], p.body) for p in parts if p.body.mass != 0.0 or np.any(p.body.inertia)]
-    bodies += [(index[m.frame], m.body) for m in structure.masses]
+    bodies = _bodies(structure, index)
     ends = cut.frame.size
     attach = {a.name: ends + len(bodies) + i for i, a in enumerate(structure.attach_points)}
     at = (*structure.attach_points, *structure.loads)
@@ -281,6 +279,13 @@ def select_beams(beams: BeamProperties, rows: slice | np.ndarray) -> BeamPropert
     if isinstance(rows, slice) and not rows.start and (rows.stop or 0) >= len(beams.length):
         return beams
     return BeamProperties(**{f.name: getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)})
+
+
+def _bodies(structure: Structure, index: dict[str, int]) -> list[tuple[int, Body]]:
+    """Frame and body of everything that has one."""
+    parts = (*structure.nodes, *structure.joints)
+    own = [(index[p.name], p.body) for p in parts if p.body.mass != 0.0 or np.any(p.body.inertia)]
+    return own + [(index[m.frame], m.body) for m in structure.masses]
 
 
 def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> FrameTree:

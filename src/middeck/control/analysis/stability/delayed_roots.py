@@ -95,14 +95,16 @@ def _newton(
             away = s[:, None] - open_poles
             way = np.abs(away).min(axis=1, initial=np.inf)
             h = 1e-3 * np.where(np.isfinite(way), way, size)
-            middle, left, right = (_determinant(halves, x) for x in (s, s - h, s + h))
+            middle, left, right = _determinant(halves, np.concatenate([s, s - h, s + h])).reshape(3, -1)
             on_root = _vanishes(middle, left, right)
             step = middle / ((right - left) / (2.0 * h) + middle * np.sum(1.0 / away, axis=1))
             rests = np.abs(step) <= 0.1 * ONE_ROOT * size
             s = np.where(np.isfinite(step) & ~unmoved, s - step, s)
             s = np.where(real, np.real(s) + 0.0j, s)
+            if np.all(rests | unmoved):
+                break
         h = 0.1 * np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
-        rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
+        rests &= _vanishes(*_determinant(halves, np.concatenate([s, s - h, s + h])).reshape(3, -1))
     is_root = unmoved | on_root | rests
     lost = ~is_root & (shift <= NEAR)
     s[lost], is_root[lost] = _beside_pole(halves, start[lost], open_poles, BESIDE)

@@ -77,20 +77,19 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
 
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """As `decide_stability`, for a loop already formed."""
+    return judge_roots(find_roots(loop), loop.period_s)
+
+
+def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
+    """Roots of a loop [rad/s]: all that matter for stability, exact, and those left of them as approximated.
+
+    An infinite one stands for a chain of roots on or right of the axis. Raises as `decide_stability`.
+    """
     if not loop.plant.delayed:
         loop, unmoved = split_unmoved(loop)
-        return _outcome(np.concatenate([loop_poles(loop), unmoved]), loop.period_s)
-    if direct_gain(loop) >= 1.0:
-        # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
-        return LoopStability(
-            stable=False,
-            pole=complex(np.inf, np.inf),
-            frequency_hz=np.inf,
-            margin=-np.inf,
-            damping=0.0,
-            growing=-1,
-            decays=False,
-        )
+        return np.concatenate([loop_poles(loop), unmoved])
+    if direct_gain(loop) >= 1.0:  # a neutral equation (Hale and Verduyn Lunel 1993)
+        return np.array([complex(np.inf, np.inf)])
     loop, unmoved = split_unmoved(loop)
     halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
     found, counted = 0, None
@@ -103,7 +102,7 @@ def decide_loop(loop: FeedbackLoop) -> LoopStability:
             found = int(np.sum(np.real(roots) > wall))
             counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
             if found == counted:
-                return _outcome(np.concatenate([roots, others[np.real(others) < wall], unmoved]))
+                return np.concatenate([roots, others[np.real(others) < wall], unmoved])
     raise NumericalError(
         f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
         f"{'an unclear number' if counted is None else counted} counted",
@@ -139,7 +138,8 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
     return float(np.real(rates).max(initial=-np.inf))
 
 
-def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
+def judge_roots(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
+    """What the roots of `find_roots` say."""
     if not len(roots):
         return LoopStability(
             stable=True,
@@ -153,6 +153,16 @@ def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None)
     lead = complex(roots[np.argmax(np.real(roots))])
     pole = complex(lead.real, abs(lead.imag))
     damping = -pole.real / abs(pole) if 0.0 < abs(pole) < np.inf else float(pole.real < 0.0)
+    if np.isinf(lead):
+        return LoopStability(
+            stable=False,
+            pole=pole,
+            frequency_hz=np.inf,
+            margin=-np.inf,
+            damping=0.0,
+            growing=-1,
+            decays=False,
+        )
     growing = int(np.sum(np.real(roots) > growth_limits(roots, period_s)))
     return LoopStability(
         stable=none_grows(roots, period_s),
