@@ -411,7 +411,7 @@ def test_a_law_with_a_copy_of_the_mode_in_states_of_any_size(
             continue
         assert found.growing == 2 * int(np.sum(s.real > 0.0))
         assert found.stable is bool(np.all(s.real < 0.0))
-    assert left <= (scale > 1.0) * (2 + len(seeds) / 50)
+    assert left <= (scale > 1.0) * (2 + len(seeds) / 25)
 
 
 def test_a_real_root_beside_such_a_pole_stays_real_and_counts_once() -> None:

@@ -107,7 +107,7 @@ def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
         walls = clear_walls(np.real(np.concatenate([near, roots, open_poles])), reach)
         for wall in walls if order == orders[-1] else walls[:1]:
             more = None
-            if np.all(np.abs(np.real(near) - wall) > blur):
+            if np.all(np.abs(np.real(near) - wall) > blur) and np.all(np.abs(np.real(near)) >= blur):
                 more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
             found = int(np.sum(np.real(roots) > wall))
             counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
