@@ -20,7 +20,7 @@ from middeck.files.studies.documents import load_study
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import LinearArticle, linear_article
-from middeck.realtime.engine.trials.monitors_from_record import find_reach, guard
+from middeck.realtime.engine.trials.standard_trips import find_reach, guard
 from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_law import package_law

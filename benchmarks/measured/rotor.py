@@ -45,7 +45,7 @@ def whirl(speed: float) -> np.ndarray:
     from middeck.structure.model.clamps import Clamp
     from middeck.structure.model.environment import Environment
     from middeck.structure.modes.solve import solve_modes
-    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
+    from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium
 
     nothing = Body(0.0, np.zeros(3), np.zeros((3, 3)))

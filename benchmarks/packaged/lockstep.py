@@ -12,7 +12,7 @@ from engine_rigs import PERIOD_S, article_of, lqg, pack, siso_case
 from measured.rows import row
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.trials.monitors_from_record import standard_monitors
+from middeck.realtime.engine.trials.standard_trips import standard_monitors
 
 CASE, SAMPLES, REPEATS, LEVEL = "lockstep, SISO experiment", 500_000, 3, 200.0
 HOURS, MINUTE = 24, 30_000

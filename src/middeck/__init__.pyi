@@ -108,7 +108,7 @@ from .structure.modes.solve import (
     Modes as Modes,
     solve_modes as solve_modes,
 )
-from .structure.plants.gyroscopic import solve_gyroscopic_modes as solve_gyroscopic_modes
+from .structure.plants.whirl_modes import solve_gyroscopic_modes as solve_gyroscopic_modes
 from .structure.plants.modal_plant import build_plant as build_plant
 from .structure.rest.equilibrium import (
     Equilibrium as Equilibrium,

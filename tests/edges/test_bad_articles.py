@@ -16,7 +16,7 @@ from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Device, Environment
 from middeck.structure.modes.solve import solve_modes
-from middeck.structure.rest import damped_descent, settle, unfolding
+from middeck.structure.rest import damped_descent, forces_as_unknowns, settle
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, TURNING_TUBE, body, member, node, on_cables, structure, tube_bus
 
@@ -76,7 +76,7 @@ def test_the_load_at_which_the_way_was_lost_is_the_first_that_did_not_settle(
 ):
     """Two iterations are too few at any load, with displacements and with forces as unknowns."""
     monkeypatch.setattr(damped_descent, "MAX_ITERATIONS", 2)
-    monkeypatch.setattr(unfolding, "MIXED_ITERATIONS", 2)
+    monkeypatch.setattr(forces_as_unknowns, "MIXED_ITERATIONS", 2)
     with pytest.raises(EquilibriumError, match="not at rest") as error:
         solve_modes(solve_equilibrium(bus(), LAB))
     assert error.value.data["load_factor"] == settle.LOAD_FACTORS[0]

@@ -6,7 +6,7 @@ from middeck.files.studies.documents import load_study
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
-from middeck.identification.spectra.fit_weights import spread_of
+from middeck.identification.spectra.excess_variance import spread_of
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench, take_open_loop
 from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL

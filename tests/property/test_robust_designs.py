@@ -12,7 +12,7 @@ from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.law_form import arrange
 from middeck.control.lqg.design import design_lqg
 from middeck.control.robust.designs.multimodel import design_multimodel
-from middeck.control.robust.search.blend import blend
+from middeck.control.robust.search.smooth_maximum import blend
 from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.state_space.statespace import StateSpace

@@ -14,8 +14,8 @@ from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.ticks.simulate_rig import switch_on
 from middeck.signals.ports import Port
 from middeck.structure.gimbals.amplitude import sweep_amplitude
-from middeck.structure.gimbals.branches import JointSystem, solve_undamped
 from middeck.structure.gimbals.damped import follow_damped, pair_undamped
+from middeck.structure.gimbals.stiffened_joint import JointSystem, solve_undamped
 from middeck.structure.model.article import JointState
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem

@@ -10,8 +10,8 @@ from middeck.identification.order.exchanged_modes import find_candidate, grown
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import unpack
 from middeck.identification.search.least_squares_costs import weighted
-from middeck.identification.search.polish import polish
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import polish
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.start.start import start_at
 
 NOISE = 1e-3

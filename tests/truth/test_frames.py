@@ -12,9 +12,9 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import Loads, no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, lay_out, mesh_structure
-from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import frame_poses, move, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
+from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.model.article import AttachPoint, Section, Spring
 from repeats import repeats
 from structure_builders import (

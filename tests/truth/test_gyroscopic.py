@@ -33,10 +33,10 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.craig_bampton import reduce_structure
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.plants.gyroscopic import GyroscopicModes, solve_gyroscopic_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.residual_flexibility import compare_static_gain
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
+from middeck.structure.plants.whirl_modes import GyroscopicModes, solve_gyroscopic_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.systems.plants.response import evaluate_plant
 from repeats import repeats

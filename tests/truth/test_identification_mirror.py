@@ -10,7 +10,7 @@ from middeck.identification import nrmse
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
-from middeck.identification.spectra.fit_weights import spread_of
+from middeck.identification.spectra.excess_variance import spread_of
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from repeats import repeats

@@ -7,8 +7,8 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.thinning import take_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.search.leverage import leverage
-from middeck.identification.search.polish import polish
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import polish
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.start.start import starts
 from repeats import repeats
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 import middeck as md
-from middeck.identification.spectra.fit_weights import spread_of
+from middeck.identification.spectra.excess_variance import spread_of
 from middeck.systems.plants.response import FrequencyResponse, ResponseCovariance
 
 HZ, ZETA = np.array([9.0, 17.0]), np.array([3e-3, 4e-3])

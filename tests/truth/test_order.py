@@ -15,8 +15,8 @@ from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack, unpack
 from middeck.identification.search.least_squares_costs import weighted
-from middeck.identification.search.polish import bound_theta, bounded, polish
-from middeck.identification.spectra.fit_weights import Spread, spread_of
+from middeck.identification.search.refine_and_reweigh import bound_theta, bounded, polish
+from middeck.identification.spectra.excess_variance import Spread, spread_of
 from middeck.identification.start.frequency_subspace import prune
 from middeck.identification.start.start import drive_vectors
 

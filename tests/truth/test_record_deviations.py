@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.record_fit.noise_variance import noise_variance
+from middeck.identification.record_fit.sensor_or_force_noise import noise_variance
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from repeats import repeats

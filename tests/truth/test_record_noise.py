@@ -7,7 +7,7 @@ from shaken_plant import POLES, pole_error, shaken
 
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.record_fit.noise_variance import (
+from middeck.identification.record_fit.sensor_or_force_noise import (
     covering_variance,
     denominator,
     likelier_variance,

@@ -17,7 +17,7 @@ from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
 from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
-from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
+from middeck.laboratory.linear_rig_record import rig_plant, run_rig_experiment
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.structure.model.environment import Environment
 from middeck.systems.plants.response import statespace_response

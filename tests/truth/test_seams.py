@@ -12,7 +12,7 @@ from middeck.structure.model.article import AddedMass, AttachPoint, LoadCase, Se
 from middeck.structure.model.environment import Environment, Suspension
 from middeck.structure.model.links import AnyLink, Interpolation, Link, Share
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
+from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, member, node, structure
 

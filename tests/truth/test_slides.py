@@ -13,8 +13,8 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import Loads, no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, mesh_structure
-from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration, frame_poses, move, points_in_world, pose_jacobian
+from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.model.article import (
     Actuator,
     AttachPoint,

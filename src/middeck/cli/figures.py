@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from middeck.structure.gravity.compare_modes import ModeComparison
     from middeck.structure.modes.results.drawing import Drawing
     from middeck.structure.modes.solve import Modes
-    from middeck.structure.plants.gyroscopic import GyroscopicModes
+    from middeck.structure.plants.whirl_modes import GyroscopicModes
 
 SHAPES = (*FIGURES, ".html")
 MODES = (*SHAPES, ".vtu")

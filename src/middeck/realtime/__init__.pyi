@@ -17,7 +17,7 @@ from .engine.rigs.linear_article import (
     linear_article as linear_article,
 )
 from .engine.rigs.engine_rig import EngineRig as EngineRig
-from .engine.trials.monitors_from_record import guard as guard
+from .engine.trials.standard_trips import guard as guard
 from .engine.trials.served_rig import ServedRig as ServedRig
 from .engine.trials.trial import (
     Stage as Stage,

@@ -15,8 +15,8 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.merged_delays import merge_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
 from middeck.systems.delay.delay_approximation import SAME_DELAY_S, approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.values import record

@@ -11,7 +11,7 @@ from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
-    from middeck.structure.plants.gyroscopic import GyroscopicModes
+    from middeck.structure.plants.whirl_modes import GyroscopicModes
     from middeck.structure.summary.summary import Summary
 
 EPILOG = """\
@@ -168,7 +168,7 @@ def _whirls(modes: Modes, count: int) -> tuple[GyroscopicModes, bool]:
     """Modes at the wheels' speeds, and whether the article has a damping ratio for each."""
     from middeck.errors import ConfigError
     from middeck.structure.model.article import Damping
-    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
+    from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
 
     try:
         return solve_gyroscopic_modes(modes, count=count), True

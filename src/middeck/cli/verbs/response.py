@@ -110,7 +110,7 @@ def _draw(
     respond: Callable[[np.ndarray], FrequencyResponse], modes: Modes, asked_hz: np.ndarray, file: str
 ) -> None:
     from middeck.plot.response import response_figure, response_lines
-    from middeck.structure.plants.gyroscopic import solve_gyroscopic_modes
+    from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
 
     rest = modes.equilibrium
     found = solve_gyroscopic_modes(modes)

@@ -14,7 +14,7 @@ from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.reduction.methods import Candidate
 from middeck.control.reduction.weighted_loop import absorb, proper_law
-from middeck.control.robust.search.blend import improve
+from middeck.control.robust.search.smooth_maximum import improve
 from middeck.control.robust.search.starting_laws import stabilises
 from middeck.systems.poles.stability import decays
 from middeck.systems.state_space.statespace import StateSpace

@@ -35,8 +35,8 @@ from middeck.identification.problem.data import Data, data_of
 from middeck.identification.search.fit_warnings import doubts_of_deviations, doubts_of_model, doubts_of_record
 from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead
 from middeck.identification.search.likelihood import likelihood_polish
-from middeck.identification.search.polish import Polished, logarithmic_polish, settle
-from middeck.identification.spectra.fit_weights import (
+from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
+from middeck.identification.spectra.excess_variance import (
     Spread,
     by_output,
     excess_share,

@@ -7,7 +7,7 @@ import numpy as np
 from middeck.identification.model.measurement_model import RANK, MeasurementModel
 from middeck.identification.problem.terms import constant_terms, shapes
 from middeck.identification.problem.unknowns_layout import Layout
-from middeck.identification.search.polish import Run
+from middeck.identification.search.refine_and_reweigh import Run
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.signals.ports import Port
 

@@ -14,7 +14,7 @@ from jaxtyping import Complex, Float
 from middeck.identification.model.fit_options import is_acceleration
 from middeck.identification.model.measurement_model import MeasurementModel, double_pole
 from middeck.identification.search.fit_warnings import LEFT
-from middeck.identification.spectra.fit_weights import by_output
+from middeck.identification.spectra.excess_variance import by_output
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.systems.plants.response import FrequencyResponse
 

@@ -20,8 +20,8 @@ from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.order import description_length
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
-from middeck.identification.search.polish import Polished, polish
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import Polished, polish
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.start.start import start_at, upper_half
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record

@@ -14,8 +14,8 @@ from middeck.identification.order.best_start import leaves_noise
 from middeck.identification.order.order import description_length
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Point, Start, pack
-from middeck.identification.search.polish import Polished, Run, polish
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import Polished, Run, polish
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.systems.plants.response import FrequencyResponse
 

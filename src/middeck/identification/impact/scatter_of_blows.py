@@ -16,7 +16,7 @@ from jaxtyping import Complex
 from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.impact.averaged_blows import ImpactTest, windowed_spectra
 from middeck.identification.problem.transient_projection import as_real
-from middeck.identification.spectra.fit_weights import spread_of
+from middeck.identification.spectra.excess_variance import spread_of
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ties

@@ -11,8 +11,8 @@ from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.least_squares_costs import weighted
-from middeck.identification.search.polish import Polished, polish
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import Polished, polish
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.start.start import starts
 
 # Steps of all starts, of the best few of them, of the best, and of modes exchanged.

@@ -24,8 +24,8 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import build_terms
 from middeck.identification.problem.transient_projection import as_real
 from middeck.identification.problem.unknowns_layout import Layout, Point, Start
-from middeck.identification.search.polish import Polished
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import Polished
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.start.start import start_at, start_from_point
 from middeck.values import record
 

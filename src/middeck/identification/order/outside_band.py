@@ -24,8 +24,8 @@ from middeck.identification.order.order import WORSE, OrderChoice, Tried
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.search.fit_warnings import LEFT
-from middeck.identification.search.polish import Polished
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import Polished
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.systems.plants.response import FrequencyResponse
 
 

@@ -22,8 +22,8 @@ from middeck.identification.order.exchanged_modes import grown, shrunk
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.leverage import leverage
-from middeck.identification.search.polish import Polished, polish
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.search.refine_and_reweigh import Polished, polish
+from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.start.start import few_starts, starts
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE
 from middeck.systems.plants.response import FrequencyResponse

@@ -18,7 +18,7 @@ from middeck.errors import ConfigError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data, data_of
-from middeck.identification.spectra.fit_weights import spread_of
+from middeck.identification.spectra.excess_variance import spread_of
 from middeck.identification.start.frequency_subspace import block_rows, subspace_poles
 from middeck.identification.start.start import upper_half, weighted_residues
 from middeck.systems.plants.response import FrequencyResponse

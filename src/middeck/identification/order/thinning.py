@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Complex, Int
 
 from middeck.identification.problem.data import Data
-from middeck.identification.spectra.fit_weights import Spread
+from middeck.identification.spectra.excess_variance import Spread
 
 # Numbers that are enough for a race, and for each unknown of it.
 RACE_NUMBERS = 3000

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.spectra.fit_weights import Spread, by_output
+from middeck.identification.spectra.excess_variance import Spread, by_output
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 

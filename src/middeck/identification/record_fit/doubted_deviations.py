@@ -24,8 +24,8 @@ from middeck.errors import FitError
 from middeck.identification.faults.detect import detect_faults
 from middeck.identification.model.fit_options import is_rate
 from middeck.identification.problem.data import Data
-from middeck.identification.record_fit.noise_variance import likelier_variance, noise_variance
 from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.record_fit.sensor_or_force_noise import likelier_variance, noise_variance
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 

@@ -35,12 +35,12 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.record_fit import doubted_deviations
 from middeck.identification.record_fit.continuous_fit import fit_continuous
-from middeck.identification.record_fit.noise_variance import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import choose_record
 from middeck.identification.record_fit.record_spectra import record_data, without_drift, without_trend
 from middeck.identification.record_fit.refine_record import WEIGHTINGS, RecordRun, Weighting
+from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay

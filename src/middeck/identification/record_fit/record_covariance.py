@@ -11,8 +11,8 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient import transient_slopes
 from middeck.identification.problem.transient_projection import TransientProjection, as_real
-from middeck.identification.record_fit.noise_variance import covering_variance
 from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.record_fit.sensor_or_force_noise import covering_variance
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
 from middeck.identification.uncertainty.entry_factors import entry_slopes

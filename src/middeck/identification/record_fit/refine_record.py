@@ -13,13 +13,18 @@ from middeck.identification.model.levenberg_marquardt import Refined, Step, sear
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.problem.unknowns_layout import Layout, Start
-from middeck.identification.record_fit import noise_variance
+from middeck.identification.record_fit.sensor_or_force_noise import (
+    Noise,
+    denominator,
+    negative_log_likelihood,
+    noise_variance,
+)
 from middeck.identification.search.least_squares_costs import weighted
-from middeck.identification.search.polish import Run
+from middeck.identification.search.refine_and_reweigh import Run
 from middeck.values import record
 
 # "flat": one variance for each output, so that what is least is the error of the simulation itself.
-Weighting = Literal["flat"] | noise_variance.Noise
+Weighting = Literal["flat"] | Noise
 WEIGHTINGS: tuple[Weighting, ...] = ("output", "motion", "flat")
 # A decay rate times the record's length below which free motion is no different from a steady one, and times
 # the sampling period above which it is over within a sample.
@@ -76,7 +81,7 @@ def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun |
         found = dataclasses.replace(better, theta=np.clip(better.theta, *bounds))
         r = residual_of(layout, data, found.theta, found.step.linear)
         v = _variance_of(r, data, layout, found.theta, weighting)
-        likelihood = noise_variance.negative_log_likelihood(r, v)
+        likelihood = negative_log_likelihood(r, v)
     decays = np.exp(found.theta[layout.pairs : len(layout.pair)]) * data.length_s
     if layout.options.period_s > 0.0 and int(np.sum(decays < SLOW_REAL)) > 1:
         return None
@@ -94,14 +99,12 @@ def _variance_of(
     if weighting == "flat":
         v = np.mean(np.abs(r) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
         return np.broadcast_to(v, r.shape)
-    return noise_variance.noise_variance(
-        r, _denominator(data, Start(layout, theta)) if weighting == "motion" else None
-    )
+    return noise_variance(r, _denominator(data, Start(layout, theta)) if weighting == "motion" else None)
 
 
 def _denominator(data: Data, start: Start) -> Float[np.ndarray, " line"]:
     p = start.point.poles
-    return noise_variance.denominator(data.s, np.concatenate([p, p[start.layout.pair].conj()]), data.period_s)
+    return denominator(data.s, np.concatenate([p, p[start.layout.pair].conj()]), data.period_s)
 
 
 def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.normal_equations import ZeroSum
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient_projection import as_real
-from middeck.identification.search.polish import Run
+from middeck.identification.search.refine_and_reweigh import Run
 
 # Directions in which unknowns of like effect change a response by a smaller share than this follow nothing.
 WEAK = 1e-5

@@ -24,8 +24,9 @@ from middeck.identification.model.levenberg_marquardt import search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.search.least_squares_costs import weighted
-from middeck.identification.search.polish import Polished, bound_theta, bounded
-from middeck.identification.spectra.fit_weights import ROUNDING, averaged_covariance
+from middeck.identification.search.pole_bounds import bound_theta, bounded
+from middeck.identification.search.refine_and_reweigh import Polished
+from middeck.identification.spectra.excess_variance import ROUNDING, averaged_covariance
 from middeck.systems.plants.response import ResponseCovariance
 from middeck.values import record
 

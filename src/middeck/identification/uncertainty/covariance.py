@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.spectra.fit_weights import NEIGHBOURS, by_output, line_degrees
+from middeck.identification.spectra.excess_variance import NEIGHBOURS, by_output, line_degrees
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.spectra.fit_weights import averaged
+from middeck.identification.spectra.excess_variance import averaged
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
     Places,

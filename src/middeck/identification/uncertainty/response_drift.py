@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.spectra.fit_weights import NEIGHBOURS, by_output, spread_of
+from middeck.identification.spectra.excess_variance import NEIGHBOURS, by_output, spread_of
 from middeck.identification.uncertainty.covariance import line_degrees
 from middeck.identification.uncertainty.parameter_deviations import check_level, joint_tail
 from middeck.signals.ports import Port

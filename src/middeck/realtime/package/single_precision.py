@@ -10,9 +10,9 @@ import numpy as np
 from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.filter_sections import Section
+from middeck.realtime.package.l1_norms import bound_peaks
 from middeck.realtime.package.modal_form import to_modal
 from middeck.realtime.package.package import ControllerPackage, law_numbers
-from middeck.realtime.package.peak_bounds import bound_peaks
 from middeck.realtime.package.rounding_errors import UNIT, LinearLaw, reach_of, rounding_of, unfold_law
 from middeck.realtime.package.vectors import add_test_vectors
 

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, whole_samples
-from middeck.signals.excitation.inputs import spread_signs
 from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.orthogonal_inputs import spread_signs
 from middeck.signals.excitation.signal import Excitation
 
 LARGEST_ORDER = 24

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.signals.excitation.crest import compact_phases, schroeder_phases
 from middeck.signals.excitation.grids import band_lines, choose_lines, whole_samples
-from middeck.signals.excitation.inputs import orthogonal_matrix
 from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.orthogonal_inputs import orthogonal_matrix
 from middeck.signals.excitation.signal import Excitation
 
 

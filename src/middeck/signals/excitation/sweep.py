@@ -8,8 +8,8 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, whole_samples
-from middeck.signals.excitation.inputs import spread_signs
 from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.orthogonal_inputs import spread_signs
 from middeck.signals.excitation.signal import Excitation
 
 

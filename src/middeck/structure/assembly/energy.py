@@ -41,9 +41,9 @@ from middeck.structure.assembly.springs import (
 from middeck.structure.elements.beam import BeamState, beam_state, beam_weight
 from middeck.structure.elements.bushings import BushingState
 from middeck.structure.elements.component import ComponentState
-from middeck.structure.elements.devices import NO_SPRINGS, SpringState, spring_state
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import Lever, add_pull, lever_jacobian, lever_stiffness, summed
+from middeck.structure.elements.springs_and_cables import NO_SPRINGS, SpringState, spring_state
 from middeck.values import record
 
 

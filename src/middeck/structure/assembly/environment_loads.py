@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Inexact, Int
 
-from middeck.structure.elements.devices import SpringLaw
+from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.values import record
 
 

@@ -2,7 +2,8 @@
 
 A clamp's directions need not be those of W. At a node that is held along others its coordinates are turned
 into them, and then some are struck out. Only equations are turned: shapes, gradients and masses stay in W.
-Links are another set of columns in the place of the turn: of coordinates that follow others, see `closing`.
+Links are another set of columns in the place of the turn: of coordinates that follow others, see
+`redundant_constraints`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Links at a configuration: what they leave to move, what they add to a potential, and how it stays closed.
 
-At every configuration some coordinates follow the others (`closing`), and every step ends with the links
-closed by those. So all that descends, balances or vibrates sees independent coordinates: the gradient with
-multipliers that leave none at the dependent ones, and the tangent with the second order of the links times
-these, which is the exact second derivative of the energy in the independent coordinates.
+At every configuration some coordinates follow the others (`redundant_constraints`), and every step ends with
+the links closed by those. So all that descends, balances or vibrates sees independent coordinates: the
+gradient with multipliers that leave none at the dependent ones, and the tangent with the second order of the
+links times these, which is the exact second derivative of the energy in the independent coordinates.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Inexact
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.structure.assembly.closing import NEARLY, Closing, close_rows
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.link_rows import GROUND, LinkState, link_state
 from middeck.structure.assembly.mesh import Model
@@ -26,6 +25,7 @@ from middeck.structure.assembly.places import (
     symmetric,
     transport,
 )
+from middeck.structure.assembly.redundant_constraints import NEARLY, Closing, close_rows
 from middeck.structure.elements.frames import Configuration, move_carried
 from middeck.structure.elements.since_drawn import summed, uncarried
 from middeck.structure.model.article import JointState

@@ -25,7 +25,7 @@ from middeck.structure.elements.frames import (
     frame_poses,
     points_in_world,
 )
-from middeck.structure.elements.pose_map import PoseMap, map_points
+from middeck.structure.elements.offset_points import PoseMap, map_points
 from middeck.structure.elements.since_drawn import as_drawn
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Joint, JointState, Structure, held_angle

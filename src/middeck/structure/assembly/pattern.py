@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Int
 
-from middeck.structure.elements.pose_map import PoseMap
+from middeck.structure.elements.offset_points import PoseMap
 
 NONE = np.zeros(0, dtype=int)
 

@@ -22,9 +22,9 @@ from middeck.structure.assembly.springs import (
     sprung_joints,
 )
 from middeck.structure.elements.beam import beam_deformations, tensioned
-from middeck.structure.elements.devices import predicted_tension, spring_squares
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import move_ends
+from middeck.structure.elements.springs_and_cables import predicted_tension, spring_squares
 
 
 def strain_energies(

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Inexact
 
-from middeck.structure.elements.pose_map import map_points
+from middeck.structure.elements.offset_points import map_points
 from middeck.structure.elements.rotations import rotation_exp, skew
 from middeck.structure.elements.since_drawn import SinceDrawn, carried_step, move_since_drawn, whole_motion
 from middeck.structure.elements.trees import FrameTree, PosePoints, Poses

@@ -14,13 +14,13 @@ from jaxtyping import Bool, Float, Int
 
 from middeck.errors import ConfigError
 from middeck.joints.element import JointElement, check_amplitudes, sum_equivalents
-from middeck.structure.gimbals.branches import (
+from middeck.structure.gimbals.damped import SPARE, follow_damped, pair_undamped
+from middeck.structure.gimbals.stiffened_joint import (
     JointSystem,
     build_joint_system,
     joint_receptance,
     solve_undamped,
 )
-from middeck.structure.gimbals.damped import SPARE, follow_damped, pair_undamped
 from middeck.structure.gravity.tracking import HALF_SHAPE
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes

@@ -17,7 +17,7 @@ from jaxtyping import Complex, Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.joints.element import JointElement, sum_equivalents
-from middeck.structure.gimbals.branches import JointSystem, keep_lowest
+from middeck.structure.gimbals.stiffened_joint import JointSystem, keep_lowest
 
 SPARE = 6
 """Undamped modes looked at above the highest pole followed."""

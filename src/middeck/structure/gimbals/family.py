@@ -19,8 +19,8 @@ from scipy.optimize import brentq
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration
+from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, spectrum_at, spectrum_of, track
 from middeck.structure.model.article import Damping, Joint, JointState, Structure

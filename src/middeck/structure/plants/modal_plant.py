@@ -14,9 +14,9 @@ from middeck.structure.assembly.wheel_forces import Spin, spinning_wheels
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.structure.plants.gyroscopic import momentum_warnings
 from middeck.structure.plants.residual_flexibility import residual_flexibility
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
+from middeck.structure.plants.whirl_modes import momentum_warnings
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.state_space.modal_system import ModalSystem, couple_rates, select_modes

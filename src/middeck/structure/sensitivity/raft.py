@@ -12,8 +12,8 @@ import numpy as np
 from middeck.structure.assembly.environment_loads import Ground, Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam import BeamProperties
-from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.springs_and_cables import SpringLaw
 
 
 class Raft(NamedTuple):

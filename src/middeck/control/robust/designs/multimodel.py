@@ -23,7 +23,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.problem.robust_compensator import RobustCompensator
 from middeck.control.robust.problem.several_plants import Problem, law_of, pose_problem, true_costs, whole_law
 from middeck.control.robust.search.approach import Arrival, approach, carry_on
-from middeck.control.robust.search.blend import blend
+from middeck.control.robust.search.smooth_maximum import blend
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.values import record

@@ -32,9 +32,9 @@ from middeck.control.robust.problem.several_plants import (
     whole_law,
 )
 from middeck.control.robust.search.approach import RESTARTS, approach, carry_on
-from middeck.control.robust.search.blend import gradient_row
 from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
 from middeck.control.robust.search.quasi_newton import descend
+from middeck.control.robust.search.smooth_maximum import gradient_row
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.values import record

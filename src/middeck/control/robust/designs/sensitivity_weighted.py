@@ -27,7 +27,7 @@ from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.robust.problem.directions import Directions, stiffness_directions
 from middeck.control.robust.problem.robust_compensator import RobustCompensator, Stage
 from middeck.control.robust.problem.several_plants import Problem, models_of, pose_problem, whole_law
-from middeck.control.robust.search.blend import evaluate_models
+from middeck.control.robust.search.smooth_maximum import evaluate_models
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.values import record

@@ -8,7 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "fit.h"
+#include "check_settings.h"
 
 static unsigned char *map_whole(const char *path, whole *size)
 {

@@ -12,8 +12,8 @@ from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.elements.beam import beam_deformations
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
-from middeck.structure.elements.devices import spring_state
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
+from middeck.structure.elements.springs_and_cables import spring_state
 from middeck.structure.model.article import JointState
 from middeck.structure.rest.equilibrium import Equilibrium
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from middeck.files.studies.documents import Study
 from middeck.identification.spectra.estimate import estimate_response
-from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
+from middeck.laboratory.linear_rig_record import rig_plant, run_rig_experiment
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.shared import find_modes
 from middeck.systems.plants.plant import Plant

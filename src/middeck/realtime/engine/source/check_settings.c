@@ -1,4 +1,4 @@
-#include "fit.h"
+#include "check_settings.h"
 
 #include <math.h>
 #include <stddef.h>

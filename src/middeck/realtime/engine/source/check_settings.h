@@ -1,6 +1,6 @@
 /* Whether an engine can run what stands in a shared file. Each returns null, or in words what does not fit. */
-#ifndef MIDDECK_FIT_H
-#define MIDDECK_FIT_H
+#ifndef MIDDECK_CHECK_SETTINGS_H
+#define MIDDECK_CHECK_SETTINGS_H
 
 #include "shared.h"
 

@@ -1,82 +1,21 @@
-"""Refine and weigh in turn: the fit tells what it cannot follow, and the weights follow the fit.
-
-Where poles may go in a search: no further than the lines of a response can tell.
-
-A pole at a distance d outside the band with a decay rate far below d has the same response in the band as
-one without damping. If the data would have it unstable, a search drives it to no damping at all, and outside
-the band the model is worth nothing. It is held at a decay rate of a small share of d, where the band sees
-what it would see of less. For the same reason nothing is faster than the band by many times, and a sampled
-pair stays below half the sampling rate.
-"""
+"""Refine and weigh in turn: the fit tells what it cannot follow, and the weights follow the fit."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.model.levenberg_marquardt import Refined, Step, search
+from middeck.identification.model.levenberg_marquardt import Refined, search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.problem.unknowns_layout import Layout, Start
 from middeck.identification.search.least_squares_costs import by_normal_equations, logarithmic, weighted
-from middeck.identification.spectra.fit_weights import Spread, excess_share
+from middeck.identification.search.pole_bounds import bound_theta, bounded
+from middeck.identification.spectra.excess_variance import Spread, excess_share
 from middeck.values import record
-
-# Least decay rate of a pole outside the band, as a share of its distance. Complex constants follow in phase
-# what that changes, which leaves its square: of a continuous model 1e-4 of the term at most, so that no mode
-# of 1 % damping is held, however far outside. Between the band and half the sampling rate a sampled model
-# has no room for far modes, and what noise asks for ends there: it is held farther off. Real constants
-# follow nothing and are changed by 2e-4.
-LEAST_DECAY_COMPLEX, LEAST_DECAY_SAMPLED, LEAST_DECAY_REAL = 0.01, 0.25, 0.02
-# The least of all, as a share of the lowest line, and the most, as a multiple of the highest.
-SLOWEST, FASTEST = 1e-9, 1e3
-# A sampled pole that decays by exp(-30) in a period is at zero. A pair stays so close to pi / T.
-DEADBEAT, BELOW_NYQUIST = 30.0, 0.999
-
-Vector = Float[np.ndarray, " unknown"]
-
-
-def bound_theta(layout: Layout, data: Data, theta: Vector) -> Vector:
-    """``theta`` with each pole where it may be."""
-    modes, pairs, T = len(layout.pair), layout.pairs, layout.options.period_s
-    first, last = data.omega[0], data.omega[-1]
-    found = theta.copy()
-    highest = BELOW_NYQUIST * np.pi / T if T else FASTEST * last
-    found[modes : modes + pairs] = np.clip(
-        theta[modes : modes + pairs], np.log(SLOWEST * first), np.log(highest)
-    )
-    omega = np.concatenate([np.exp(found[modes : modes + pairs]), layout.fixed_imag[pairs:]])
-    outside = np.maximum(np.maximum(first - omega, omega - last), 0.0)
-    of_complex = LEAST_DECAY_SAMPLED if T else LEAST_DECAY_COMPLEX
-    share = LEAST_DECAY_REAL if layout.options.real_constants else of_complex
-    least = np.maximum(share * outside, SLOWEST * first)
-    most = DEADBEAT / T if T else FASTEST * last
-    found[:modes] = np.clip(theta[:modes], np.log(least), np.log(np.maximum(most, least)))
-    return found
-
-
-def bounded(
-    layout: Layout, data: Data, evaluate: Callable[[Vector], Step | None]
-) -> Callable[[Vector], Step | None]:
-    """``evaluate`` at the bounded theta; what a bound holds against the gradient stays where it is."""
-
-    def at_bounds(theta: Vector) -> Step | None:
-        inside = bound_theta(layout, data, theta)
-        step = evaluate(inside)
-        if step is None or np.array_equal(inside, theta):
-            return step
-        held = (theta - inside) * step.gradient < 0.0
-        gradient, gram = step.gradient.copy(), step.gram.copy()
-        gradient[held], gram[held], gram[:, held] = 0.0, 0.0, 0.0
-        gram[held, held] = np.max(np.diag(step.gram))
-        return dataclasses.replace(step, gradient=gradient, gram=gram)
-
-    return at_bounds
-
 
 # The weights have settled when the variance moves by less than this share on average.
 SETTLED = 0.02
@@ -165,7 +104,7 @@ def settle(data: Data, start: Polished, spread: Spread) -> Polished:
 
 
 def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], steps: int) -> Refined | None:
-    """A search within `bounds`."""
+    """A search with poles where they may be."""
     by_lines = bounded(layout, data, lambda x: weighted(layout, data, x, from_sums=False))
     exactly = by_lines if by_normal_equations(layout, data) else None
     found = search(bounded(layout, data, lambda x: weighted(layout, data, x)), theta, steps, exactly=exactly)
