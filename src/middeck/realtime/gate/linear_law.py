@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import scipy.linalg as sla
+from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
@@ -32,6 +34,23 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     if not 0.0 <= fade <= 1.0:
         raise ConfigError(f"a fade of {fade}", hint="0 to 1")
     return sum_of_laws([package], [fade])
+
+
+def limited_laws(
+    package: ControllerPackage, gains: Iterable[Float[np.ndarray, " output"]]
+) -> Iterator[Compensator]:
+    """u = g (p + c) for each of ``gains``: of what outputs are asked for only a share is applied.
+
+    The compensator learns of it. At a gain of zero an output stands still at its limit.
+    """
+    whole, m = linear_law(package), len(package.inputs)
+    law, E = whole.sampled, unfold_law(package, single=False).G[:, m : m + len(package.outputs)]
+    for gain in gains:
+        lost, K = E * (gain - 1.0), gain[:, None]
+        limited = SampledStateSpace(
+            law.A + lost @ law.C, law.B + lost @ law.D, K * law.C, K * law.D, period_s=law.period_s
+        )
+        yield dataclasses.replace(whole, dynamics=limited)
 
 
 def sum_of_laws(packages: Sequence[ControllerPackage], fades: Sequence[float]) -> Compensator:
