@@ -114,7 +114,6 @@ def test_worst_stability_over_a_box_by_brute_force() -> None:
     apart = (ModeShift(("8.8 Hz",), 0.02), ModeShift(("9.4 Hz",), 0.02))
     found = find_worst_case(LATE, LAW, Uncertainty(shifts=apart))
     assert not found.stability.stable
-    assert found.unstable_corners == 0.25
     small = Uncertainty(shifts=tuple(dataclasses.replace(s, half_width=0.002) for s in apart))
     assert find_worst_case(LATE, LAW, small).stability.stable
 

@@ -46,7 +46,6 @@ class WorstCase:
         stability: Stability of that plant, delays exact.
         metric: The performance metric there; ``inf`` where unstable; None where no performance was asked for.
         nominal_metric: The same in the middle of the box.
-        unstable_corners: Fraction of unstable corners, by the approximation of delays that ranks them.
         tried: Plants evaluated.
     """
 
@@ -55,7 +54,6 @@ class WorstCase:
     stability: LoopStability
     metric: float | None
     nominal_metric: float | None
-    unstable_corners: float
     tried: int
 
 
@@ -109,7 +107,6 @@ def find_worst_case(
         stability=stability,
         metric=metric,
         nominal_metric=nominal,
-        unstable_corners=float(np.mean(near[1:] >= UNSTABLE)),
         tried=count.plants,
     )
 

@@ -38,12 +38,10 @@ class MultiModelCompensator(RobustCompensator):
     """A multi-model compensator with the weight (dual variable) of each model.
 
     Attributes:
-        over: ``"mean"`` or ``"maximum"`` of the models' costs.
         multipliers: Weight of each model's cost in the mean whose minimum this is; they add up to one. Equal
             for the mean; the dual weights of the maximum.
     """
 
-    over: str
     multipliers: Float[np.ndarray, " model"]
 
 
@@ -106,6 +104,5 @@ def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompens
         gradient=arrival.gradient,
         history=arrival.history,
         inert=part.inert,
-        over=over,
         multipliers=multipliers / multipliers.sum(),
     )

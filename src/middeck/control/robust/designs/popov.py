@@ -208,7 +208,7 @@ def _improve(
 
     begun = np.concatenate([np.zeros(2 * modes), pack(law, free) / scale])
     descent = descend(objective, begun, tolerance=tolerance)
-    leg = Stage(size=1.0, cost=descent.value, evaluations=descent.evaluations)
+    leg = Stage(size=1.0, cost=descent.value)
     law, multipliers = at(descent.x)
     return _Place(
         law=law,

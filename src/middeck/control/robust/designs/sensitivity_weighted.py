@@ -90,7 +90,7 @@ def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, t
         law = _solve(models[0], directions, strength)[0]
         found = evaluate_models(models, law)
         cost = np.inf if found is None else float(np.mean([each.cost for each in found]))
-        tried.append(Stage(size=strength, cost=cost, evaluations=1))
+        tried.append(Stage(size=strength, cost=cost))
         return cost
 
     costs = [mean_cost(strength) for strength in RUNGS]

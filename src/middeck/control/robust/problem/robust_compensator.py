@@ -17,12 +17,10 @@ class Stage:
         size: Size of the perturbations from 0 (nominal model) to 1; for sensitivity weighting the strength
             tried.
         cost: Cost at the end of the stage.
-        evaluations: Evaluations of cost and gradient, all models each time.
     """
 
     size: float
     cost: float
-    evaluations: int
 
 
 @record(kw_only=True)

@@ -180,7 +180,7 @@ def _withdraw_discount(models: Sequence[GeneralizedPlant], stations: Stations, l
         if found is None:
             break
         law = shifted(found[0], -rate)
-        history.append(Stage(size=0.0, cost=found[1].value, evaluations=found[1].evaluations))
+        history.append(Stage(size=0.0, cost=found[1].value))
     raise NumericalError(
         f"no stabilising compensator of {len(law.A)} states was found",
         hint="a higher order, or a compensator to start from: start=",
@@ -205,5 +205,5 @@ def _step(
             history=arrival.history,
         )  # fmt: skip
     law, descent = found
-    leg = Stage(size=size, cost=descent.value, evaluations=descent.evaluations)
+    leg = Stage(size=size, cost=descent.value)
     return Arrival(law, descent.gradient, (*arrival.history, leg))

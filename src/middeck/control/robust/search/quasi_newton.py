@@ -27,14 +27,12 @@ class Descent:
     Attributes:
         gradient: Norm of the gradient over the value, in the coordinates given.
         values: The function after each step.
-        evaluations: Number of evaluations.
     """
 
     x: Float[np.ndarray, " parameter"]
     value: float
     gradient: float
     values: tuple[float, ...]
-    evaluations: int
 
 
 def descend(
@@ -46,22 +44,21 @@ def descend(
     ``x`` must lie in the domain; an infinite value there is returned unchanged.
     """
     value, gradient = objective(x)
-    values, evaluations = [value], 1
+    values = [value]
     inverse: np.ndarray | None = None
     for _ in range(steps if np.isfinite(value) else 0):
         direction = _direction(inverse, gradient)
         found = _search(objective, x, value, gradient, direction)
-        evaluations += found[3]
         if not found[1] < value:
             break
         step, change = found[0] - x, found[2] - gradient
-        x, value, gradient = found[:3]
+        x, value, gradient = found
         inverse = _updated(inverse, step, change)
         values.append(value)
         if len(values) > PATIENCE and values[-1 - PATIENCE] - value < tolerance * abs(value):
             break
     relative = float(np.linalg.norm(gradient) / abs(value)) if np.isfinite(value) and value else np.inf
-    return Descent(x=x, value=value, gradient=relative, values=tuple(values), evaluations=evaluations)
+    return Descent(x=x, value=value, gradient=relative, values=tuple(values))
 
 
 def _direction(inverse: np.ndarray | None, gradient: np.ndarray) -> np.ndarray:
@@ -73,11 +70,11 @@ def _direction(inverse: np.ndarray | None, gradient: np.ndarray) -> np.ndarray:
 
 def _search(
     objective: Objective, x: np.ndarray, value: float, gradient: np.ndarray, direction: np.ndarray
-) -> tuple[np.ndarray, float, np.ndarray, int]:
+) -> tuple[np.ndarray, float, np.ndarray]:
     slope = float(gradient @ direction)
     low, high, step = 0.0, np.inf, 1.0
     best = x, value, gradient
-    for tries in range(1, TRIALS + 1):
+    for _ in range(TRIALS):
         trial = x + step * direction
         now, there = objective(trial)
         if not now <= value + DECREASE * step * slope:
@@ -85,10 +82,10 @@ def _search(
         else:
             best = trial, now, there
             if there @ direction >= CURVATURE * slope:
-                return trial, now, there, tries
+                return best
             low = step
         step = (low + high) / 2.0 if np.isfinite(high) else 2.0 * low
-    return best[0], best[1], best[2], TRIALS
+    return best
 
 
 def _updated(inverse: np.ndarray | None, step: np.ndarray, change: np.ndarray) -> np.ndarray | None:
