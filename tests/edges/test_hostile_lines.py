@@ -18,7 +18,7 @@ from middeck.files.laws.compensators import write_compensator
 from middeck.files.laws.packages import write_package
 from middeck.files.measured.models import write_model
 from middeck.identification.model.plant_model import model_of_plant
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace

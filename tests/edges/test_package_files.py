@@ -14,9 +14,9 @@ from cli_runner import middeck
 from middeck.errors import ConfigError, DataError, MiddeckError
 from middeck.files.laws.compensators import load_compensator, write_compensator
 from middeck.files.laws.packages import load_package, write_package
-from middeck.realtime.package.binary import decode_package, encode_package, hash_package
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
+from middeck.realtime.package.package_bytes import decode_package, encode_package, hash_package
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from packaged_laws import random_law

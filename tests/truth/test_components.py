@@ -10,7 +10,7 @@ from reduced import bent_beam, with_component
 import middeck as md
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import no_loads
+from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.component import ComponentElement, component_state

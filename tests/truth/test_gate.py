@@ -14,9 +14,9 @@ from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import limited_laws, linear_law
-from middeck.realtime.gate.steps import FADES, GateMargins
-from middeck.realtime.package.build import package_law
+from middeck.realtime.gate.steps_on_paper import FADES, GateMargins
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
+from middeck.identification.tracking.history import track_modes
+from middeck.identification.tracking.kalman_filter import update_tracking
 from middeck.identification.tracking.lag import SCORE, add, behind, mean_lag, no_lag, unexplained
 from middeck.identification.tracking.loss_and_restart import (
     BLOCK,
@@ -25,7 +26,7 @@ from middeck.identification.tracking.loss_and_restart import (
     poles_at,
     step_modes,
 )
-from middeck.identification.tracking.tracked_state import FIRST_GAIN
+from middeck.identification.tracking.tracked_state import FIRST_GAIN, Drift, start_tracking
 from middeck.identification.uncertainty.parameter_deviations import Uncertainty
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.rig import build_rig

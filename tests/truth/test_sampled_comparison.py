@@ -12,10 +12,10 @@ from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.sampled.aliases import find_aliases
 from middeck.control.sampled.antialias import filter_measurements
-from middeck.control.sampled.comparison import compare_sampling
+from middeck.control.sampled.compare_sampling import compare_sampling
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
-from middeck.control.shaping.sections import roll_off
+from middeck.control.shaping.leads_and_notches import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes

@@ -8,15 +8,10 @@ import scipy.signal
 from scipy.signal import lfilter
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.spectra import (
-    doubts_of_window,
-    estimate_response,
-    estimate_spectra,
-    multiple_coherence,
-    ordinary_coherence,
-    response_scatter,
-    spectra_response,
-)
+from middeck.identification.spectra.averages import doubts_of_window, estimate_spectra
+from middeck.identification.spectra.coherence import multiple_coherence, ordinary_coherence
+from middeck.identification.spectra.estimate import estimate_response, response_scatter
+from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Campaign, Record, stream_record
 from repeats import LONG, repeats

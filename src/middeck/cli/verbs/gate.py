@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
     from middeck.realtime.engine.interface.settings import EngineSettings
     from middeck.realtime.gate.gate import GateVerdict
-    from middeck.realtime.gate.trials import GateRig
+    from middeck.realtime.gate.steps_on_rig import GateRig
     from middeck.realtime.package.package import ControllerPackage
 
 EPILOG = """\
@@ -140,8 +140,8 @@ def verb(
     from middeck.files.laws.packages import load_package
     from middeck.realtime.gate.gate import examine_package
     from middeck.realtime.gate.linear_law import sum_of_laws
-    from middeck.realtime.gate.steps import GateMargins
-    from middeck.realtime.gate.trials import GateTrials
+    from middeck.realtime.gate.steps_on_paper import GateMargins
+    from middeck.realtime.gate.steps_on_rig import GateTrials
 
     gain = _adaptive_gain(given)
     package = load_package(package_file)
@@ -173,7 +173,7 @@ def _held(packages: list[ControllerPackage], paths: tuple[tuple[str, str, float]
     """An engine with the packages' ports, ranges and limits, and the hold that was named."""
     import dataclasses
 
-    from middeck.realtime.gate.trials import package_settings
+    from middeck.realtime.gate.steps_on_rig import package_settings
     from middeck.realtime.package.filter_sections import LoopPath, static_gain
 
     plain, *others = (package_settings(package) for package in packages)
@@ -197,8 +197,8 @@ def _rig(
 ) -> GateRig | None:
     """The rig that was named, behind this engine, or one with the ports, ranges and limits of the package."""
     from middeck.realtime.engine.process.compile import build_engine
-    from middeck.realtime.engine.process.supervisor import DriverRig, UdpRig
-    from middeck.realtime.gate.trials import GateRig, package_settings
+    from middeck.realtime.engine.process.launch import DriverRig, UdpRig
+    from middeck.realtime.gate.steps_on_rig import GateRig, package_settings
 
     if port is not None and driver is not None:
         raise ConfigError("--rig-port and --driver", hint="one rig")

@@ -113,7 +113,7 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
     from middeck.control.sampled.emulation import emulate
     from middeck.errors import ConfigError
     from middeck.files.laws.packages import is_package, load_package
-    from middeck.realtime.package.build import package_law, without_applied
+    from middeck.realtime.package.package_law import package_law, without_applied
     from middeck.realtime.package.single_precision import to_single
 
     limits = {key: given[key] for key in LIMITS if given[key] is not None}
@@ -165,7 +165,7 @@ def same_rate(period_s: float, rate_hz: float) -> bool:
 def describe(package: ControllerPackage, files: list[Path]) -> dict[str, Any]:
     """The JSON document; null stands for a limit that is not there."""
     from middeck.files.laws.packages import package_document
-    from middeck.realtime.package.binary import encode_package
+    from middeck.realtime.package.package_bytes import encode_package
 
     keys = (
         "sha256", "name", "period_s", "precision", "unstable", "inputs", "input_range", "outputs", "lower",

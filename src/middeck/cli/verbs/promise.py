@@ -92,7 +92,7 @@ def _of_loops(body: Path, plan: str, day: str, target: str | None) -> dict[str, 
 def _at_rest(body: Path, load_cases: str, day: str, target: str | None) -> dict[str, Any]:
     from middeck.cli.shown.blame import reading
     from middeck.files.promises.documents import hash_files, loads_document
-    from middeck.files.refinements.loads import load_promised_loads
+    from middeck.files.refinements.promised_loads import load_promised_loads
     from middeck.updating.orbit.frequencies import predict_modes
     from middeck.updating.refinement.refine import refine
 

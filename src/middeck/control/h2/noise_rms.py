@@ -65,7 +65,7 @@ def integrate_noise(
     found = judge_roots(roots, loop.period_s)
     if not found.decays:
         return NoiseOutcome(found.stable, np.inf, np.inf)
-    fastest = np.abs(np.concatenate([find_open_poles(loop), [found.pole]]))
+    fastest = np.abs(np.append(find_open_poles(loop)[0], found.pole))
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
     low = REST * float(np.abs(roots).min(initial=top))
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)

@@ -11,7 +11,7 @@ from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps import (
+from middeck.realtime.gate.steps_on_paper import (
     GateMargins,
     GateStep,
     check_blacklist,
@@ -22,15 +22,15 @@ from middeck.realtime.gate.steps import (
     check_recovery,
     check_vectors,
 )
-from middeck.realtime.gate.trials import (
+from middeck.realtime.gate.steps_on_rig import (
     GateRig,
     GateTrials,
     check_dry_run,
     check_engagement,
     check_shadow_run,
 )
-from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import hash_law, hash_package
 from middeck.systems.plants.plant import Plant
 from middeck.values import record
 

@@ -24,7 +24,7 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     the open observer, which follows the plant without moving it. Raises `ConfigError` for a fade outside 0
     to 1.
 
-    >>> from middeck.realtime.package.build import package_law
+    >>> from middeck.realtime.package.package_law import package_law
     >>> from middeck.signals.ports import Port
     >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], period_s=0.1)
     >>> half = linear_law(package_law(Compensator(lag, (Port("y", "m"),), (Port("u", "N"),)), "lag"), 0.5)

@@ -148,15 +148,15 @@ def lay_out(structure: Structure) -> Model:
     bodies = _bodies(structure, index)
     ends = cut.frame.size
     attach = {a.name: ends + len(bodies) + i for i, a in enumerate(structure.attach_points)}
-    at = (*structure.attach_points, *structure.loads)
-    parts = structure.components
-    points = [*(frame for frame, _ in bodies), *(index[a.frame] for a in at)]
-    points += [index[frame] for part in parts for frame in part.frames]
+    places = [(frame, body.cg) for frame, body in bodies]
+    places += [(index[a.frame], a.offset) for a in (*structure.attach_points, *structure.loads)]
+    grids = ends + len(places)
+    places += [
+        (index[f], at) for p in structure.components for f, at in zip(p.frames, p.fixed_at, strict=True)
+    ]
     linked = link_points(structure.links)
-    points += [index[frame] for frame, _ in linked]
-    offsets = [*(b.cg for _, b in bodies), *(a.offset for a in at), *(o for p in parts for o in p.fixed_at)]
-    offsets += [offset for _, offset in linked]
-    first = ends + len(bodies) + len(at) + sum(len(part.grids) for part in parts)
+    first = ends + len(places)
+    places += [(index[frame], offset) for frame, offset in linked]
     spring_ends, bushing_ends = (
         np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
         for ties in (structure.springs, structure.bushings)
@@ -171,8 +171,8 @@ def lay_out(structure: Structure) -> Model:
         tree=tree,
         rest=rest,
         points=PosePoints(
-            np.concatenate([cut.frame.ravel(), np.array(points, dtype=int)]),
-            np.concatenate([cut.offset.reshape(-1, 3), np.array(offsets).reshape(-1, 3)]),
+            np.concatenate([cut.frame.ravel(), np.array([frame for frame, _ in places], dtype=int)]),
+            np.concatenate([cut.offset.reshape(-1, 3), np.array([at for _, at in places]).reshape(-1, 3)]),
         ),
         element_ends=np.arange(ends).reshape(-1, 2),
         element_triad=geometry.triad[cut.member],
@@ -190,7 +190,7 @@ def lay_out(structure: Structure) -> Model:
         spring_ends=spring_ends,
         bushing_ends=bushing_ends,
         load_point=ends + len(bodies) + len(attach) + np.arange(len(structure.loads)),
-        components=_components(structure, ends + len(bodies) + len(at)),
+        components=_components(structure, grids),
         links=lay_out_links(
             structure.links,
             {frame: place[index[frame]] for frame, _ in linked},

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration
@@ -181,12 +181,6 @@ def sweep_gimbals(
     for p, found in followed.items():
         lam[p], match[p] = found.spectrum.lam, found.match
         torque[p] = found.member.rest.holding_torque[index]
-
-    def plant(member: _Member | str) -> Plant | None:
-        if not (inputs and outputs) or not isinstance(member, _Member) or member.modes is None:
-            return None
-        return build_plant(member.modes, inputs=inputs, outputs=outputs, count=count, damping=damping)
-
     return GimbalFamily(
         joints=names,
         grid=grid,
@@ -199,10 +193,18 @@ def sweep_gimbals(
         omega2=lam,
         match=match,
         rests=tuple(m.rest if isinstance(m, _Member) else None for m in members),
-        plants=tuple(map(plant, members)),
+        plants=tuple(_plant(m, inputs, outputs, count, damping) for m in members),
         trouble=tuple(m.trouble if isinstance(m, _Member) else m for m in members),
         limits=_limits(grid, at, followed, solve, names),
     )
+
+
+def _plant(
+    member: _Member | str, inputs: Sequence[str], outputs: Sequence[str], count: int, damping: Damping | None
+) -> Plant | None:
+    if not (inputs and outputs) or not isinstance(member, _Member) or member.modes is None:
+        return None
+    return build_plant(member.modes, inputs=inputs, outputs=outputs, count=count, damping=damping)
 
 
 def _checked(structure: Structure, angles: Mapping[str, Sequence[float]]) -> list[Joint]:

@@ -32,7 +32,7 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.all_or_lowest import all_cost_less, solve_pairs
+from middeck.structure.modes.eigenproblem.eigen import all_cost_less, solve_pairs
 from middeck.structure.rest.equilibrium import solve_equilibrium
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or

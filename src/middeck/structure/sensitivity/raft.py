@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly.loads import Ground, Loads
+from middeck.structure.assembly.environment_loads import Ground, Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.devices import SpringLaw

@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.article.account import account_left_out, count_converted, note_doubts
-from middeck.files.nastran.article.holds import ground_clamps, loose_clamps
+from middeck.files.nastran.article.article_sections import Formulation
+from middeck.files.nastran.article.floating_parts import check_whole
+from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_clamps
 from middeck.files.nastran.article.loads import LoadSets
 from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
 from middeck.files.nastran.article.nodes_and_riders import Standing, find_standing
 from middeck.files.nastran.article.parts import LeftOut, read_parts, set_out
-from middeck.files.nastran.article.sections import Formulation
 from middeck.files.nastran.article.springs import scalar_tables, spring_tables
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
-from middeck.files.nastran.article.wholeness import check_whole
+from middeck.files.nastran.article.what_became_of_cards import account_left_out, count_converted, note_doubts
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
 from middeck.files.nastran.deck.deck import Deck, weight_factor

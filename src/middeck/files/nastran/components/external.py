@@ -19,9 +19,9 @@ import numpy as np
 from middeck.errors import ConfigError, DataError
 from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import Places, place_grids
+from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
 from middeck.files.nastran.deck.entries import read_entries
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.sections import Line, Lines, raise_at
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
 from middeck.structure.model.component import ROUNDING, UNEQUAL, Component, require_component

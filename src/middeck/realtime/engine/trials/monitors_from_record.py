@@ -11,7 +11,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.engine.rigs.article import LinearArticle
+from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.values import record
 
 RATE = "_rate"
