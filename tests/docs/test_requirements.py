@@ -12,12 +12,26 @@ ROWS = [
     if re.match(r"\| [A-Z]\d+ \|", line)
 ]
 
+REAL_TIME = r"^from (middeck\.realtime|engine_)"
+"""What a test of packages, gate or engine imports."""
+
 
 def test_each_requirement_is_whole_and_has_a_number_of_its_own():
     assert len(ROWS) >= 40
     assert all(len(row) == 4 and all(row) for row in ROWS)
     numbers = [row[0] for row in ROWS]
     assert len(set(numbers)) == len(numbers)
+
+
+def test_each_test_of_the_real_time_computer_shows_a_requirement():
+    named = {name for row in ROWS for name in re.findall(r"`([^`]+)`", row[3])}
+    missing = {
+        f"{file.name}::{name}"
+        for file in (ROOT / "tests").rglob("test_*.py")
+        if file.parent.name != "docs" and re.search(REAL_TIME, file.read_text(), re.MULTILINE)
+        for name in re.findall(r"^def (test_\w+)", file.read_text(), re.MULTILINE)
+    } - named
+    assert not missing
 
 
 def test_each_test_that_is_named_exists():
