@@ -2,7 +2,7 @@
 
 A long record is first averaged to a local estimate of its response, and a fit of that is where the fit of the
 samples starts. The lines of a short one lie as far apart as its resonances are wide, so that no local model
-follows them; then subspaces of its samples (`starts`), which need no lines, race with that start.
+follows them; then subspaces of its samples (`record_starts`), which need no lines, race with that start.
 """
 
 from __future__ import annotations

@@ -6,8 +6,9 @@ a real article leaves is more than noise, and the likeliest weights need not be 
 rules were chosen among others by their error on simulated records, with and without model error
 (docs/explanation/one-long-record.md).
 
-A large record is scouted first (`scout`): the order is searched on some of its lines and its principal
-outputs, and that model is refined, and grown as long as its description gets shorter, on all of them.
+A large record is scouted first (`reduced_record`): the order is searched on some of its lines and its
+principal outputs, and that model is refined, and grown as long as its description gets shorter, on all of
+them.
 
 Held out: a model is refined on the first two thirds and simulates the last, and the other way round, as it
 will be used. Only the initial state is fitted there, to half of the part, so that poles too slow to be seen

@@ -3,7 +3,7 @@
 Least squares (`weighted`): the output vectors and the direct term are linear, so they are solved for
 exactly at each step and only theta is searched (variable projection, Golub and Pereyra 1973, with
 Kaufman's (1975) derivative). The outputs share nothing but theta, so each is a small problem of its own; its
-transients, one for each experiment, are projected out first (`projection`).
+transients, one for each experiment, are projected out first (`transient_projection`).
 
 Logarithmic (`logarithmic`): log magnitude and phase, the cost of the paper's fit; nothing is linear then and
 all unknowns are searched together.

@@ -1,7 +1,7 @@
 """Starts of a fit, from frequency-domain subspaces of several sizes; nothing to tune.
 
-The subspace (`subspace`) is mostly made larger than the fit, so that the extra poles take up delay, noise and
-modes that are not asked for, and the modes that would be missed most are kept (`pruning`).
+The subspace (`frequency_subspace`) is mostly made larger than the fit, so that the extra poles take up delay,
+noise and modes that are not asked for, and the modes that would be missed most are kept (`prune`).
 
 Input vectors are the rank-one parts of residues of any rank, solved for at the poles. Where poles are closer
 than the band can tell apart, such residues are noise; a subspace of the right size then gives its own output

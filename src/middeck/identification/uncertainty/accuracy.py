@@ -44,7 +44,7 @@ class ExpectedAccuracy:
     """What a test of so many periods would say, if its noise is all that disturbs it.
 
     Attributes:
-        covariance: Joint covariance of all unknowns: `response_bounds`, `draw_models` and others take it.
+        covariance: Joint covariance of all unknowns: `response_bounds`, `sample_models` and others take it.
         uncertainty: Standard deviations of natural frequencies, damping ratios and delays.
         gain: Standard deviation of each modal constant as a share of its size; infinite for a constant of
             zero.

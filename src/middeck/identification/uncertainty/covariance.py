@@ -6,7 +6,7 @@ neighbouring lines of a response were estimated from common samples (local model
 residual is not of variance V or not independent from line to line: then A^-1 B A^-1 is taken instead, with
 B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
 former. A is never formed: what is inverted is an orthogonal factor of J (`orthogonal`). Noise that entries of
-H have in common is counted (`entry_noise`).
+H have in common is counted (`entry_factors`).
 """
 
 from __future__ import annotations
