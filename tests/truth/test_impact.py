@@ -10,6 +10,8 @@ from middeck.errors import ConfigError, DataError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.impact import average_blows, fit_impact, locate_blows, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.record_fit.doubted_deviations import doubts_of_folding
+from middeck.identification.record_fit.record_spectra import without_trend
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.systems.plants.response import FrequencyResponse
 
@@ -129,6 +131,26 @@ def test_blows_that_reach_half_the_rate_are_no_held_force(campaign):
         wide = (damping_ratio(fit.model)[order] - zeta) / fit.uncertainty.damping[order]
         # Up to 64 normal numbers beyond 4.5: once in 2300.
         assert np.abs([off, wide]).max() < 4.5
+
+
+def test_only_blows_without_a_filter_are_said_to_fold_back(campaign):
+    """A filter that ends at half the rate leaves nothing there; sines of two to six samples, per cents."""
+    for seed in campaign(60, 6):
+        rng = np.random.default_rng([71, seed])
+        rest, count = rng.choice([8.0, 20.0]), int(rng.integers(3, 7))
+        times = 1.0 + np.cumsum(rest * rng.uniform(1.0, 1.1, count))
+        blows = [(t, rng.uniform(0.014, 0.03), rng.uniform(30.0, 80.0)) for t in times]
+        record = struck(PLANT, blows, int(RATE * (times[-1] + rest)), RATE, noise=1e-3, seed=seed)
+        noise = 10.0 ** rng.uniform(-5.0, -3.0) * record.u.max() * rng.standard_normal(record.u.shape)
+        noisy = dataclasses.replace(record, u=record.u + noise)
+        for filtered in (noisy, average_blows(noisy).blocks):
+            assert doubts_of_folding(without_trend(filtered, inputs=True)) == []
+        clock, bare = np.arange(record.u.size) / RATE, np.zeros(record.u.size)
+        for t, size in zip(times, rng.uniform(30.0, 80.0, count), strict=True):
+            part = (clock - t - rng.uniform(0.0, 0.01)) / rng.uniform(0.02, 0.06)
+            bare += size * np.sin(np.pi * part) * ((part > 0.0) & (part < 1.0))
+        told = doubts_of_folding(dataclasses.replace(record, u=bare.reshape(record.u.shape) + noise))
+        assert [line.split(":")[0] for line in told] == ["input force"]
 
 
 def test_deviations_hold_under_noise_of_the_force():
