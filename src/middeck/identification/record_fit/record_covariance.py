@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit.fitted_model import structure_of
-from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient import transient_slopes
@@ -19,12 +19,18 @@ from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, ties
 
 
-def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> ModelCovariance:
+def record_covariance(
+    run: RecordRun,
+    data: Data,
+    model: MeasurementModel,
+    input_noise: Float[np.ndarray, "part sample input"] | None = None,
+) -> ModelCovariance:
     """That of the weighted fit, A^-1 B A^-1, the transients among the unknowns.
 
     The weights W are what the simulation asks for, and only by chance one over the variance V of the noise.
     So B = J^H W V W J has V from what is left, whatever W is (White 1980, a spectrum in the place of single
-    squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together.
+    squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together. Noise of
+    short inputs, alike on all lines of a mode, is in nothing that is left there: where known it is added.
     """
     structure = structure_of(run.layout)
     size = places_of(model, structure).size
@@ -42,9 +48,10 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
     inverse, loose = orthogonal.inverse_root(orthogonal.factor_of(blocks), held)
     inflation = np.maximum(alone * np.sum(inverse**2, axis=1), 1.0)
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
-    root = np.hstack(
-        [orthogonal.canonical_root(W @ orthogonal.root_of(_scores_spread(each, W))), np.sqrt(0.5) * free]
-    )
+    spread = _scores_spread(each, W)
+    if input_noise is not None and len(input_noise):
+        spread += _spread_of_inputs(each, W, input_noise)
+    root = np.hstack([orthogonal.canonical_root(W @ orthogonal.root_of(spread)), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
     return ModelCovariance(
@@ -105,3 +112,21 @@ def _scores_spread(
         v = covering_variance(residual[o, None], shape, left.T[None])[0]
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
     return spread
+
+
+def _spread_of_inputs(
+    each: _Rows, W: Float[np.ndarray, "unknown direction"], noise: Float[np.ndarray, "part sample input"]
+) -> Float[np.ndarray, "direction direction"]:
+    """Covariance of the scores under noise of the inputs, alike for all outputs, each experiment its own."""
+    run, data = each.run, each.data
+    parts, samples, _ = noise.shape
+    N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(samples * parts)
+    heard = np.einsum("koi,pki->opk", model_response(each.model, data.omega / (2.0 * np.pi)), N)
+    scores = np.zeros((data.H.shape[2], W.shape[1], parts))
+    for o in range(run.layout.outputs):
+        J, own = each.of(o)
+        at = np.flatnonzero(J.any(axis=(1, 2)))
+        rows = (W[at].T @ own.removed(J[at])).reshape(W.shape[1], len(scores), -1).swapaxes(0, 1)
+        weighted = heard[o] / np.sqrt(run.variance[o].T[:, None])
+        scores += rows @ np.ascontiguousarray(weighted).view(float).mT
+    return np.einsum("edp,efp->df", scores, scores)
