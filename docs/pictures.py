@@ -29,7 +29,7 @@ from middeck.plot.shapes import Shown, shapes_figure
 from middeck.plot.stabilisation import stabilisation
 from middeck.plot.style import COLOUR, DASHES, LABEL, frequency_axis, new_figure, styled
 from middeck.plot.svg import svg_text
-from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
 from middeck.study.chapters.gravity_modes.figures_4_5 import figure_4
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.control.reduction.balanced_projection import balance
+from middeck.control.reduction.balanced_projection import balance, in_sizes
 from middeck.control.reduction.gramian import factor_gramians
 from middeck.control.reduction.methods import find_candidate
-from middeck.control.reduction.port_sizes import in_sizes
 from middeck.control.reduction.separation import separate_unstable
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.state_space.statespace import StateSpace

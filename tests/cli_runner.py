@@ -17,7 +17,7 @@ import pytest
 
 from middeck.cli.main import execute
 from middeck.cli.work.fit_records import identify
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.updating.candidates.foreseen import foresee
 from middeck.updating.orbit.frequencies import solve_there
 from middeck.updating.promise.promise import promise
@@ -73,7 +73,7 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs search faults, fit, refine, rank and promise once where several examples ask alike."""
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
-    monkeypatch.setattr("middeck.identification.faults.detect_faults", detect_faults_once)
+    monkeypatch.setattr("middeck.identification.faults.detect.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)
     monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
     monkeypatch.setattr("middeck.updating.candidates.candidates.foresee", foresee_once)

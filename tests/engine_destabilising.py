@@ -23,7 +23,7 @@ from engine_rigs import (
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import LinearArticle
+from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.gate.gate import examine_package
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.values import record

@@ -19,9 +19,9 @@ from engine_rigs import design, nominal_article, pack, settings_of
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
-from middeck.realtime.engine.rigs.article import Fault, LinearArticle
-from middeck.realtime.package.binary import encode_package
+from middeck.realtime.engine.rigs.linear_article import Fault, LinearArticle
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import encode_package
 from middeck.values import record
 
 STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging")

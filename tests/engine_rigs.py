@@ -19,11 +19,11 @@ from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.files.studies.documents import load_study
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
+from middeck.realtime.engine.rigs.linear_article import LinearArticle, linear_article
 from middeck.realtime.engine.trials.monitors_from_record import find_reach, guard
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_law import package_law
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.chapters.zero_g_control.computation import control_plant
 from middeck.study.shared import find_modes

@@ -7,8 +7,8 @@ import socket
 import threading
 from collections.abc import Iterator
 
-from middeck.realtime.engine.process.supervisor import UdpRig
-from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.process.launch import UdpRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
 
 

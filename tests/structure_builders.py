@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import Loads, no_loads
+from middeck.structure.assembly.environment_loads import Loads, no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration, move

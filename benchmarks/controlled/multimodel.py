@@ -46,7 +46,7 @@ from middeck.control.robust.designs.plant_as_sampled import plant_as_sampled
 from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
 from middeck.control.robust.designs.worst_of_many import design_for_worst
-from middeck.control.robust.verification.comparison import compare_designs
+from middeck.control.robust.verification.compare_designs import compare_designs
 from middeck.control.robust.verification.monte_carlo import verify_robustness, worst_db
 from middeck.files.studies.documents import load_study
 from middeck.study.chapters.zero_g_control.computation import control_plant

@@ -9,7 +9,7 @@ import numpy as np
 
 from measured.rows import cell, peer, row
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.comparison import SamplingRow, compare_sampling
+from middeck.control.sampled.compare_sampling import SamplingRow, compare_sampling
 from middeck.control.sampled.design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.held_plant import hold_plant
 from middeck.control.sampled.sampled_loop import measure_sampled_loop

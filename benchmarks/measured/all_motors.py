@@ -20,8 +20,9 @@ from middeck.control.law.compensator import Compensator
 from middeck.files.promises.study_table import build_modal_test, build_plan
 from middeck.files.studies.documents import Study, load_study
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.friction import find_friction, without_friction
-from middeck.identification.spectra import estimate_response
+from middeck.identification.friction.find import find_friction
+from middeck.identification.friction.remove import without_friction
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.modal_test import take_modal_test

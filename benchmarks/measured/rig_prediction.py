@@ -17,7 +17,8 @@ from measured import prediction
 from measured.rows import row
 from middeck import estimate_response, fit_response
 from middeck.identification import FitResult
-from middeck.identification.friction import JointFriction, find_friction, without_friction
+from middeck.identification.friction.find import JointFriction, find_friction
+from middeck.identification.friction.remove import without_friction
 from middeck.updating.residuals.fitted_survey import survey_from_fit
 from middeck.updating.residuals.surveys import Survey
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from measured.rows import row
 from middeck.control.law.compensator import Compensator
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import compile_law

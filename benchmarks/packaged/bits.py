@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.systems.sampling.simulation import simulate
 from packaged.study_laws import study_laws

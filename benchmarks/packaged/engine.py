@@ -10,9 +10,9 @@ import numpy as np
 from measured.rows import row
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import LinearArticle
-from middeck.realtime.package.build import package_law
+from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from packaged.study_laws import study_laws
 

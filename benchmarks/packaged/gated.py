@@ -13,7 +13,7 @@ from engine_destabilising import Destabiliser, draw, judge, own_limits, refused_
 from engine_rigs import pack, rig_case, settings_of
 from measured.rows import row
 from middeck.campaign.cases import Case
-from middeck.realtime.gate.trials import (
+from middeck.realtime.gate.steps_on_rig import (
     GateRig,
     GateTrials,
     check_dry_run,

@@ -11,8 +11,8 @@ import numpy as np
 
 from measured.rows import row
 from middeck.errors import ConfigError
-from middeck.realtime.package.build import package_law, without_applied
 from middeck.realtime.package.core import Core
+from middeck.realtime.package.package_law import package_law, without_applied
 from middeck.realtime.package.single_precision import to_single
 from packaged.study_laws import study_laws
 from packaged_laws import worst_error

@@ -10,7 +10,7 @@ import numpy as np
 from small_processor.emulated import emulate_package
 
 from measured.rows import row
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.single_precision import to_single
 from packaged_laws import random_law
 

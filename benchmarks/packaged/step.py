@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package_law import package_law
 from packaged_laws import random_law, steps_in_c
 
 CASE, STEPS, REPEATS = "step, 60 states, 14 in, 5 out", 4000, 25

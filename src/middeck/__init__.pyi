@@ -37,11 +37,11 @@ from .control.noise import measure_noise_rms as measure_noise_rms
 from .control.qualification import qualify_compensator as qualify_compensator
 from .control.reduction.compensators import reduce_compensator as reduce_compensator
 from .control.reduction.modal import reduce_modes as reduce_modes
-from .control.robust.verification.comparison import compare_designs as compare_designs
+from .control.robust.verification.compare_designs import compare_designs as compare_designs
 from .control.robust.designs.multimodel import design_multimodel as design_multimodel
 from .control.sampled.design import design_sampled_lqg as design_sampled_lqg
 from .control.sampled.emulation import emulate as emulate
-from .control.shaping.sections import shape_compensator as shape_compensator
+from .control.shaping.leads_and_notches import shape_compensator as shape_compensator
 from .errors import MiddeckError as MiddeckError
 from .files.any_value import write as write
 from .files.documents import (
@@ -84,7 +84,7 @@ from .laboratory.rig.runs import (
 )
 from .realtime.engine.process.supervisor import Supervisor as Supervisor
 from .realtime.gate.gate import examine_package as examine_package
-from .realtime.package.build import package_law as package_law
+from .realtime.package.package_law import package_law as package_law
 from .realtime.package.package import ControllerPackage as ControllerPackage
 from .signals.excitation.limits import Limits as Limits
 from .signals.excitation.multisine import design_multisine as design_multisine
@@ -94,7 +94,7 @@ from .structure.correlation.correlate import correlate_modes as correlate_modes
 from .structure.correlation.measured_modes import MeasuredModes as MeasuredModes
 from .structure.gimbals.family import sweep_gimbals as sweep_gimbals
 from .structure.gravity.budget import build_budget as build_budget
-from .structure.gravity.comparison import compare_modes as compare_modes
+from .structure.gravity.compare_modes import compare_modes as compare_modes
 from .structure.gravity.path import follow_gravity as follow_gravity
 from .structure.model.article import (
     Damping as Damping,

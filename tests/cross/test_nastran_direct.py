@@ -94,6 +94,7 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd, moves_in):
     [
         ("M2GG = KHALF\n", "a mass between grids 3 and 4 without a stiffness"),
         ("K2GG = KSKEW\n", "the stiffness is not symmetric"),
+        ("K2GG = KSOFT\n", "the stiffness is not symmetric"),
         ("K2GG = KCOND\n", "do to each other is no stiffness"),
         ("K2GG = KPOINT\n", "scalar point 9 in a matrix that stands alone"),
         ("K2GG = KHALF\nM2GG = NONE\n", "no DMIG NONE"),
@@ -108,6 +109,9 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
     points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
     bulk = GRIDS + PROPERTIES + bar(1) + bar(2) + punch("KHALF", K, points) + punch("MHALF", M, points)
     bulk += "DMIG,KSKEW,0,1,2,0\nDMIG,KSKEW,3,1,,3,1,1.\n,4,1,1.\nSPOINT,9\n"
+    # Soft between two grids, on one side of the diagonal only, beside a stiff turn.
+    bulk += "DMIG,KSOFT,0,1,2,0\nDMIG,KSOFT,3,1,,3,1,5.\n,4,1,-5.\nDMIG,KSOFT,4,1,,4,1,5.\n"
+    bulk += "DMIG,KSOFT,3,4,,3,4,1.+9\n"
     # Flexible between its ends too: no sum of what two grids do to each other.
     H = np.linalg.inv(np.linalg.inv(K[6:, 6:]) + 1e-9 * np.eye(12))
     R = -np.vstack([carried(L), carried(2.0 * L)])

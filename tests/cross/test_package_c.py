@@ -12,8 +12,8 @@ from small_processor.emulated import emulate_package
 
 from middeck.errors import ConfigError
 from middeck.realtime.generate.c_source import generate_c
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors

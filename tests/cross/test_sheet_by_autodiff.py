@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from middeck.files.studies.documents import Study, load_study
-from middeck.structure.gravity.comparison import ModeComparison, compare_modes
+from middeck.structure.gravity.compare_modes import ModeComparison, compare_modes
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium

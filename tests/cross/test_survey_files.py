@@ -126,6 +126,11 @@ def test_a_2414_is_read_as_a_55(tmp_path: Path) -> None:
     assert md.load_measured_modes(tmp_path / "m.unv") == md.load_measured_modes(FOLDER / "normal-m.unv")
     (tmp_path / "both.unv").write_text(text + changed)  # each mode stands there twice, and counts once
     assert md.load_measured_modes(tmp_path / "both.unv") == md.load_measured_modes(FOLDER / "normal-m.unv")
+    fewer = re.sub(r"(\.\d{4})\d(e[+-]\d\d)", r" \1\2", changed, flags=re.IGNORECASE)
+    fewer = re.sub(r"(-?\d) (\.)", r" \1\2", fewer)  # a digit fewer, in the same columns
+    assert fewer != changed
+    (tmp_path / "digits.unv").write_text(text + fewer)
+    assert len(md.load_measured_modes(tmp_path / "digits.unv").frequency_hz) == count
 
 
 def change(tmp_path: Path, old: str, new: str, name: str = "normal-m.unv") -> Path:

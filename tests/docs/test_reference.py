@@ -23,8 +23,7 @@ from middeck.files.promises import outcomes
 from middeck.files.promises import plans as promise_plans
 from middeck.files.refinements import candidates as candidate_files
 from middeck.files.refinements import documents as refinements
-from middeck.files.refinements import gauge_form, response_form, unknown_form
-from middeck.files.refinements import loads as promised_loads
+from middeck.files.refinements import gauge_form, promised_loads, response_form, unknown_form
 from middeck.files.studies import form as study_form
 from middeck.files.studies import promise as study_promise
 from middeck.files.toml.form import Form, unit_of

@@ -20,11 +20,11 @@ from middeck.files.laws.packages import write_package
 from middeck.files.laws.verdicts import load_verdicts
 from middeck.files.measured.models import write_model
 from middeck.identification.model.plant_model import model_of_plant
-from middeck.realtime.engine.rigs.article import linear_article
+from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.served_rig import ServedRig
-from middeck.realtime.package.binary import hash_package
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package_bytes import hash_package
+from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace

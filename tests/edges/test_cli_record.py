@@ -14,7 +14,7 @@ from cli_runner import middeck
 from middeck.files.measured.models import write_model
 from middeck.files.records import load_record, write_record
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 

@@ -27,7 +27,7 @@ from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
-from middeck.files.exchange import from_scipy
+from middeck.files.exchange.scipy_signal import from_scipy
 from middeck.files.measured.models import write_model
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.laboratory.rig.rig import build_rig

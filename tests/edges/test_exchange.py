@@ -23,16 +23,10 @@ import scipy.sparse as sp
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.errors import ConfigError, DataError, MissingExtraError
-from middeck.files.exchange import (
-    as_compensator,
-    exchanged,
-    from_control,
-    from_scipy,
-    load_mat,
-    to_control,
-    to_scipy,
-    write_mat,
-)
+from middeck.files.exchange.mat import load_mat, write_mat
+from middeck.files.exchange.named import as_compensator, exchanged
+from middeck.files.exchange.python_control import from_control, to_control
+from middeck.files.exchange.scipy_signal import from_scipy, to_scipy
 from middeck.files.laws.compensators import StoredCompensator
 from middeck.signals.ports import Channel, Port
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports, name_states

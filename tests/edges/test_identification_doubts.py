@@ -7,7 +7,7 @@ from middeck.errors import FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.search.fit_warnings import doubts_of_deviations, doubts_of_model
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.covariance import as_exact
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import Port

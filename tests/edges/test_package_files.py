@@ -14,9 +14,9 @@ from cli_runner import middeck
 from middeck.errors import ConfigError, DataError, MiddeckError
 from middeck.files.laws.compensators import load_compensator, write_compensator
 from middeck.files.laws.packages import load_package, write_package
-from middeck.realtime.package.binary import decode_package, encode_package, hash_package
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
+from middeck.realtime.package.package_bytes import decode_package, encode_package, hash_package
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from packaged_laws import random_law
@@ -82,7 +82,8 @@ BROKEN = {
     "too many states": (patched(16, "<I", 70_000), "states 70000"),
     "more states than bytes": (patched(16, "<I", 1000), "cut short"),
     "more blocks than states": (patched(20, "<I", 200), "200 blocks"),
-    "no inputs": (patched(24, "<I", 0), "."),
+    "no inputs": (patched(24, "<I", 0), "0 inputs"),
+    "no outputs": (patched(28, "<I", 0), "0 outputs"),
     "one output less": (patched(28, "<I", 1), "."),
     "a reserved word": (patched(52, "<I", 1), "reserved 1"),
     "a period of zero": (patched(56, "<d", 0.0), "period of 0.0"),
@@ -242,7 +243,7 @@ def test_the_verb_writes_all_forms(law_file, tmp_path, capfd):
         (["--rule", "hold"], 2, "--rule is for a continuous law"),
         (["--single", "--form", "dense"], 2, "--single with --form dense"),
         (["-o", "new.mdk", "-o", "2law.c"], 2, "the C name '2law'"),
-        (["-o", "gimbal.json"], 2, "would be written over the law"),
+        (["-o", "gimbal.json"], 2, "would be written over"),
     ],
 )
 def test_the_verb_refuses(law_file, arguments, code, says, capfd, tmp_path, monkeypatch):

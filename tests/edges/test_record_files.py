@@ -24,7 +24,7 @@ from middeck.files.records import (
 from middeck.files.records.uff58 import Place
 from middeck.files.records.uff58_write import Header, write_58
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 

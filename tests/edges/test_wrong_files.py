@@ -29,7 +29,7 @@ from middeck.files.promises.plans import load_plan
 from middeck.files.records import load_record, write_record
 from middeck.files.refinements.candidates import load_candidates
 from middeck.files.refinements.documents import load_refinement
-from middeck.files.refinements.loads import load_promised_loads
+from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.studies.documents import load_study
 from middeck.files.studies.form import StudyForm
 from middeck.files.toml.form import Form, bare, is_form

@@ -11,7 +11,7 @@ import pytest
 
 from middeck.control.sampled.emulation import emulate
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.bench import build_bench
 from middeck.laboratory.rig.linear_view import linearise_rig
@@ -19,12 +19,12 @@ from middeck.laboratory.rig.runs import remove_ramps
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import linear_article
+from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.steps import GateMargins
-from middeck.realtime.gate.trials import GateTrials
-from middeck.realtime.package.build import package_law
+from middeck.realtime.gate.steps_on_paper import GateMargins
+from middeck.realtime.gate.steps_on_rig import GateTrials
+from middeck.realtime.package.package_law import package_law
 from middeck.signals.record import Record
 from middeck.study.chapters.measured_control.numbers import GAIN_DB, PHASE_DEG
 from middeck.study.measured_loop.computation import decibel, measured_rms_of

@@ -13,7 +13,7 @@ import pytest
 
 from middeck.files.documents import load_setup
 from middeck.structure.elements.frames import frame_poses
-from middeck.structure.gravity.comparison import compare_modes
+from middeck.structure.gravity.compare_modes import compare_modes
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, solve_equilibrium

@@ -13,7 +13,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import static_coordinates
 from middeck.structure.elements.frames import move
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.gravity.comparison import compare_modes
+from middeck.structure.gravity.compare_modes import compare_modes
 from middeck.structure.model.article import AttachPoint, Body, Joint, JointState, Section, Spring, Structure
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import solve_modes

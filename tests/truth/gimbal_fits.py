@@ -6,7 +6,7 @@ import gimbal_record
 import numpy as np
 
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 
 
 def measured(seed, outputs=1, moved=1.0, mode=4):

@@ -10,7 +10,7 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import damping_ratio, model_response, natural_hz
 from middeck.identification.model.plant_model import model_of_plant
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.accuracy import expected_accuracy, structure_of
 from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.entry_factors import entry_slopes

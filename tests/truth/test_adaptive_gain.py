@@ -17,11 +17,11 @@ from middeck.realtime.gate.gain_loop import closed_at, form_gain_loop
 from middeck.realtime.gate.gain_metric import Metric
 from middeck.realtime.gate.gain_path import bound_joints, bound_piece, join_metrics
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.growth import is_proved_to_grow
+from middeck.realtime.gate.growth_proof import is_proved_to_grow
 from middeck.realtime.gate.norm_bound import bound_norm, is_below, is_positive
-from middeck.realtime.gate.steps import GateMargins
-from middeck.realtime.package.build import package_law
+from middeck.realtime.gate.steps_on_paper import GateMargins
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section, static_gain
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
@@ -361,7 +361,8 @@ def test_growth_is_proved_only_where_it_is():
         ({"maximum": -1.0}, "gains from"), ({"minimum": 3.0}, "gains from"),
         ({"maximum": np.inf}, "gains from"),
         ({"rate": 0.0}, "a rate of"), ({"rate": np.nan}, "a rate of"),
-        ({"band_hz": (9.0, 1.0)}, "a band from"),
+        ({"band_hz": (9.0, 1.0)}, "a band from"), ({"band_hz": (1.0, 2.0, 3.0)}, "a band of"),
+        ({"band_hz": 1.0}, "a band of"),
         ({"quiet_rms": 0.3}, "an rms"), ({"loud_rms": np.nan}, "an rms"),
     ],
 )  # fmt: skip

@@ -11,7 +11,7 @@ import scipy.linalg as sla
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
-from middeck.structure.assembly.loads import no_loads
+from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.beam import beam_properties, beam_state, beam_weight

@@ -9,7 +9,7 @@ import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.gravity.comparison import compare_modes
+from middeck.structure.gravity.compare_modes import compare_modes
 from middeck.structure.model.article import Actuator, ActuatorKind, Body, JointState, Sensor
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment

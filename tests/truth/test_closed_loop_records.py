@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.spectra import estimate_response, response_scatter
+from middeck.identification.spectra.estimate import estimate_response, response_scatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, stream_record
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system

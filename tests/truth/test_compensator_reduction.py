@@ -28,7 +28,7 @@ from middeck.control.reduction.weighted_loop import (
     proper_law,
     response_in_loop,
 )
-from middeck.control.shaping.sections import second_order_section, shape_compensator
+from middeck.control.shaping.leads_and_notches import second_order_section, shape_compensator
 from middeck.errors import ConfigError
 from middeck.files.studies.documents import load_study
 from middeck.signals.ports import Port

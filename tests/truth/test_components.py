@@ -10,7 +10,7 @@ from reduced import bent_beam, with_component
 import middeck as md
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import no_loads
+from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.component import ComponentElement, component_state
@@ -221,6 +221,21 @@ def test_what_no_component_can_be_is_named(change, said):
     bad = dataclasses.replace(good, **change(good))
     faults = "; ".join(component_faults(bad))
     assert re.search(said, faults), faults
+
+
+@pytest.mark.parametrize("tie", [0.0, 1e9, 1e12])
+def test_a_mass_is_symmetric_however_stiffly_its_grids_are_tied(tie):
+    """A rod from grid to grid, and a thousandth of two masses on one side of the diagonal."""
+    good = _good()
+    rod = np.zeros(len(good.mass))
+    rod[6:9] = good.positions[1] - good.positions[0]
+    rod[:3] = -rod[6:9]
+    tied = dataclasses.replace(good, stiffness=good.stiffness + tie * np.outer(rod, rod))
+    assert not [*component_faults(tied)]
+    mass = good.mass.copy()
+    mass[0, 7] += 1e-3 * np.sqrt(mass[0, 0] * mass[7, 7])
+    faults = "; ".join(component_faults(dataclasses.replace(tied, mass=mass)))
+    assert "its mass is not symmetric" in faults
 
 
 def test_places_and_frames_must_fit():

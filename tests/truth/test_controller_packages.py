@@ -18,9 +18,9 @@ from middeck.errors import ConfigError
 from middeck.files.exchange.named import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
-from middeck.realtime.package.build import package_law, without_applied
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.modal_form import to_modal
+from middeck.realtime.package.package_law import package_law, without_applied
 from middeck.realtime.package.peak_bounds import bound_peaks
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single

@@ -5,7 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from middeck.errors import DataError
-from middeck.identification.spectra import estimate_distortion, response_scatter
+from middeck.identification.spectra.distortion import estimate_distortion
+from middeck.identification.spectra.estimate import response_scatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, stream_record
 

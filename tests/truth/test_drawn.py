@@ -13,7 +13,7 @@ from reduced import bent_beam, with_component
 import middeck as md
 from middeck.files.exchange.vtu import PARTS, write_vtu
 from middeck.plot.shapes import AZIMUTH, ELEVATION, factor_of, turned, upright
-from middeck.structure.assembly.loads import no_loads
+from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import Configuration, move

@@ -21,7 +21,7 @@ from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, SensorTest, Spread
 from middeck.realtime.engine.process.launch import started_settings
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import Fault
+from middeck.realtime.engine.rigs.linear_article import Fault
 from middeck.realtime.package.filter_sections import SMALLEST, LoopPath, static_gain
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.signals.ports import Port
@@ -166,6 +166,9 @@ def test_settings_refuse_it_first():
     ):  # fmt: skip
         with pytest.raises(ConfigError, match="monitor of y0: band"):
             Monitor(**band, **wrong)
+    for edges in ((1.0,), (1.0, 2.0, 3.0), 2.0):
+        with pytest.raises(ConfigError, match="monitor of y0: a band of"):
+            Monitor(channel="y0", band_hz=edges)  # ty: ignore[invalid-argument-type]
     low = Monitor(channel="y0", band_hz=(1e-9, 1.0), limit=1.0)
     with pytest.raises(ConfigError, match="round to the unit circle"):
         Supervisor(plain_settings(monitors=(low,)), STILL)

@@ -12,8 +12,8 @@ from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, rando
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, hash_hold
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.package.binary import hash_package
 from middeck.realtime.package.filter_sections import LoopPath, Section
+from middeck.realtime.package.package_bytes import hash_package
 from middeck.realtime.package.reference import ReferenceLaw
 from packaged_laws import ports
 

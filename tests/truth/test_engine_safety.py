@@ -26,10 +26,10 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.settings import Drive, SensorTest, Spread
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import Fault, encode_article, linear_article
-from middeck.realtime.package.binary import hash_law, hash_package
-from middeck.realtime.package.build import package_law
+from middeck.realtime.engine.rigs.linear_article import Fault, encode_article, linear_article
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, static_gain
+from middeck.realtime.package.package_bytes import hash_law, hash_package
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

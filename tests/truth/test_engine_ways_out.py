@@ -25,8 +25,8 @@ from middeck.errors import DataError
 from middeck.realtime.engine.interface.settings import Drive, time_to_rest
 from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from middeck.realtime.package.package_law import package_law
 from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports
 

@@ -7,7 +7,7 @@ import pytest
 from struck_plant import FORCE, TIP, response, shaken, struck
 
 from middeck.errors import FitError
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.mode_trust import checked_covariance
@@ -17,7 +17,7 @@ from middeck.identification.model.measurement_model import damping_ratio, natura
 from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack
 from middeck.identification.record_fit import continuous_fit
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats

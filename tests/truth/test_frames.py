@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import Loads, no_loads
+from middeck.structure.assembly.environment_loads import Loads, no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, lay_out, mesh_structure
 from middeck.structure.elements.devices import SpringLaw

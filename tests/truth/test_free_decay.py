@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from middeck.errors import DataError, FitError
-from middeck.identification.free_decay import fit_free_decay
+from middeck.identification.free_decay.decay_fit import fit_free_decay
 from middeck.identification.free_decay.releases import without_tail
 
 RATE, HZ, ZETA = 100.0, 5.0, 0.004

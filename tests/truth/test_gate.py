@@ -9,13 +9,14 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.control.law.compensator import Compensator
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.linear_law import linear_law
-from middeck.realtime.gate.steps import FADES, GateMargins
-from middeck.realtime.package.build import package_law
+from middeck.realtime.gate.linear_law import limited_laws, linear_law
+from middeck.realtime.gate.steps_on_paper import FADES, GateMargins
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
@@ -265,3 +266,76 @@ def test_a_declared_unstable_compensator_passes_where_it_recovers_from_saturatio
     motion, limited = saturated_run(blind, system, 2500)
     assert motion > 1e-3
     assert limited > 0.5
+
+
+PAIR = ("push 0", "push 1")
+
+
+def unstable_pair():
+    """Two light modes, and an LQG law of two motors that is unstable by itself."""
+    A = sla.block_diag(*([[0.0, w], [-w, -0.02 * w]] for w in (27.34, 37.48)))
+    B, C = np.zeros((4, 2)), np.zeros((2, 4))
+    B[1::2] = [[-0.848, -0.763], [-1.983, -0.901]]
+    C[:, ::2] = [[0.784, -1.389], [0.595, 0.313]]
+    ways, pushes = (Port("way 0", "m"), Port("way 1", "m")), tuple(Port(name, "N") for name in PAIR)
+    plant = Plant(dynamics=StateSpace(A, B, C, np.zeros((2, 2))), inputs=pushes, outputs=ways, w=PAIR, u=PAIR,
+                  z=("way 0", "way 1"), y=("way 0", "way 1"))  # fmt: skip
+    weights = LQGWeights(
+        output=np.ones(2),
+        input=np.ones(2),
+        disturbed=PAIR,
+        process=np.eye(2),
+        sensor=np.array([3e-4, 1.6e-5]),
+    )
+    return plant, design_sampled_lqg(plant, weights, 7.5e5, 0.02)
+
+
+def last_motion(plant, package, seconds):
+    """Largest motion in the last tenth of a run from far beyond the limits, through the package's steps."""
+    system, law, motion = plant.dynamics, ReferenceLaw(package), []
+    both = sla.expm(np.block([[system.A, system.B], [np.zeros((2, 6))]]) * package.period_s)
+    x = np.full(4, 3.0)
+    for _ in range(round(seconds / package.period_s)):
+        y = system.C @ x
+        motion.append(np.abs(y).max())
+        x = both[:4, :4] @ x + both[:4, 4:] @ law.step(y)
+    return max(motion[-len(motion) // 10 :])
+
+
+def test_an_unstable_compensator_recovers_from_each_limit_by_itself_too():
+    """Stable at every fade and with all outputs limited; with one motor limited it never comes back."""
+    plant, law = unstable_pair()
+    assert np.abs(np.linalg.eigvals(law.sampled.A)).max() > 1.05
+    given = {"input_range": 100.0, "unstable": True}
+    package = package_law(law, "law", limit=1.0, **given)
+    assert last_motion(plant, package, 60.0) < 1e-6
+    weak = package_law(law, "law", limit=[1.0, 1e-3], **given)
+    assert last_motion(plant, weak, 60.0) > 0.1
+    steps = examine_package(package, {"modes": plant}, GateMargins(gain_db=3.0, phase_deg=3.0)).steps
+    assert [step.name for step in steps if not step.passed] == ["recovery modes"]
+    assert "of push 1 is applied" in steps[-1].said
+    alone = plant_of(beam())
+    assert "recovery beam" not in steps_of(package_of(np.random.default_rng(1), 1e-4), alone)
+
+
+def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():
+    """Sample by sample with filters, an inner loop and outputs of which a share is applied."""
+    rng = np.random.default_rng(3)
+    for gains in ([0.0, 1.0], [0.3, 0.8], [1.0, 1.0], [0.0, 0.0]):
+        section = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
+        package = package_law(
+            random_law(rng, 5, 2, 2), "law", filters=(InputFilter(1, section),), form="dense"
+        )
+        paths = (LoopPath(0, 1, section), LoopPath(1, 0, section))
+        package = add_test_vectors(dataclasses.replace(package, paths=paths, vectors=None))
+        (limited,) = (law.sampled for law in limited_laws(package, [np.array(gains)]))
+        reference = ReferenceLaw(package)
+        reference.level = package.ramp
+        reference.engaged = True
+        x = np.zeros(len(limited.A))
+        for y in rng.standard_normal((60, 2)):
+            reference.compute(y)
+            applied = np.array(gains) * reference.wanted
+            reference.commit(applied)
+            np.testing.assert_allclose(limited.C @ x + limited.D @ y, applied, rtol=1e-9, atol=1e-12)
+            x = limited.A @ x + limited.B @ y

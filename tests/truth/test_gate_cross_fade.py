@@ -19,11 +19,11 @@ from middeck.realtime.gate.cross_fade import check_cross_fade, fade_points
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import sum_of_laws
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps import GateMargins
-from middeck.realtime.gate.trials import GateTrials
-from middeck.realtime.package.binary import hash_package
-from middeck.realtime.package.build import package_law
+from middeck.realtime.gate.steps_on_paper import GateMargins
+from middeck.realtime.gate.steps_on_rig import GateTrials
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from middeck.realtime.package.package_bytes import hash_package
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import fade_at
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
@@ -217,7 +217,7 @@ def test_the_fade_is_tried_beside_the_hold():
     [
         ({"period_s": 0.02}, "50 Hz"),
         ({"paths": (LoopPath(0, 0, static_gain(-1.0)),)}, "an inner loop of its own"),
-        ({"inputs": (WAY, Port("rate", "mm/s"))}, "reads 'rate' twice"),
+        ({"inputs": (WAY, Port("rate", "mm/s"))}, "rate in mm/s of one package, in m/s of another"),
     ],
 )
 def test_what_does_not_run_beside_it_is_refused(changes, said):

@@ -14,15 +14,15 @@ from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest, hash_hold
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import linear_article
+from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.gate.gate import NO_HOLD, examine_package
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps import GateMargins, GateStep
-from middeck.realtime.gate.trials import GateRig, GateTrials, check_dry_run, check_engagement
-from middeck.realtime.package.binary import encode_package
-from middeck.realtime.package.build import package_law
+from middeck.realtime.gate.steps_on_paper import GateMargins, GateStep
+from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials, check_dry_run, check_engagement
 from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
+from middeck.realtime.package.package_bytes import encode_package
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -11,13 +11,13 @@ import pytest
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.process.supervisor import DriverRig
-from middeck.realtime.engine.rigs.article import linear_article
-from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.process.launch import DriverRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
+from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.steps import GateMargins
-from middeck.realtime.gate.trials import (
+from middeck.realtime.gate.steps_on_paper import GateMargins
+from middeck.realtime.gate.steps_on_rig import (
     GateRig,
     GateTrials,
     check_dry_run,
@@ -25,8 +25,8 @@ from middeck.realtime.gate.trials import (
     check_shadow_run,
     package_settings,
 )
-from middeck.realtime.package.build import package_law
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -29,7 +29,7 @@ from middeck.identification.model.steady_simulation import folded_response, held
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.simulate_record import record_nrmse
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.sampling.zero_order_hold import hold_response, release_hold, release_inputs

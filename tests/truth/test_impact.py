@@ -8,7 +8,9 @@ from struck_plant import FORCE, TIP, response, struck
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.impact import average_blows, fit_impact, locate_blows, without_window
+from middeck.identification.impact.averaged_blows import average_blows
+from middeck.identification.impact.blows import locate_blows
+from middeck.identification.impact.fit_of_blows import fit_impact, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.doubted_deviations import doubts_of_folding
 from middeck.identification.record_fit.record_spectra import without_trend

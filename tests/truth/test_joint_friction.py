@@ -9,7 +9,8 @@ import pytest
 
 from middeck import estimate_response, fit_response
 from middeck.errors import ConfigError, DataError, FitError
-from middeck.identification.friction import find_friction, without_friction
+from middeck.identification.friction.find import find_friction
+from middeck.identification.friction.remove import without_friction
 from middeck.identification.friction.slider import slider_torque
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.joints.attachment import JointElements

@@ -16,7 +16,7 @@ from middeck.files.documents import load_setup
 from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.gravity.budget import build_budget
-from middeck.structure.gravity.comparison import ModeComparison, compare_modes
+from middeck.structure.gravity.compare_modes import ModeComparison, compare_modes
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.names.kinds import find_kinds, kinds_by_rank
 from middeck.structure.modes.solve import Modes, solve_modes

@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from middeck.errors import DataError
-from middeck.identification.spectra import estimate_response, response_scatter
+from middeck.identification.spectra.estimate import estimate_response, response_scatter
 from middeck.identification.spectra.local_fit import LocalModel, fit_windows, freedom
 from middeck.identification.spectra.scattered_response import trusted
 from middeck.signals.ports import Port

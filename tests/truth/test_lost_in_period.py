@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 import middeck as md
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.identification.faults.lost_in_a_period import find_lost_in_period
 
 SAMPLES, RATE_HZ = 512, 64.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.joints.attachment import JointElements
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.tracking import Drift, start_tracking, track_modes, update_tracking
+from middeck.identification.tracking.history import track_modes
+from middeck.identification.tracking.kalman_filter import update_tracking
 from middeck.identification.tracking.lag import SCORE, add, behind, mean_lag, no_lag, unexplained
 from middeck.identification.tracking.loss_and_restart import (
     BLOCK,
@@ -25,7 +26,7 @@ from middeck.identification.tracking.loss_and_restart import (
     poles_at,
     step_modes,
 )
-from middeck.identification.tracking.tracked_state import FIRST_GAIN
+from middeck.identification.tracking.tracked_state import FIRST_GAIN, Drift, start_tracking
 from middeck.identification.uncertainty.parameter_deviations import Uncertainty
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.rig import build_rig
@@ -88,6 +89,19 @@ def test_exact_data_of_the_exact_model_leave_nothing():
     found = track_modes(state, taken, block=512)
     np.testing.assert_allclose(found.natural_hz[-1], MODES, rtol=1e-7)
     np.testing.assert_allclose(found.damping[-1], gimbal_record.ZETA, rtol=1e-4)
+    np.testing.assert_allclose(found.state.gain, 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("hold_s", [1.0 / RATE, 0.0])
+def test_a_hold_that_the_model_is_behind_is_not_taken_out_again(hold_s):
+    """A model of what is behind the hold has no half sample in its delays and no loss in its constants."""
+    taken, _ = moving_gimbal.record(0, 8.0, outputs=3, inputs=2, noise=0.0)
+    tiny = 1e-6 * np.sqrt(np.mean(taken.y**2, axis=(0, 1, 2)))
+    right = gimbal_model.model(3, 2)
+    model = dataclasses.replace(right, delay_s=right.delay_s - moving_gimbal.HOLD, hold_s=hold_s)
+    state = start_tracking(model, noise_rms=tiny, known=WELL_KNOWN, **AT_ONE_RATE)
+    found = track_modes(state, taken, block=512)
+    np.testing.assert_allclose(found.natural_hz[-1], MODES, rtol=1e-7)
     np.testing.assert_allclose(found.state.gain, 1.0, atol=1e-4)
 
 

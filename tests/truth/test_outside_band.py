@@ -9,7 +9,7 @@ from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.order.order import Tried, choose
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse

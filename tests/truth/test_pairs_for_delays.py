@@ -10,7 +10,7 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse

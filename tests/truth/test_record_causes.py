@@ -11,7 +11,7 @@ from scipy.signal import butter, lfilter
 from struck_plant import response, shaken
 from test_closed_loop_records import cut
 
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

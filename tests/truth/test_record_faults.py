@@ -12,7 +12,7 @@ import pytest
 import scipy.signal
 
 from middeck.files.records import load_record
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record

@@ -12,10 +12,10 @@ from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.sampled.aliases import find_aliases
 from middeck.control.sampled.antialias import filter_measurements
-from middeck.control.sampled.comparison import compare_sampling
+from middeck.control.sampled.compare_sampling import compare_sampling
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
-from middeck.control.shaping.sections import roll_off
+from middeck.control.shaping.leads_and_notches import roll_off
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.mode_shift import shift_modes
@@ -149,7 +149,7 @@ def test_an_open_loop_without_end_is_no_obstacle():
     ports = (Port("t", "N m"),), (Port("a", "rad"),)
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("t",), u=("t",), z=("a",), y=("a",))
     weights = unit_weights(("t",), 1e-6)
-    found = compare_sampling(plant, weights, 1.0, (20.0, 50.0), pade_order=2)
+    found = compare_sampling(plant, weights, 1.0, (20.0, 50.0))
     assert found.open_metric == np.inf
     assert all(row.outcome.stable for row in found.rows)
     assert str(found).splitlines()[1].split()[3] == "-"  # after "20", "direct,", "current"

@@ -21,12 +21,13 @@ from middeck.laboratory.rig.ticks.simulate_rig import cut_blocks, simulate_rig, 
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.process.supervisor import Supervisor, UdpRig
-from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.process.launch import UdpRig
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
 from middeck.realtime.engine.rigs.rig_session import HOLD, LONGEST, REPLY, REQUEST, RigSession
 from middeck.realtime.engine.trials.served_rig import ServedRig
-from middeck.realtime.package.build import package_law
+from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

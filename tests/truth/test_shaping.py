@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.control.law.compensator import Compensator, evaluate_compensator
-from middeck.control.shaping.sections import (
+from middeck.control.shaping.leads_and_notches import (
     roll_off,
     second_order_section,
     shape_compensator,

@@ -10,7 +10,7 @@ import pytest
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.documents import load_structure
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import Loads, no_loads
+from middeck.structure.assembly.environment_loads import Loads, no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.elements.devices import SpringLaw

@@ -8,16 +8,10 @@ import scipy.signal
 from scipy.signal import lfilter
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.spectra import (
-    doubts_of_window,
-    estimate_response,
-    estimate_spectra,
-    multiple_coherence,
-    ordinary_coherence,
-    partial_coherence,
-    response_scatter,
-    spectra_response,
-)
+from middeck.identification.spectra.averages import doubts_of_window, estimate_spectra
+from middeck.identification.spectra.coherence import multiple_coherence, ordinary_coherence
+from middeck.identification.spectra.estimate import estimate_response, response_scatter
+from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Campaign, Record, stream_record
 from repeats import LONG, repeats
@@ -236,7 +230,7 @@ def test_hv_is_right_where_noise_is_a_like_share_of_all_channels():
 
 
 def test_coherences_of_known_noise():
-    """y = u1 + v, u2 = u1 + w: what each coherence must be, and what only the partial one sees."""
+    """y = u1 + v, u2 = u1 + w: what each coherence must be."""
     rng = np.random.default_rng(7)
     u1, w, v = rng.standard_normal((3, 1, 300_000))
     u = np.stack([u1, u1 + 0.5 * w], axis=2)
@@ -247,26 +241,19 @@ def test_coherences_of_known_noise():
     assert ordinary_coherence(S)[inner, 0, 0].mean() == pytest.approx(1.0 / 1.64, rel=0.01)
     assert ordinary_coherence(S)[inner, 0, 1].mean() == pytest.approx(1.0 / (1.25 * 1.64), rel=0.01)
     assert multiple_coherence(S)[inner, 0].mean() == pytest.approx(1.0 / 1.64, rel=0.01)
-    assert partial_coherence(S)[inner, 0, 1].mean() < 1e-3
-    # Beside u2, u1 is left with 1 - 1/1.25 = 0.2 of its power, and y with 0.2 + 0.64.
-    assert partial_coherence(S)[inner, 0, 0].mean() == pytest.approx(0.2 / 0.84, rel=0.01)
 
 
 def test_identities_of_coherence():
     record = filtered(np.random.default_rng(8), samples=4096, output_noise=0.5)
     S = estimate_spectra(record, segment=256)
-    multiple, partial, ordinary = multiple_coherence(S), partial_coherence(S), ordinary_coherence(S)
-    # 1 - multiple = (1 - ordinary of the one)(1 - partial of the other) (Bendat and Piersol 2010, eq. 7.127).
-    for i in (0, 1):
-        left = (1.0 - ordinary[:, :, 1 - i]) * (1.0 - partial[:, :, i])
-        np.testing.assert_allclose(1.0 - multiple, left, rtol=1e-8, atol=1e-12)
+    multiple, ordinary = multiple_coherence(S), ordinary_coherence(S)
+    assert np.all(multiple >= ordinary.max(axis=2) * (1.0 - 1e-12))
     # What H1 leaves of the output is what no input explains.
     found = spectra_response(S)
     left = np.real(np.einsum("koo->ko", found.total_covariance)) * (1.0 - 2.0 / S.averages)
     whole = np.real(np.einsum("koo->ko", S.S_yy))[1:-1]
     np.testing.assert_allclose(left, whole * (1.0 - multiple[1:-1]), rtol=1e-8)
     one = estimate_spectra(filtered(np.random.default_rng(8), samples=4096, inputs=1, output_noise=0.5))
-    np.testing.assert_allclose(partial_coherence(one), ordinary_coherence(one), rtol=1e-12)
     np.testing.assert_allclose(multiple_coherence(one), ordinary_coherence(one)[:, :, 0], rtol=1e-12)
 
 
@@ -297,9 +284,8 @@ def test_too_few_averages_and_wrong_segments_are_refused():
     for method in ("h1", "h2", "hv"):
         with pytest.raises(DataError, match="cannot be told apart"):
             estimate_response(copies, method=method)
-    for coherence in (multiple_coherence, partial_coherence):
-        with pytest.raises(DataError, match="cannot be told apart"):
-            coherence(estimate_spectra(copies))
+    with pytest.raises(DataError, match="cannot be told apart"):
+        multiple_coherence(estimate_spectra(copies))
 
 
 def test_a_stream_is_checked_while_it_is_read():

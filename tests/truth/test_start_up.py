@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.spectra.start_up import steadied
 from middeck.signals.ports import Port
 from middeck.signals.record import Record

@@ -9,14 +9,14 @@ import pytest
 import updating_case
 
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import no_loads
+from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.model.article import AttachPoint, JointState, Section
 from middeck.structure.model.environment import AnchoredSpring, Environment
-from middeck.structure.rest import pinned as pinning
+from middeck.structure.rest import pinned_reactions as pinning
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.rest.pinned import PinnedPoints, support_forces
+from middeck.structure.rest.pinned_reactions import PinnedPoints, support_forces
 from middeck.structure.rest.suspension_tuning import pinned_loads, pinned_points
 from middeck.structure.sensitivity.parameters import scale_parameters
 from repeats import repeats

@@ -11,7 +11,7 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.files.documents import load_structure
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import no_loads
+from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements.frames import rigid_columns

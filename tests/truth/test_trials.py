@@ -11,8 +11,8 @@ import scipy.linalg as sla
 
 from engine_cases import SENSORS, plain_settings, random_article, random_package
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.process.supervisor import DriverRig
-from middeck.realtime.engine.rigs.article import Fault, linear_article
+from middeck.realtime.engine.process.launch import DriverRig
+from middeck.realtime.engine.rigs.linear_article import Fault, linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
 from middeck.realtime.package.filter_sections import LoopPath, static_gain

@@ -16,7 +16,7 @@ from middeck.identification.model.measurement_model import (
     model_response,
     natural_hz,
 )
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.spectra.fit_weights import spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance, line_degrees
 from middeck.identification.uncertainty.entry_factors import entry_slopes

@@ -20,7 +20,7 @@ from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
 from middeck.control.sampled.emulation import emulate
-from middeck.control.shaping.sections import second_order_section
+from middeck.control.shaping.leads_and_notches import second_order_section
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

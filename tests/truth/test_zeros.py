@@ -14,7 +14,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import pole_zero_gain
 from middeck.identification.plants.zeros import matrix_zeros, name_zeros, path_zeros
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameter_deviations import zero_deviation
 from middeck.signals.ports import Port

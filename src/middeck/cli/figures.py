@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.gravity.comparison import ModeComparison
+    from middeck.structure.gravity.compare_modes import ModeComparison
     from middeck.structure.modes.results.drawing import Drawing
     from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.gyroscopic import GyroscopicModes

@@ -88,6 +88,8 @@ def _explain(error: Exception) -> int:
             return _usage(error, error.ctx)
         case click.ClickException():
             return _say(f"error: {error.format_message()}", error.exit_code)
+        case MemoryError():
+            return _say(f"error: not enough memory: {error}\n  try: fewer states, samples or periods", 5)
         case OSError() if error.filename is not None:
             return _say(f"error: {error.filename}: {error.strerror}\n  try: another path", 2)
         case _:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import functools
-import math
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 
 import click
 
@@ -26,7 +26,6 @@ SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
 COMPONENTS = (".npz", ".mat")
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
 SURVEYS = (".unv", ".uff", ".json")
 
 
@@ -35,16 +34,75 @@ class Verb(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does, but refuse a repeated option, of which click takes the last."""
-        seen: list[click.Parameter] = self.make_parser(ctx).parse_args(list(args))[2]
+        try:
+            seen: list[click.Parameter] = self.make_parser(ctx).parse_args(list(args))[2]
+        except click.UsageError as error:
+            error.ctx = ctx  # of which click tells only some
+            raise
         for param in dict.fromkeys(seen):
             if isinstance(param, click.Option) and _is_single(param) and seen.count(param) > 1:
                 raise click.UsageError(f"{'/'.join(param.opts)} takes one value and is given twice", ctx)
         return super().parse_args(ctx, args)
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb, but not where it would write over what it reads, or twice over one file."""
+        taken: dict[str, str] = {}
+        for param in sorted(self.params, key=lambda param: isinstance(param, Target)):
+            for value in _texts(ctx.params.get(param.name or "")):
+                file = os.path.realpath(value)
+                named = f"{param.opts[0]} {value}" if isinstance(param, click.Option) else value
+                if isinstance(param, Target) and file in taken:
+                    _refuse_over(named, taken[file])
+                if os.path.isfile(file) or isinstance(param, Target):
+                    taken[file] = named
+        return super().invoke(ctx)
+
+
+class Target(click.Option):
+    """An option that names a file to write."""
+
+
+def require_apart(target: str | None, files: Iterable[Path]) -> None:
+    """Refuse to write ``target`` over one of ``files``, which documents name."""
+    for file in files:
+        if target is not None and os.path.realpath(target) == os.path.realpath(file):
+            _refuse_over(f"-o {target}", str(file))
+
+
+def _refuse_over(named: str, taken: str) -> NoReturn:
+    raise ConfigError(f"would be written over {taken}", where=named, hint="another file to write")
+
+
+def _texts(value: Any) -> list[str]:
+    """The words of an option or argument, which may be repeated and have several parts."""
+    if isinstance(value, tuple):
+        return [text for part in value for text in _texts(part)]
+    return [value] if isinstance(value, str) else []
+
 
 def _is_single(option: click.Option) -> bool:
     """Whether a second one would contradict the first."""
     return not option.multiple and (not option.is_flag or bool(option.secondary_opts))
+
+
+class Real(click.FloatRange):
+    """A number within its range whose square is a normal number, as is that of zero."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number of ``value``; fails on NaN, infinity and magnitudes beyond 1e-100 to 1e100."""
+        number = super().convert(value, param, ctx)
+        if not _is_usual(number):
+            self.fail(f"{value} is {UNUSUAL}", param, ctx)
+        return number
+
+
+POSITIVE, NOT_NEGATIVE = Real(min=0.0, min_open=True), Real(min=0.0)
+RATE = Real(1e-6, 1e9)
+UNUSUAL = "not a finite number of a magnitude from 1e-100 to 1e100"
+
+
+def _is_usual(number: float) -> bool:
+    return number == 0.0 or 1e-100 <= abs(number) <= 1e100
 
 
 class Numbers(click.ParamType[tuple[float, ...]]):
@@ -58,32 +116,32 @@ class Numbers(click.ParamType[tuple[float, ...]]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
-        """The numbers of ``value``; fails on anything that is not finite."""
+        """The numbers of ``value``; fails on those that `Real` fails on."""
         if isinstance(value, tuple):
             return value
         try:
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             self.fail(f"{value!r} is not a list of numbers such as 0.5,1,8", param, ctx)
-        if not all(map(math.isfinite, numbers)):
-            self.fail(f"{value!r} holds a number that is not finite", param, ctx)
+        if not all(map(_is_usual, numbers)):
+            self.fail(f"{value!r} holds what is {UNUSUAL}", param, ctx)
         if self.count and len(numbers) != self.count:
             self.fail(f"{value!r} has {len(numbers)} numbers; must be {self.count}", param, ctx)
         return numbers
 
 
 class Frequencies(Numbers):
-    """Positive frequencies [Hz]."""
+    """Frequencies within those of `RATE` [Hz]."""
 
     name = "frequencies"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
-        """The numbers of ``value``; fails on any that is not positive, and on a band that does not rise."""
+        """The numbers of ``value``; fails on any out of range, and on a band that does not rise."""
         numbers = super().convert(value, param, ctx)
-        if min(numbers) <= 0.0:
-            self.fail(f"{value!r} holds a frequency that is not > 0 Hz", param, ctx)
+        if not 1e-6 <= min(numbers) <= max(numbers) <= 1e9:
+            self.fail(f"{value!r} holds a frequency that is not > 0 Hz, from 1e-6 to 1e9", param, ctx)
         if self.count == 2 and not numbers[0] < numbers[1]:
             self.fail(f"{value!r} does not rise from lowest to highest", param, ctx)
         return numbers
@@ -170,14 +228,12 @@ _environments = click.option(
 _shifts = click.option(
     "--shift",
     "shifts",
-    type=(str, click.FloatRange(0.0, 100.0, min_open=True, max_open=True)),
+    type=(str, Real(0.0, 100.0, min_open=True, max_open=True)),
     multiple=True,
     metavar="MODES PERCENT",
     help="Modes by name or LO:HI in Hz, moved together down and up.",
 )
-_delay_ms = click.option(
-    "--delay-ms", type=click.FloatRange(min=0.0), default=0.0, help="Delay added to each plant."
-)
+_delay_ms = click.option("--delay-ms", type=Real(0.0, 1e6), default=0.0, help="Delay added to each plant.")
 _sweep = click.option(
     "--sweep",
     is_flag=True,
@@ -233,7 +289,7 @@ def written(*flags: str, endings: Sequence[str], help: str, metavar: str = "") -
         return value
 
     named = metavar or f"FILE{'|'.join(endings)}"
-    return click.option(*flags, metavar=named, callback=check, help=help)
+    return click.option(*flags, cls=Target, metavar=named, callback=check, help=help)
 
 
 model_file = written(
@@ -301,8 +357,6 @@ class ColumnsTyped(NamedTuple):
         """Columns by the options; None without any, so that a file of channels beside the record is read."""
         from middeck.files.records import name_columns
 
-        if self.sample_hz is not None and not self.sample_hz > 0.0:
-            raise ConfigError(f"--sample-hz is {self.sample_hz:g}", hint="a rate > 0 Hz")
         u, y = ([text for value in side for text in value.split(",")] for side in (self.inputs, self.outputs))
         return name_columns(u, y, sample_hz=self.sample_hz, variable=self.variable)
 
@@ -316,6 +370,6 @@ columns = _as_one(
     ColumnsTyped,
     _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
     _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
-    click.option("--sample-hz", type=float, metavar="HZ", help="Sampling rate, if the file has none."),
+    click.option("--sample-hz", type=RATE, metavar="HZ", help="Sampling rate, if the file has none."),
     click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
 )

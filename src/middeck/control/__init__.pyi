@@ -27,7 +27,7 @@ from .robust.verification.many_loops import (
 from .robust.verification.monte_carlo import verify_robustness as verify_robustness
 from .sampled.aliases import find_aliases as find_aliases
 from .sampled.antialias import filter_measurements as filter_measurements
-from .sampled.comparison import compare_sampling as compare_sampling
-from .shaping.sections import roll_off as roll_off
+from .sampled.compare_sampling import compare_sampling as compare_sampling
+from .shaping.leads_and_notches import roll_off as roll_off
 
 __all__: list[str]

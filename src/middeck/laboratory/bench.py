@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled.emulation import emulate
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.limit_cycle import limit_cycle

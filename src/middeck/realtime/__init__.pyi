@@ -12,11 +12,11 @@ from .engine.process.launch import (
     UdpRig as UdpRig,
 )
 from .engine.recording.run_file import read_run as read_run
-from .engine.rigs.article import (
+from .engine.rigs.linear_article import (
     LinearArticle as LinearArticle,
     linear_article as linear_article,
 )
-from .engine.rigs.rig import EngineRig as EngineRig
+from .engine.rigs.engine_rig import EngineRig as EngineRig
 from .engine.trials.monitors_from_record import guard as guard
 from .engine.trials.served_rig import ServedRig as ServedRig
 from .engine.trials.trial import (
@@ -24,8 +24,8 @@ from .engine.trials.trial import (
     run_trial as run_trial,
 )
 from .gate.adaptive import prove_gain as prove_gain
-from .gate.steps import GateMargins as GateMargins
-from .gate.trials import (
+from .gate.steps_on_paper import GateMargins as GateMargins
+from .gate.steps_on_rig import (
     GateRig as GateRig,
     GateTrials as GateTrials,
 )

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from middeck.plot.style import new_figure, styled
-from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.study.chapters.gravity_modes.chapter import GRAVITY_MODES
 from middeck.study.chapters.gravity_modes.figures_4_5 import draw_ratios, draw_suspension_modes
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL

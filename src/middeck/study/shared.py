@@ -5,7 +5,7 @@ from __future__ import annotations
 from middeck.files.studies.documents import Study
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article
-from middeck.structure.gravity.comparison import ModeComparison, compare_modes
+from middeck.structure.gravity.compare_modes import ModeComparison, compare_modes
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes

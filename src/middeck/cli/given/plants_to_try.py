@@ -57,7 +57,8 @@ class Shift:
 
 def gather_plants(tried: Tried, law: Law) -> Gathered:
     """Each article in each environment (``lab`` by default) and each model; all with the delay added."""
-    unused = [key for key, given in (("--set", tried.overrides), ("--load-case", tried.load_case)) if given]
+    asked = {"--set": tried.overrides, "--load-case": tried.load_case, "--environment": tried.environments}
+    unused = [key for key, given in asked.items() if given]
     if unused and all(s.lower().endswith(".json") for s in tried.plants):
         raise ConfigError(
             f"{unused[0]} is for articles and environments", hint="name an article, or leave it out"

@@ -10,7 +10,7 @@ from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.gravity.comparison import ModeComparison
+    from middeck.structure.gravity.compare_modes import ModeComparison
 
 EPILOG = """\
 \b
@@ -40,7 +40,7 @@ def verb(
     neither its loads nor its masses.
     """
     from middeck.cli.given.cases import apply_case, read_case, solve_in
-    from middeck.structure.gravity.comparison import compare_modes
+    from middeck.structure.gravity.compare_modes import compare_modes
     from middeck.structure.model.environment import Environment
 
     figures.check_up(up, figure_file)

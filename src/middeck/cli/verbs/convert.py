@@ -80,8 +80,6 @@ def verb(
     from middeck.cli.shown.summary import measure_lines, summary_lines, summary_numbers
     from middeck.files.nastran.article.convert import convert_deck
 
-    if target and held_target and Path(target).resolve() == Path(held_target).resolve():
-        raise click.UsageError("--output and --environment name one file")
     given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase}
     chosen = settle(ConvertSettings, given, overrides)
     source, known, name, parts = _read(deck, chosen.units, chosen.subcase, target)

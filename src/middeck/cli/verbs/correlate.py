@@ -56,7 +56,7 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 @click.option(
     "--limit",
     "limits",
-    type=(click.Choice(QUANTITIES), click.FloatRange(0.0, 1.0)),
+    type=(click.Choice(QUANTITIES), options.Real(0.0, 1.0)),
     multiple=True,
     metavar="QUANTITY VALUE",
     help=f"Another limit than the profile's, repeatable: {', '.join(QUANTITIES)}.",

@@ -23,10 +23,10 @@ Examples:
 @click.command("doctor", cls=options.Verb, epilog=EPILOG)
 @click.option("--realtime", is_flag=True, help="Run the engine by the clock and report its lateness.")
 @click.option(
-    "--rate", type=click.FloatRange(1.0, 1e5), default=500.0, show_default=True, help="Samples a second."
+    "--rate", type=options.Real(1.0, 1e5), default=500.0, show_default=True, help="Samples a second."
 )
 @click.option(
-    "--seconds", type=click.FloatRange(0.1, 86400.0), default=10.0, show_default=True, help="Time to run."
+    "--seconds", type=options.Real(0.1, 86400.0), default=10.0, show_default=True, help="Time to run."
 )
 @click.option(
     "--states", type=click.IntRange(0, 1024), default=60, show_default=True, help="States of a random law."

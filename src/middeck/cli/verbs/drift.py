@@ -46,7 +46,7 @@ EXACT = (
 )
 @click.option(
     "--level",
-    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    type=options.Real(0.0, 1.0, min_open=True, max_open=True),
     default=0.05,
     show_default=True,
     help="Probability that the fits, or the responses, raise any false alarm.",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
     from middeck.realtime.engine.interface.settings import EngineSettings
     from middeck.realtime.gate.gate import GateVerdict
-    from middeck.realtime.gate.trials import GateRig
+    from middeck.realtime.gate.steps_on_rig import GateRig
     from middeck.realtime.package.package import ControllerPackage
 
 EPILOG = """\
@@ -29,11 +29,11 @@ Examples:
 @click.argument("package_file", metavar="PACKAGE.mdk|json")
 @options.tried
 @click.option(
-    "--gain-db", type=click.FloatRange(min=0.0), default=6.0, show_default=True, help="Least gain margin."
+    "--gain-db", type=options.NOT_NEGATIVE, default=6.0, show_default=True, help="Least gain margin."
 )
 @click.option(
     "--phase-deg",
-    type=click.FloatRange(0.0, 180.0, max_open=True),
+    type=options.Real(0.0, 180.0, max_open=True),
     default=30.0,
     show_default=True,
     help="Least phase margin.",
@@ -41,14 +41,14 @@ Examples:
 @click.option("--paper", is_flag=True, help="Steps on paper only: no dry run.")
 @click.option(
     "--disturbance",
-    type=click.FloatRange(min=0.0),
+    type=options.NOT_NEGATIVE,
     default=0.01,
     show_default=True,
     help="Noise at each output in a dry run: rms as a share of its limit.",
 )
 @click.option(
     "--noise",
-    type=click.FloatRange(min=0.0),
+    type=options.NOT_NEGATIVE,
     default=1e-4,
     show_default=True,
     help="Noise at each input in a dry run: rms as a share of its range.",
@@ -61,7 +61,7 @@ Examples:
 @click.option("--driver", metavar="DRIVER.c", help="The same on converters, by the clock.")
 @click.option(
     "--share",
-    type=click.FloatRange(0.0, 1.0, min_open=True),
+    type=options.Real(0.0, 1.0, min_open=True),
     default=0.25,
     show_default=True,
     help="Share of full authority at which it engages first.",
@@ -69,7 +69,7 @@ Examples:
 @click.option(
     "--hold",
     "paths",
-    type=(str, str, float),
+    type=(str, str, options.Real()),
     multiple=True,
     metavar="SENSOR OUTPUT GAIN",
     help="A path of the engine's hold, closed on every PLANT; may be repeated.",
@@ -104,7 +104,7 @@ Examples:
 @click.option(
     "--adaptive-least",
     "least",
-    type=click.FloatRange(min=0.0),
+    type=options.NOT_NEGATIVE,
     metavar="GAIN",
     help="Least gain.  [default: 0]",
 )
@@ -140,8 +140,8 @@ def verb(
     from middeck.files.laws.packages import load_package
     from middeck.realtime.gate.gate import examine_package
     from middeck.realtime.gate.linear_law import sum_of_laws
-    from middeck.realtime.gate.steps import GateMargins
-    from middeck.realtime.gate.trials import GateTrials
+    from middeck.realtime.gate.steps_on_paper import GateMargins
+    from middeck.realtime.gate.steps_on_rig import GateTrials
 
     gain = _adaptive_gain(given)
     package = load_package(package_file)
@@ -173,7 +173,7 @@ def _held(packages: list[ControllerPackage], paths: tuple[tuple[str, str, float]
     """An engine with the packages' ports, ranges and limits, and the hold that was named."""
     import dataclasses
 
-    from middeck.realtime.gate.trials import package_settings
+    from middeck.realtime.gate.steps_on_rig import package_settings
     from middeck.realtime.package.filter_sections import LoopPath, static_gain
 
     plain, *others = (package_settings(package) for package in packages)
@@ -197,8 +197,8 @@ def _rig(
 ) -> GateRig | None:
     """The rig that was named, behind this engine, or one with the ports, ranges and limits of the package."""
     from middeck.realtime.engine.process.compile import build_engine
-    from middeck.realtime.engine.process.supervisor import DriverRig, UdpRig
-    from middeck.realtime.gate.trials import GateRig, package_settings
+    from middeck.realtime.engine.process.launch import DriverRig, UdpRig
+    from middeck.realtime.gate.steps_on_rig import GateRig, package_settings
 
     if port is not None and driver is not None:
         raise ConfigError("--rig-port and --driver", hint="one rig")

@@ -41,12 +41,13 @@ def _each(flag: str, name: str, help: str) -> Any:
     "-o",
     "--output",
     "target",
+    cls=options.Target,
     multiple=True,
     callback=_writable,
     metavar="FILE.mdk|json|c|h",
     help="Write the package, its JSON twin, its C source with the header, or the header; may be repeated.",
 )
-@click.option("--rate", type=options.POSITIVE, metavar="HZ", help="Sampling rate of a continuous law.")
+@click.option("--rate", type=options.RATE, metavar="HZ", help="Sampling rate of a continuous law.")
 @click.option(
     "--rule",
     type=click.Choice(["tustin", "hold", "matched"]),
@@ -58,7 +59,7 @@ def _each(flag: str, name: str, help: str) -> Any:
 @click.option(
     "--ramp",
     "ramp_s",
-    type=click.FloatRange(min=0.0),
+    type=options.NOT_NEGATIVE,
     metavar="SECONDS",
     help="Time to full authority.  [default: 0]",
 )
@@ -82,7 +83,7 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     from middeck.cli.shown.blame import reading
     from middeck.files.laws.packages import write_package
 
-    _require_consistent(law_file, target, given)
+    _require_consistent(target, given)
     with reading(law_file):
         package = _package(law_file, given)
     files = [file for path in target for file in write_package(path, package)]
@@ -90,20 +91,17 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     show(as_json, document, *_tables(document))
 
 
-def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str, Any]) -> None:
+def _require_consistent(target: tuple[str, ...], given: dict[str, Any]) -> None:
     from pathlib import Path
 
+    from middeck.cli.shown.blame import reading
     from middeck.errors import ConfigError
     from middeck.realtime.generate.c_source import c_name
 
     for path in map(Path, target):
-        written = [path.with_suffix(".h")] if path.suffix.lower() == ".c" else []
-        if any(
-            file.exists() and file.samefile(law_file) for file in (path, *written) if Path(law_file).exists()
-        ):
-            raise ConfigError("would be written over the law", where=f"-o {path}", hint="another name")
         if path.suffix.lower() in (".c", ".h"):
-            c_name(path.stem)
+            with reading(f"-o {path}"):
+                c_name(path.stem)
     if given["single"] and given["form"] == "dense":
         raise ConfigError("--single with --form dense", hint="single precision is modal where it can be")
 
@@ -115,7 +113,7 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
     from middeck.control.sampled.emulation import emulate
     from middeck.errors import ConfigError
     from middeck.files.laws.packages import is_package, load_package
-    from middeck.realtime.package.build import package_law, without_applied
+    from middeck.realtime.package.package_law import package_law, without_applied
     from middeck.realtime.package.single_precision import to_single
 
     limits = {key: given[key] for key in LIMITS if given[key] is not None}
@@ -167,7 +165,7 @@ def same_rate(period_s: float, rate_hz: float) -> bool:
 def describe(package: ControllerPackage, files: list[Path]) -> dict[str, Any]:
     """The JSON document; null stands for a limit that is not there."""
     from middeck.files.laws.packages import package_document
-    from middeck.realtime.package.binary import encode_package
+    from middeck.realtime.package.package_bytes import encode_package
 
     keys = (
         "sha256", "name", "period_s", "precision", "unstable", "inputs", "input_range", "outputs", "lower",

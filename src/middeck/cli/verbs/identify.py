@@ -13,7 +13,7 @@ from middeck.cli.shown.screen import Table, deviation_words, show
 if TYPE_CHECKING:
     from middeck.cli.work.fit_records import Identified
     from middeck.files.records import Columns
-    from middeck.identification.friction import JointFriction
+    from middeck.identification.friction.find import JointFriction
     from middeck.identification.model.measurement_model import MeasurementModel
 
 EPILOG = """\

@@ -12,7 +12,7 @@ from middeck.cli.shown.screen import Table, cells, deviation_words, show
 
 if TYPE_CHECKING:
     from middeck.identification.fit.fit_response import FitResult
-    from middeck.identification.impact import ImpactTest
+    from middeck.identification.impact.averaged_blows import ImpactTest
 
 EPILOG = """\
 \b
@@ -83,7 +83,8 @@ def verb(
     from middeck.cli.shown.blame import reading
     from middeck.files.any_value import write
     from middeck.files.records import load_records, write_response
-    from middeck.identification.impact import average_blows, fit_impact
+    from middeck.identification.impact.averaged_blows import average_blows
+    from middeck.identification.impact.fit_of_blows import fit_impact
 
     chosen = settle(ImpactSettings, {"states": states, "band_hz": band_hz}, overrides)
     taken = load_records(records, columns.told())

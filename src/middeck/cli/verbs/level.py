@@ -40,7 +40,9 @@ Examples:
     help="Axes of the tilts to remove, of x, y, z.  [default: both level axes]",
 )
 @click.option("--node", metavar="NAME", help="Level this node.  [default: the best-fit rigid body]")
-@click.option("--limit", type=float, default=0.1, show_default=True, help="Largest change of an offset [m].")
+@click.option(
+    "--limit", type=options.POSITIVE, default=0.1, show_default=True, help="Largest change of an offset [m]."
+)
 @figures.figure
 @options.common
 def verb(

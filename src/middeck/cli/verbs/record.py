@@ -101,7 +101,7 @@ def _read(
 ) -> tuple[Record, Recognised | None, tuple[Fault, ...]]:
     from middeck.cli.shown.blame import reading
     from middeck.files.records import join_records, read_record, split_periods
-    from middeck.identification.faults import detect_faults
+    from middeck.identification.faults.detect import detect_faults
 
     readings = [read_record(path, told) for path in files]
     taken = join_records([r.record for r in readings], list(files))
@@ -131,7 +131,7 @@ def _transients(taken: Record, excitation: Recognised) -> tuple[Fault, ...]:
     """Transients of the periods that the inputs show, as --periods would judge them."""
     from dataclasses import replace
 
-    from middeck.identification.faults import detect_faults
+    from middeck.identification.faults.detect import detect_faults
     from middeck.signals.excitation.repetition import blocks_of
 
     if excitation.period is None:

@@ -26,7 +26,7 @@ Examples:
 @options.article
 @click.option("--boundary", multiple=True, metavar="NODES", help="Nodes that remain; may be repeated.")
 @click.option("--modes", "count", type=click.IntRange(min=0), help="How many fixed-interface modes.")
-@click.option("--upto-hz", type=float, help="Or all up to this frequency.")
+@click.option("--upto-hz", type=options.POSITIVE, help="Or all up to this frequency.")
 @click.option(
     "--residual",
     multiple=True,

@@ -12,18 +12,16 @@ from middeck.cli.given.settings import FitSettings
 from middeck.cli.shown.blame import reading
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.identification.fit.fit_response import FitResult, fit_asked
-from middeck.identification.friction import JointFriction, find_friction, without_friction
+from middeck.identification.friction.find import JointFriction, find_friction
+from middeck.identification.friction.remove import without_friction
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, rank_of
 from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_samples
-from middeck.identification.spectra import (
-    doubts_of_window,
-    estimate_response,
-    estimate_spectra,
-    spectra_response,
-)
+from middeck.identification.spectra.averages import doubts_of_window, estimate_spectra
+from middeck.identification.spectra.estimate import estimate_response
+from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.identification.uncertainty.parameter_deviations import distinct_poles

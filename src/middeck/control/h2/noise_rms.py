@@ -16,7 +16,7 @@ from middeck.control.analysis.loop.feedback_loop import (
 )
 from middeck.control.analysis.rms.closed_response import closed_response
 from middeck.control.analysis.stability.delayed_roots import find_open_poles
-from middeck.control.analysis.stability.stability import decide_loop
+from middeck.control.analysis.stability.stability import find_roots, judge_roots
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
@@ -61,18 +61,18 @@ def integrate_noise(
     """
     generalize(remove_delays(plant), weights, 1.0)  # refuses a plant of infinite cost
     loop = form_loop(plant, compensator)
-    found = decide_loop(loop)
+    roots = find_roots(loop)
+    found = judge_roots(roots, loop.period_s)
     if not found.decays:
         return NoiseOutcome(found.stable, np.inf, np.inf)
-    peaks = np.append(_peaks(loop), found.pole)
-    fastest = np.abs(np.concatenate([find_open_poles(loop), [found.pole]]))
+    fastest = np.abs(np.append(find_open_poles(loop)[0], found.pole))
     top = FAR * float(fastest[np.isfinite(fastest)].max(initial=1.0))
-    low = REST * float(np.abs(peaks).min(initial=top))
+    low = REST * float(np.abs(roots).min(initial=top))
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
     first, *last = respond(np.array([low, top, 10.0 * top]))
     unit = np.eye(first.shape[1])
     limits = low / (2.0 * np.pi), top / (2.0 * np.pi)
-    band = response_rms(respond, peaks, unit, limits) if measured else np.zeros(len(first))
+    band = response_rms(respond, roots, unit, limits) if measured else np.zeros(len(first))
     square = band**2 + np.sum(low * np.abs(first) ** 2 + top * np.abs(last[0]) ** 2, axis=1) / np.pi
     # A response that does not fall beyond the last line passes white noise: infinite rms.
     level = np.linalg.norm(last, axis=2)

@@ -1,5 +1,5 @@
 """From two Gramian factors to fewer states: the square-root method (Tombs and Postlethwaite 1987, Int. J.
-Control 46; the coordinates are Moore's, 1981, IEEE TAC 26)."""
+Control 46; the coordinates are Moore's, 1981, IEEE TAC 26), with ports in units of typical sizes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from middeck.values import record
 
 EQUAL = 1e-9
 """Relative difference below which singular values count as equal and their states are not separated."""
+
+
+Sizes = Float[np.ndarray, " port"]
 
 
 @record
@@ -63,3 +66,14 @@ def check_order(order: int, kept: int, whole: int) -> int:
             hint=f"an order from {kept} to {whole}",
         )
     return order - kept
+
+
+def in_sizes(system: StateSpace, input_size: Sizes, output_size: Sizes) -> StateSpace:
+    """The system with its ports scaled to their sizes."""
+    u, y = input_size, output_size[:, None]
+    return StateSpace(system.A, system.B * u, system.C / y, system.D * u / y)
+
+
+def out_of_sizes(system: StateSpace, input_size: Sizes, output_size: Sizes) -> StateSpace:
+    """The system with its ports scaled back to their units."""
+    return in_sizes(system, 1.0 / input_size, 1.0 / output_size)

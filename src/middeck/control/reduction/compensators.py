@@ -14,9 +14,9 @@ from middeck.control.h2.closed_cost import evaluate_cost
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg.weights import LQGWeights
+from middeck.control.reduction.balanced_projection import in_sizes
 from middeck.control.reduction.method_search import Best, Trial, search_law
 from middeck.control.reduction.methods import Method
-from middeck.control.reduction.port_sizes import in_sizes
 from middeck.control.reduction.reduced_systems import ReducedCompensator
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
 from middeck.control.reduction.weighted_loop import Loop, absorb, pose_loop, proper_law, response_in_loop

@@ -22,11 +22,12 @@ from middeck.control.reduction.balanced_projection import (
     balance,
     bound_of,
     check_order,
+    in_sizes,
+    out_of_sizes,
     project,
     settle_order,
 )
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
-from middeck.control.reduction.port_sizes import in_sizes, out_of_sizes
 from middeck.control.reduction.separation import separate_unstable, subtract
 from middeck.control.reduction.weighted_loop import Loop, gramians_in_loop, proper_law, seen_at_y
 from middeck.control.riccati.continuous import solve_riccati

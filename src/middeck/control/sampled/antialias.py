@@ -22,7 +22,7 @@ def filter_measurements(plant: Plant, section: StateSpace) -> Plant:
 
     Raises `ConfigError` for a section with more than one input or output.
 
-    >>> from middeck.control.shaping.sections import roll_off
+    >>> from middeck.control.shaping.leads_and_notches import roll_off
     >>> from middeck.signals.ports import Port
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> plant = Plant(dynamics=lag, inputs=(Port("f", "N"),), outputs=(Port("x", "m"),), w=("f",),

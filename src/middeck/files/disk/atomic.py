@@ -19,6 +19,10 @@ def replacing(path: str | Path) -> Generator[Path]:
     try:
         yield temporary
         os.replace(temporary, target)
+    except OSError as error:
+        if error.filename == str(temporary):
+            error.filename = str(target)  # whose name the user knows
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def load_blacklist(path: str | Path) -> dict[str, str]:
     Raises `DataError` for another file, for one that was changed, and for entries that are no hashes with
     reasons.
     """
-    if not Path(path).exists():
+    if not os.path.lexists(path):  # a link to nowhere is a list that is lost, not one that is empty
         return {}
     listed = read_sealed(path, BLACKLIST).get("laws")
     if not isinstance(listed, dict) or not all(map(_is_entry, listed.items())):

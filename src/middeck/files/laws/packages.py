@@ -14,10 +14,10 @@ from middeck.files.json.hash_seal import doubled_key
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json.output import write_json
 from middeck.realtime.generate.c_source import generate_c
-from middeck.realtime.package.binary import MAGIC, decode_package, encode_package, hash_package
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package import ControllerPackage, TestVectors
+from middeck.realtime.package.package_bytes import MAGIC, decode_package, encode_package, hash_package
 
 PACKAGE_SCHEMA = "middeck.package/1"
 AGAIN = "the file as it was generated"

@@ -24,6 +24,8 @@ NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an e
 DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
 # How far a matrix of axes may be from the global one: printed digits.
 AXES_OFF = 1e-6
+# Of an eigenvalue or a shape: how far what stands twice may be apart, each data set with digits of its own.
+SAME = 1e-4
 # Units of length in a metre by the code of units; 9 is the user's own.
 LENGTHS = {1: 1.0, 2: 3.28084, 3: 1.0, 4: 3.28084, 5: 1e3, 6: 1e2, 7: 39.3701, 8: 1e3, 10: 1e3}
 
@@ -199,17 +201,21 @@ def _once(shapes: list[Shape]) -> list[Shape]:
     """Of a mode and its complex conjugate the one that turns forward; of what stands twice the first."""
 
     def again(k: int, shape: Shape) -> bool:
-        back = shape.root.imag < 0.0 and any(
-            abs(s.root - shape.root.conjugate()) <= 1e-4 * abs(shape.root) for s in shapes
-        )
+        back = shape.root.imag < 0.0 and any(_close(s.root, shape.root.conjugate()) for s in shapes)
         return back or any(_equal(s, shape) for s in shapes[:k])
 
     return [s for k, s in enumerate(shapes) if not again(k, s)]
 
 
+def _close(one: complex, other: complex) -> bool:
+    return abs(one - other) <= SAME * abs(one)
+
+
 def _equal(one: Shape, other: Shape) -> bool:
-    same = one.root == other.root and one.rows.keys() == other.rows.keys()
-    return same and all(np.array_equal(row, other.rows[n]) for n, row in one.rows.items())
+    if one.rows.keys() != other.rows.keys() or not _close(one.root, other.root):
+        return False
+    here, there = (np.array([_six(s.rows[n]) for n in one.rows]) for s in (one, other))
+    return bool(np.abs(here - there).max(initial=0.0) <= SAME * np.abs(here).max(initial=0.0))
 
 
 def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 from middeck.control.law.pd_loops import PDLoops
 from middeck.files.refinements.documents import build_unknown
 from middeck.files.studies.promise import PromiseForm
-from middeck.identification.friction import JointFriction
+from middeck.identification.friction.find import JointFriction
 from middeck.laboratory.modal_test import ModalTest
 from middeck.structure.model.environment import Environment
 from middeck.updating.promise.draws import LoopSpread

@@ -3,7 +3,3 @@
 for fault in detect_faults(record):
     print(fault)
 """
-
-from middeck.identification.faults.detect import detect_faults
-
-__all__ = ["detect_faults"]

@@ -35,7 +35,7 @@ def find_pair_faults(record: Record) -> list[Fault]:
             here = _duplicate(y, z, other) or _collocated(record, port, y, other, z)
             found += [f.at("output", port) for f in here]
         for at, u in inputs:
-            here = _duplicate(y, u, at) or _driven(record, port, y, at, u)
+            here = _duplicate(y, u, at) or _driven(port, y, at, u)
             found += [f.at("output", port) for f in here]
     return found
 
@@ -98,7 +98,7 @@ def _lag(y: Runs, z: Runs) -> tuple[float, float]:
     return k - most + float(shift), float(near[k] / size) if size else 0.0
 
 
-def _driven(record: Record, port: Port, y: Runs, at: Port, u: Runs) -> list[Found]:
+def _driven(port: Port, y: Runs, at: Port, u: Runs) -> list[Found]:
     """A force and the motion where it acts: the article takes power in."""
     sign = _same_place(port.channel, at.channel)
     derivative = {"m": 1, "rad": 1, "m/s": 0, "rad/s": 0, "m/s^2": -1, "rad/s^2": -1}.get(port.unit)

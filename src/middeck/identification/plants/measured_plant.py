@@ -150,7 +150,7 @@ def measured_plant(
     if model.sample_hz is not None:
         raise ConfigError(
             "a sampled model has no continuous plant",
-            hint="fit it without sample_hz, or take sampled_statespace",
+            hint="fit it without sample_hz, or take identification.rational_statespace",
         )
     return Plant(
         dynamics=modal_statespace(model),

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
-from middeck.identification.faults import detect_faults
+from middeck.identification.faults.detect import detect_faults
 from middeck.identification.faults.equal_runs import runs_of
 from middeck.identification.model.fit_options import is_rate
 from middeck.identification.problem.data import Data

@@ -44,7 +44,7 @@ from middeck.identification.record_fit.refine_record import WEIGHTINGS, RecordRu
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.excitation.driven_band import driven_band

@@ -27,26 +27,6 @@ def multiple_coherence(spectra: Spectra) -> Float[np.ndarray, "line output"]:
     return _share(_diagonal(explained), _diagonal(spectra.S_yy))
 
 
-def partial_coherence(spectra: Spectra) -> Float[np.ndarray, "line output input"]:
-    """Ordinary coherence of what all other inputs leave of the output and of the input."""
-    inputs = spectra.S_uu.shape[1]
-    _refuse_few(spectra, inputs)
-    refuse_dependent(spectra)
-    found = np.empty(spectra.S_yu.shape)
-    for i in range(inputs):
-        others = np.delete(np.arange(inputs), i)
-        S_jj = spectra.S_uu[:, others[:, None], others]
-        S_ji = spectra.S_uu[:, others, i : i + 1]
-        S_jy = spectra.S_yu[:, :, others].conj().mT
-        by_input = np.linalg.solve(S_jj, S_ji)
-        by_output = np.linalg.solve(S_jj, S_jy)
-        S_yi = spectra.S_yu[:, :, i] - (spectra.S_yu[:, :, others] @ by_input)[:, :, 0]
-        S_ii = _power(spectra)[:, i] - np.real(np.einsum("kj,kj->k", S_ji[:, :, 0].conj(), by_input[:, :, 0]))
-        S_yy = _diagonal(spectra.S_yy) - np.real(np.einsum("kjo,kjo->ko", S_jy.conj(), by_output))
-        found[:, :, i] = _share(np.abs(S_yi) ** 2, S_ii[:, None] * S_yy)
-    return found
-
-
 def refuse_dependent(spectra: Spectra) -> None:
     """Raise `DataError` where inputs with power are copies of each other."""
     size = np.sqrt(np.maximum(_power(spectra), np.finfo(float).tiny))

@@ -176,22 +176,20 @@ def start_tracking(
     input_rms: Float[np.ndarray, " input"] | float,
     known: Uncertainty | None = None,
     drift: Drift | None = None,
-    hold_in_model: bool = True,
 ) -> Tracking:
     """The state before the first sample.
 
     Args:
         model: Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from
-            a plant (`model_of_plant`). Frequencies, damping and the size of each mode at each output are
-            followed; delays and the direct term are taken as they are.
+            a plant (`model_of_plant`). Without a ``hold_s``, half a sample of hold is in its delays.
+            Frequencies, damping and the size of each mode at each output are followed; delays and the direct
+            term are taken as they are.
         sample_hz: Rate of the samples that will come; inputs are held from each to the next.
         noise_rms: Of the white noise on each output's samples.
         input_rms: Of what moved the article before the first sample, by which the unknown motion at the start
             is judged; zero for an article at rest.
         known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
         drift: How parameters are thought to move.
-        hold_in_model: Whether the model was fitted to records of held inputs, so that its delays hold half a
-            sample of hold (docs/conventions.md). False for a plant of a structure with a pure delay.
 
     Raises `ConfigError` for a sampled model, one with real poles or terms of modes below the band, delays
     that differ by input, a mode at or above half the sampling rate, noise that is not positive, an input that
@@ -200,7 +198,7 @@ def start_tracking(
     noise = np.broadcast_to(np.asarray(noise_rms, dtype=float), (len(model.outputs),))
     rms = np.broadcast_to(np.asarray(input_rms, dtype=float), (len(model.inputs),))
     _check(model, sample_hz, noise, rms)
-    followed = _followed(model, sample_hz, noise, drift or Drift(), hold_in_model=hold_in_model)
+    followed = _followed(model, sample_hz, noise, drift or Drift())
     modes, outputs, groups = len(model.poles), len(model.outputs), len(followed.whole)
     moving = motion_deviation(followed, rms**2)
     known_by = _parameter_deviation(model, known)
@@ -243,16 +241,16 @@ def _parameter_deviation(
     return np.concatenate([*each, np.full(len(model.outputs) * modes, FIRST_GAIN)])
 
 
-def _followed(
-    model: MeasurementModel, sample_hz: float, noise: np.ndarray, drift: Drift, *, hold_in_model: bool
-) -> Followed:
+def _followed(model: MeasurementModel, sample_hz: float, noise: np.ndarray, drift: Drift) -> Followed:
     T = 1.0 / sample_hz
     delay = model.delay_s + (0.0 if model.path_delay_s is None else model.path_delay_s[:, 0])
+    # Where nothing is known of a hold the inputs were held, and half a sample of hold is in the delays.
+    hold_in_model = model.hold_s is None
     pure = delay - 0.5 * T * hold_in_model
     if np.any(pure < -1e-9 * T):
         raise ConfigError(
             f"a delay of {delay.min()} s is less than the hold's own {0.5 * T} s",
-            hint="hold_in_model=False if the model does not hold it",
+            hint="a model of what is behind the hold says so: hold_s, zero for a plant with a pure delay",
         )
     # 1e-9 of a sample: decimals are not exact in binary.
     samples, group = np.unique(np.round(np.maximum(pure, 0.0) / T, 9), return_inverse=True)

@@ -180,7 +180,7 @@ def find_steady_start(
     x = find_periodic_state(loop, np.hstack([u, np.zeros((len(u), len(rig.outputs)))]))
     rows = gyro_sums(rig)
     sums = np.zeros(0) if rows is None else rows @ x[: len(rested.x) + rested.issued.size]
-    steady = linear_state(rig, rested, x, sums)
+    steady = linear_state(rested, x, sums)
     angles, states = (rig.plant.angle @ steady.x).tolist(), iter(rested.joints.tolist())
     joints = [
         part.resist(angle, next(states))[1]

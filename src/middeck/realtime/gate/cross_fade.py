@@ -11,8 +11,8 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.gate.linear_law import sum_of_laws
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps import FADES, GateMargins, GateStep, Tried, check_loops
-from middeck.realtime.gate.trials import package_settings
+from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, GateStep, Tried, check_loops
+from middeck.realtime.gate.steps_on_rig import package_settings
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.reference import fade_at
 from middeck.systems.plants.plant import Plant

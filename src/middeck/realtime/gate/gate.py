@@ -11,7 +11,7 @@ from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps import (
+from middeck.realtime.gate.steps_on_paper import (
     GateMargins,
     GateStep,
     check_blacklist,
@@ -19,17 +19,18 @@ from middeck.realtime.gate.steps import (
     check_interface,
     check_model,
     check_poles,
+    check_recovery,
     check_vectors,
 )
-from middeck.realtime.gate.trials import (
+from middeck.realtime.gate.steps_on_rig import (
     GateRig,
     GateTrials,
     check_dry_run,
     check_engagement,
     check_shadow_run,
 )
-from middeck.realtime.package.binary import hash_law, hash_package
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import hash_law, hash_package
 from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
@@ -97,6 +98,8 @@ def examine_package(
 ) -> GateVerdict:
     """Blacklist, interface, poles, test vectors, bound of the error; the loop with each model; then runs.
 
+    A law that is unstable by itself must recover from limits on each model too (`check_recovery`).
+
     What is not known of a loop is not passed.
 
     Args:
@@ -124,41 +127,37 @@ def examine_package(
     engine = rig.settings if settings is None and rig is not None and rig.settings.hold else settings
     held, unfit = _beside_hold(package, engine)
     steps = [check_blacklist(hash_law(package), blacklist or {})]
-    if steps[0].passed:
-        steps += [
-            unfit or check_interface(held, models),
-            check_poles(held),
-            check_vectors(package),
-            check_error_bound(package),
-            *([] if gain is None else [_check_gain(package, gain)]),
-        ]
-    proofs: tuple[GainProof, ...] = ()
+    steps += _on_paper(package, held, unfit or check_interface(held, models), gain) if _good(steps) else []
     if _good(steps):
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
+        if held.unstable and _good(steps):
+            steps += [check_recovery(held, name, plant) for name, plant in models.items()]
         if engaged is not None and _good(steps):
             share = 1.0 if trials is None else trials.share
             steps += check_cross_fade(engaged, package, models, least, engine, gain, share)
-    if gain is not None and _good(steps):
-        proofs = prove_gain(held, gain, models)
-        steps += [
-            GateStep(name=f"adaptive gain {proof.model}", passed=proof.proved, said=proof.said)
-            for proof in proofs
-        ]
+    proofs = prove_gain(held, gain, models) if gain is not None and _good(steps) else ()
+    steps += [GateStep(name=f"adaptive gain {p.model}", passed=p.proved, said=p.said) for p in proofs]
     tripped = ""
     if trials is not None and _good(steps):
         steps += [check_dry_run(package, name, plant, trials, engine) for name, plant in models.items()]
-    if trials is not None and rig is not None and _good(steps):
-        runs, tripped = _on_rig(package, rig, trials)
-        steps += runs
-    left_out = ("dry run",) if trials is None else ()
-    left_out += ("shadow run", "engagement") if trials is None or rig is None else ()
+        if rig is not None and _good(steps):
+            runs, tripped = _on_rig(package, rig, trials)
+            steps += runs
+    left_out = ("dry run", "shadow run", "engagement")[0 if trials is None else 1 if rig is None else 3 :]
     return GateVerdict(
         sha256=hash_package(package), law=hash_law(package), name=package.name, models=tuple(models),
         steps=tuple(steps), left_out=left_out, tripped=tripped, gain=gain, proofs=proofs,
         hold=NO_HOLD if engine is None else hash_hold(engine),
         engaged="" if engaged is None else hash_package(engaged),
     )  # fmt: skip
+
+
+def _on_paper(
+    package: ControllerPackage, held: ControllerPackage, interface: GateStep, gain: AdaptiveGain | None
+) -> list[GateStep]:
+    steps = [interface, check_poles(held), check_vectors(package), check_error_bound(package)]
+    return steps if gain is None else [*steps, _check_gain(package, gain)]
 
 
 def _on_rig(package: ControllerPackage, rig: GateRig, trials: GateTrials) -> tuple[list[GateStep], str]:

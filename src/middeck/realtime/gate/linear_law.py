@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import scipy.linalg as sla
+from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
@@ -22,7 +24,7 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     the open observer, which follows the plant without moving it. Raises `ConfigError` for a fade outside 0
     to 1.
 
-    >>> from middeck.realtime.package.build import package_law
+    >>> from middeck.realtime.package.package_law import package_law
     >>> from middeck.signals.ports import Port
     >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], period_s=0.1)
     >>> half = linear_law(package_law(Compensator(lag, (Port("y", "m"),), (Port("u", "N"),)), "lag"), 0.5)
@@ -32,6 +34,23 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     if not 0.0 <= fade <= 1.0:
         raise ConfigError(f"a fade of {fade}", hint="0 to 1")
     return sum_of_laws([package], [fade])
+
+
+def limited_laws(
+    package: ControllerPackage, gains: Iterable[Float[np.ndarray, " output"]]
+) -> Iterator[Compensator]:
+    """u = g (p + c) for each of ``gains``: of what outputs are asked for only a share is applied.
+
+    The compensator learns of it. At a gain of zero an output stands still at its limit.
+    """
+    whole, m = linear_law(package), len(package.inputs)
+    law, E = whole.sampled, unfold_law(package, single=False).G[:, m : m + len(package.outputs)]
+    for gain in gains:
+        lost, K = E * (gain - 1.0), gain[:, None]
+        limited = SampledStateSpace(
+            law.A + lost @ law.C, law.B + lost @ law.D, K * law.C, K * law.D, period_s=law.period_s
+        )
+        yield dataclasses.replace(whole, dynamics=limited)
 
 
 def sum_of_laws(packages: Sequence[ControllerPackage], fades: Sequence[float]) -> Compensator:
@@ -76,4 +95,11 @@ def _along(blocks: Sequence[np.ndarray]) -> np.ndarray:
 def _places(sides: Sequence[tuple[Port, ...]]) -> tuple[np.ndarray, tuple[Port, ...]]:
     """Ones where a port of all packages, side by side, is one of the union; and the union."""
     union = tuple(dict.fromkeys(port for ports in sides for port in ports))
+    units = {port.name: port.unit for port in reversed(union)}
+    for port in union:
+        if port.unit != units[port.name]:
+            raise ConfigError(
+                f"{port.name} in {units[port.name]} of one package, in {port.unit} of another",
+                hint="packages of one article",
+            )
     return np.array([[float(one == port) for one in union] for ports in sides for port in ports]), union

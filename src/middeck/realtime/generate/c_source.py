@@ -6,9 +6,9 @@ import re
 from importlib import resources
 
 from middeck.errors import ConfigError
-from middeck.realtime.generate.tables import law_tables, vector_tables
-from middeck.realtime.package.binary import hash_package
+from middeck.realtime.generate.c_tables import law_tables, vector_tables
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import hash_package
 from middeck.values import record
 
 

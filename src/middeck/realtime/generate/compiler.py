@@ -72,7 +72,7 @@ def _compile(compiler: str, sources: Mapping[str, str], flags: tuple[str, ...], 
         )
         if made.returncode != 0:
             raise ConfigError(
-                f"{', '.join(units)}: does not compile: {made.stderr.strip()[:2000]}",
+                f"does not compile: {made.stderr.strip()[:2000]}",
                 where=compiler,
                 hint="CC=another compiler",
             )

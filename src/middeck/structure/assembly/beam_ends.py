@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from middeck.structure.assembly.carried_elements import Within
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import At, poses_at
 from middeck.structure.elements.beam import BeamProperties

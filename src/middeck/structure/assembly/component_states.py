@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import At, moved_since, poses_at
 from middeck.structure.elements.component import ComponentElement, ComponentState, component_state

@@ -16,8 +16,8 @@ from jaxtyping import Inexact
 from middeck.structure.assembly.beam_ends import carried_levers, chunks, element_ends, tensioned_beams
 from middeck.structure.assembly.carried_elements import Inside
 from middeck.structure.assembly.component_states import component_states_at
+from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.linked import link_part
-from middeck.structure.assembly.loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import (
     At,

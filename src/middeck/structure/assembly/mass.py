@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from middeck.structure.assembly.beam_ends import chunks, element_ends
 from middeck.structure.assembly.component_states import component_rows
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import moved_since, poses_at, symmetric, transport
 from middeck.structure.assembly.springs import at_attach_points

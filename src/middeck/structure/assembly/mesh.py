@@ -145,20 +145,18 @@ def lay_out(structure: Structure) -> Model:
     frames = (*(n.name for n in structure.nodes), *inner, *(j.name for j in structure.joints))
     index = {name: i for i, name in enumerate(frames)}
     x = np.concatenate([np.array([n.position for n in structure.nodes]).reshape(-1, 3), cut.inner])
-    parts = (*structure.nodes, *structure.joints)
-    bodies = [(index[p.name], p.body) for p in parts if p.body.mass != 0.0 or np.any(p.body.inertia)]
-    bodies += [(index[m.frame], m.body) for m in structure.masses]
+    bodies = _bodies(structure, index)
     ends = cut.frame.size
     attach = {a.name: ends + len(bodies) + i for i, a in enumerate(structure.attach_points)}
-    at = (*structure.attach_points, *structure.loads)
-    parts = structure.components
-    points = [*(frame for frame, _ in bodies), *(index[a.frame] for a in at)]
-    points += [index[frame] for part in parts for frame in part.frames]
+    places = [(frame, body.cg) for frame, body in bodies]
+    places += [(index[a.frame], a.offset) for a in (*structure.attach_points, *structure.loads)]
+    grids = ends + len(places)
+    places += [
+        (index[f], at) for p in structure.components for f, at in zip(p.frames, p.fixed_at, strict=True)
+    ]
     linked = link_points(structure.links)
-    points += [index[frame] for frame, _ in linked]
-    offsets = [*(b.cg for _, b in bodies), *(a.offset for a in at), *(o for p in parts for o in p.fixed_at)]
-    offsets += [offset for _, offset in linked]
-    first = ends + len(bodies) + len(at) + sum(len(part.grids) for part in parts)
+    first = ends + len(places)
+    places += [(index[frame], offset) for frame, offset in linked]
     spring_ends, bushing_ends = (
         np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
         for ties in (structure.springs, structure.bushings)
@@ -173,8 +171,8 @@ def lay_out(structure: Structure) -> Model:
         tree=tree,
         rest=rest,
         points=PosePoints(
-            np.concatenate([cut.frame.ravel(), np.array(points, dtype=int)]),
-            np.concatenate([cut.offset.reshape(-1, 3), np.array(offsets).reshape(-1, 3)]),
+            np.concatenate([cut.frame.ravel(), np.array([frame for frame, _ in places], dtype=int)]),
+            np.concatenate([cut.offset.reshape(-1, 3), np.array([at for _, at in places]).reshape(-1, 3)]),
         ),
         element_ends=np.arange(ends).reshape(-1, 2),
         element_triad=geometry.triad[cut.member],
@@ -192,7 +190,7 @@ def lay_out(structure: Structure) -> Model:
         spring_ends=spring_ends,
         bushing_ends=bushing_ends,
         load_point=ends + len(bodies) + len(attach) + np.arange(len(structure.loads)),
-        components=_components(structure, ends + len(bodies) + len(at)),
+        components=_components(structure, grids),
         links=lay_out_links(
             structure.links,
             {frame: place[index[frame]] for frame, _ in linked},
@@ -281,6 +279,13 @@ def select_beams(beams: BeamProperties, rows: slice | np.ndarray) -> BeamPropert
     if isinstance(rows, slice) and not rows.start and (rows.stop or 0) >= len(beams.length):
         return beams
     return BeamProperties(**{f.name: getattr(beams, f.name)[rows] for f in dataclasses.fields(beams)})
+
+
+def _bodies(structure: Structure, index: dict[str, int]) -> list[tuple[int, Body]]:
+    """Frame and body of everything that has one."""
+    parts = (*structure.nodes, *structure.joints)
+    own = [(index[p.name], p.body) for p in parts if p.body.mass != 0.0 or np.any(p.body.inertia)]
+    return own + [(index[m.frame], m.body) for m in structure.masses]
 
 
 def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> FrameTree:

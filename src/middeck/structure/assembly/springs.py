@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.structure.assembly.loads import Inner, Loads
+from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import At, drawn_places, moved_since, poses_at
 from middeck.structure.elements.bushings import NO_BUSHINGS, BushingState, bushing_state

@@ -9,7 +9,7 @@ from jaxtyping import Inexact
 from middeck.structure.assembly.beam_ends import carried_levers, chunks, element_ends, tensioned_beams
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.energy import Assembly
-from middeck.structure.assembly.loads import Inner, Loads
+from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import At, poses_at, transport
 from middeck.structure.assembly.springs import (

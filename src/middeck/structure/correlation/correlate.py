@@ -129,12 +129,6 @@ def correlate_modes(
         )
     measured = place_channels(modes.equilibrium.model, measured)
     spread = stated_noise(modes, measured, noise)
-    if spread is None:
-        raise ConfigError(
-            "the test does not state how well it knows its frequencies and shapes",
-            where="measured modes",
-            hint="noise=MeasurementNoise(0.001, 0.02), or frequency_std_hz and shape_std in a JSON file",
-        )
     if runs < 1:
         raise ConfigError(f"{runs} runs of a correct model", where="runs", hint="1 or more, e.g. 1000")
     rows = sensor_rows(modes, measured.node, measured.direction)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.modes.motions.rigid import rigid_motions
+from middeck.structure.modes.motions.rigid_motions import rigid_motions
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 

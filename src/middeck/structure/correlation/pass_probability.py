@@ -6,6 +6,7 @@ import numpy as np
 import scipy.special as ssp
 from jaxtyping import Bool, Float
 
+from middeck.errors import ConfigError
 from middeck.structure.correlation.evaluation import Candidates, Evaluation, criterion_values, evaluate_shapes
 from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
@@ -81,13 +82,20 @@ class CorrectModel:
 
 def stated_noise(
     modes: Modes, measured: MeasuredModes, noise: MeasurementNoise | None
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Standard deviations of frequencies [Hz] and shapes: of ``noise`` if given, else the test's own."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations of frequencies [Hz] and shapes: of ``noise`` if given, else the test's own.
+
+    Raises `ConfigError` where neither says how well both are known.
+    """
     if noise is not None:
         rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
         return noise.frequency * measured.frequency_hz, noise.shape * rms
     if measured.frequency_std_hz is None or measured.shape_std is None:
-        return None
+        raise ConfigError(
+            "the test does not state how well it knows its frequencies and shapes",
+            where="measured modes",
+            hint="noise=MeasurementNoise(0.001, 0.02), or frequency_std_hz and shape_std in a JSON file",
+        )
     return measured.frequency_std_hz, measured.shape_std
 
 

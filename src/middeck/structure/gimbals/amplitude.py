@@ -110,7 +110,6 @@ def sweep_amplitude(
     bare = estimate_damping(modes, damping).zeta
     system = build_joint_system(modes, joint, bare)
     equal = sum_equivalents(elements, A)
-    viscous = sum(e.viscous for e in elements)
     # Modes that do not move the joint stay as they are.
     omega, zeta = (np.tile(v[chosen], (len(A), 1)) for v in (modes.omega, bare))
     overlap, likeness = np.ones_like(omega), np.ones_like(omega)
@@ -123,27 +122,23 @@ def sweep_amplitude(
     for i, (found, k) in enumerate(zip(damped, equal.stiffness, strict=True)):
         lam, every = solve_undamped(system, float(k), count)
         own = pair_undamped(found, every)
-        omega[i, moved], shapes[i], likeness[i, moved] = (
-            np.sqrt(lam[own.mode]),
-            every[:, own.mode],
-            own.likeness,
-        )
+        omega[i, moved], shapes[i] = np.sqrt(lam[own.mode]), every[:, own.mode]
+        likeness[i, moved] = own.likeness
         zeta[i, moved] = -np.real(found.s) / np.where(found.s == 0.0, 1.0, np.abs(found.s))
     overlap[:, moved] = np.abs(shapes[:, poles, np.arange(len(poles))])
     series = 1.0 + equal.stiffness[:, None] * system.flexibility
     angle[:, moved] = np.abs(np.einsum("p,apm->am", system.angle, shapes)) / series
     distortion[:, moved] = _distortion(system, elements, A, omega[:, moved])
     zeta[omega == 0.0] = np.nan
-    names = tuple(modes.name[m] for m in chosen)
     return AmplitudeCurves(
         joint=joint,
         slides=_slides(modes, joint),
         amplitude=A,
         stiffness=equal.stiffness,
         loss=equal.loss,
-        viscous=viscous,
+        viscous=sum(e.viscous for e in elements),
         mode=chosen,
-        name=names,
+        name=tuple(modes.name[m] for m in chosen),
         omega=omega,
         zeta=zeta,
         likeness=likeness,

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import Configuration
@@ -172,9 +172,8 @@ def sweep_gimbals(
     followed = _follow(members, at, origin, count)
     start = members[origin]
     assert isinstance(start, _Member)
-    modes = start.modes
-    assert modes is not None
-    name = modes.name[:count]
+    assert start.modes is not None
+    name = start.modes.name[:count]
     lam = np.full((len(at), len(name)), np.nan)
     match = np.full_like(lam, np.nan)
     torque = np.full(at.shape, np.nan)
@@ -182,8 +181,6 @@ def sweep_gimbals(
     for p, found in followed.items():
         lam[p], match[p] = found.spectrum.lam, found.match
         torque[p] = found.member.rest.holding_torque[index]
-    limits = _limits(grid, at, followed, solve, names)
-    ported = bool(inputs) and bool(outputs)
     return GimbalFamily(
         joints=names,
         grid=grid,
@@ -191,20 +188,23 @@ def sweep_gimbals(
         holding_torque=torque,
         torque_limit=np.array([j.torque_limit for j in joints]),
         name=name,
-        kind=modes.kind[:count],
+        kind=start.modes.kind[:count],
         origin=origin,
         omega2=lam,
         match=match,
         rests=tuple(m.rest if isinstance(m, _Member) else None for m in members),
-        plants=tuple(
-            build_plant(m.modes, inputs=inputs, outputs=outputs, count=count, damping=damping)
-            if ported and isinstance(m, _Member) and m.modes is not None
-            else None
-            for m in members
-        ),
+        plants=tuple(_plant(m, inputs, outputs, count, damping) for m in members),
         trouble=tuple(m.trouble if isinstance(m, _Member) else m for m in members),
-        limits=limits,
+        limits=_limits(grid, at, followed, solve, names),
     )
+
+
+def _plant(
+    member: _Member | str, inputs: Sequence[str], outputs: Sequence[str], count: int, damping: Damping | None
+) -> Plant | None:
+    if not (inputs and outputs) or not isinstance(member, _Member) or member.modes is None:
+        return None
+    return build_plant(member.modes, inputs=inputs, outputs=outputs, count=count, damping=damping)
 
 
 def _checked(structure: Structure, angles: Mapping[str, Sequence[float]]) -> list[Joint]:

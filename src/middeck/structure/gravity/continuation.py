@@ -9,14 +9,14 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import Assembly, assemble_carried
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import closed, static_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.rest.following import rest_beside
+from middeck.structure.rest.followed_branch import rest_beside
 from middeck.structure.rest.imbalance import STANDARD_GRAVITY, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.whole_steps import deformation, move_whole, stride

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.loads import Loads, scale_loads
+from middeck.structure.assembly.environment_loads import Loads, scale_loads
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension

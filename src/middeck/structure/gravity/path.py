@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.assembly.energy import Assembly, assemble_carried
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.continuation import rest_near

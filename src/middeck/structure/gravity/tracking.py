@@ -11,16 +11,15 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble_carried
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.modes.eigenproblem.all_or_lowest import solve_pairs
-from middeck.structure.modes.eigenproblem.eigen import Eigenpairs
+from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_pairs
 from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.modes.solve import Modes

@@ -15,6 +15,8 @@ from middeck.values import record
 WAYS = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
 # Of the geometric mean of two sizes (`_sizes`): digits that were printed.
 UNEQUAL = 1e-7
+# Of the stiffness of a coordinate at a typical frequency: the scale of a mass that is rounding alone.
+ROUNDED = 1e-6
 # Of the sum of the terms of a row: what it may leave in a motion as one body.
 RESISTS = 1e-6
 # The same as energy over the kinetic energy of that motion at the lowest elastic frequency.
@@ -149,9 +151,11 @@ def component_faults(component: Component) -> Iterator[str]:
     named |= {} if component.damping is None else {"damping": component.damping}
     faults = [fault for what, matrix in named.items() for fault in _not_finite(component, what, matrix)]
     if not faults:
-        # Neither units nor a stiffness that is rounding alone, of a determinate boundary, have a say in them.
+        # Neither units nor a stiffness that is rounding alone, of a determinate boundary, have a say in them;
+        # and a mass is no vaguer for a stiff tie from grid to grid.
         shift, size = _sizes(component)
-        by = {"stiffness": size, "mass": size / np.sqrt(shift), "damping": size / shift**0.25}
+        mass = np.sqrt(np.abs(np.diagonal(component.mass)) + ROUNDED / shift * size**2)
+        by = {"stiffness": size, "mass": mass, "damping": size / shift**0.25}
         faults = [
             f for what, matrix in named.items() for f in _unsymmetric(component, what, matrix, by[what])
         ]

@@ -32,7 +32,7 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.all_or_lowest import all_cost_less, solve_pairs
+from middeck.structure.modes.eigenproblem.eigen import all_cost_less, solve_pairs
 from middeck.structure.rest.equilibrium import solve_equilibrium
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
@@ -82,7 +82,7 @@ def reduce_structure(
     """
     _check_asked(structure, count, upto_hz)
     nodes = [node.name for node in structure.nodes]
-    _check_nodes(structure, nodes, boundary, residual, recover)
+    _check_nodes(nodes, boundary, residual, recover)
 
     def of_nodes(names: Sequence[str]) -> np.ndarray:
         return (6 * np.array([nodes.index(n) for n in names], dtype=int)[:, None] + np.arange(6)).ravel()
@@ -141,7 +141,6 @@ def _stiffness(K: sp.csr_array, inner: np.ndarray, boundary: int) -> np.ndarray:
 
 
 def _check_nodes(
-    structure: Structure,
     nodes: Sequence[str],
     boundary: Sequence[str],
     residual: Sequence[str],

@@ -15,8 +15,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.all_or_lowest import solve_pairs
-from middeck.structure.modes.eigenproblem.eigen import Eigenpairs
+from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_pairs
 from middeck.structure.modes.eigenproblem.left_out_stiffness import component_warnings
 from middeck.structure.modes.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.modes.lost_loose_or_buckled import (
@@ -27,7 +26,7 @@ from middeck.structure.modes.lost_loose_or_buckled import (
     moment_warnings,
     where_lost,
 )
-from middeck.structure.modes.motions.rigid import rigid_basis
+from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.names.kind_warnings import kind_warnings
 from middeck.structure.modes.names.kinds import find_kinds
 from middeck.structure.modes.names.naming import name_modes

@@ -26,7 +26,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.wheel_forces import Spin, spinning_wheels
 from middeck.structure.model.article import Damping
-from middeck.structure.modes.motions.rigid import rigid_basis
+from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.motions.strained_parts import leading_parts
 from middeck.structure.modes.solve import EQUAL_SIZE, Modes
 from middeck.structure.plants.damping import estimate_damping

@@ -9,9 +9,9 @@ import scipy.sparse as sp
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble_carried
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.factorisation import positive_factor
 from middeck.structure.assembly.linked import closed, static_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.rest.imbalance import imbalance

@@ -11,8 +11,8 @@ from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import assemble_carried
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.linked import check_links, link_warnings, links_at, static_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.assembly.wheel_forces import check_speeds

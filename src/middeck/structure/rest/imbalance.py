@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import Assembly
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.freedom import Freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model
 
 STANDARD_GRAVITY = 9.80665

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from middeck.structure.assembly.loads import Loads, scale_loads
+from middeck.structure.assembly.environment_loads import Loads, scale_loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.rest.damped_descent import descend
-from middeck.structure.rest.following import displace, follow, prescribed_steps
+from middeck.structure.rest.followed_branch import displace, follow, prescribed_steps
 from middeck.structure.rest.imbalance import imbalance_scale
 from middeck.structure.rest.rest_criteria import (
     TOLERANCE,

@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.loads import Ground, Loads, no_loads
+from middeck.structure.assembly.environment_loads import Ground, Loads, no_loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.devices import SpringLaw
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment
-from middeck.structure.rest.pinned import PinnedPoints, PinnedState, settle_pinned, support_forces
+from middeck.structure.rest.pinned_reactions import PinnedPoints, PinnedState, settle_pinned, support_forces
 from middeck.structure.rest.slack_cables import refuse_slack_reactions
 from middeck.values import record
 

@@ -8,13 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.structure.assembly.energy import assemble_carried
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.factorisation import factorise, positive_factor
 from middeck.structure.assembly.linked import closed, static_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.strain import predict_forces
 from middeck.structure.elements.frames import move_carried
-from middeck.structure.rest.following import with_linear_springs
+from middeck.structure.rest.followed_branch import with_linear_springs
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import (
     DAMPING_STEP,

@@ -24,9 +24,9 @@ from jaxtyping import Bool, Float
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.closing import Closing
 from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.link_rows import LinkState
 from middeck.structure.assembly.linked import bent_links, close_links
-from middeck.structure.assembly.loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move, points_in_world

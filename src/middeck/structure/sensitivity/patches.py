@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.model.article import Body, Node, Structure

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly.loads import Ground, Loads
+from middeck.structure.assembly.environment_loads import Ground, Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.devices import SpringLaw
@@ -29,22 +30,15 @@ def merge_models(models: Sequence[Model]) -> Raft:
     joints = np.cumsum([0, *(len(m.tree.parent) for m in models)])
     poses = np.cumsum([0, *(len(m.points.frame) for m in models)])
     members = np.cumsum([0, *(len(m.structure.members) for m in models)])
-    frame = [
-        np.concatenate([np.arange(roots[i], roots[i + 1]), roots[-1] + np.arange(joints[i], joints[i + 1])])
-        for i in range(len(models))
-    ]
-    coordinates = tuple(
-        np.concatenate(
-            [
-                np.arange(6 * roots[i], 6 * roots[i + 1]),
-                6 * roots[-1] + np.arange(joints[i], joints[i + 1]),
-            ]
-        )
-        for i in range(len(models))
-    )
-    first = models[0]
+
+    def places(size: int) -> tuple[np.ndarray, ...]:
+        """Of each model, those of its roots, of so many numbers each, and of its joints."""
+        spans = zip(pairwise(size * roots), pairwise(size * roots[-1] + joints), strict=True)
+        return tuple(np.concatenate([np.arange(*own), np.arange(*turned)]) for own, turned in spans)
+
+    frame = places(1)
     structure = dataclasses.replace(
-        first.structure,
+        models[0].structure,
         joints=tuple(j for m in models for j in m.structure.joints),
         springs=tuple(s for m in models for s in m.structure.springs),
         bushings=tuple(b for m in models for b in m.structure.bushings),
@@ -70,10 +64,7 @@ def merge_models(models: Sequence[Model]) -> Raft:
         element_triad=_joined([m.element_triad for m in models]),
         element_member=_shifted([m.element_member for m in models], members),
         beams=BeamProperties(
-            **{
-                f.name: _joined([getattr(m.beams, f.name) for m in models])
-                for f in dataclasses.fields(BeamProperties)
-            }
+            **{k: _joined([getattr(m.beams, k) for m in models]) for k in BeamProperties.__dataclass_fields__}
         ),
         body_point=_shifted([m.body_point for m in models], poses),
         body_mass=_joined([m.body_mass for m in models]),
@@ -84,7 +75,7 @@ def merge_models(models: Sequence[Model]) -> Raft:
         bushing_ends=_shifted([m.bushing_ends for m in models], poses),
         load_point=_shifted([m.load_point for m in models], poses),
     )
-    return Raft(merged, coordinates, tuple(int(p) for p in poses[:-1]))
+    return Raft(merged, places(6), tuple(int(p) for p in poses[:-1]))
 
 
 def merge_configurations(configs: Sequence[Configuration]) -> Configuration:

@@ -22,7 +22,7 @@ from middeck.structure.assembly.linked import static_coordinates, static_freedom
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.pinned import (
+from middeck.structure.rest.pinned_reactions import (
     HOLD_IN_G,
     Supports,
     find_supports,

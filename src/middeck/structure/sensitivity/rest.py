@@ -16,8 +16,8 @@ from jaxtyping import Float
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble, energy_gradient
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.linked import static_coordinates, static_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.springs import bushing_states, device_tension
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.model.article import JointState, Structure

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.loads import Loads
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move

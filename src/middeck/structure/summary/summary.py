@@ -83,7 +83,7 @@ def summarise(structure: Structure) -> Summary:
     rods = _rods(structure)
     mass, centre, inertia = _mass_properties(structure, rods, points[model.body_point], poses)
     size = _size(structure, np.vstack([poses.p, points]))
-    span, EI = _bending(rods, mass, np.linalg.eigh(inertia)[1][:, 0], poses.p)
+    span, EI = _bending(rods, np.linalg.eigh(inertia)[1][:, 0], poses.p)
     squared = FREE * EI / (mass * span**3) if EI > 0.0 and span > 0.0 and mass > 0.0 else 0.0
     # Half of eps |phi|'|K||phi| / omega^2, with 48 EI/h^3 of each element and phi of the mean size.
     rounding = 24.0 * EPS * float(np.sum(rods.elements**4 * rods.EI / rods.length**3))
@@ -193,7 +193,7 @@ def _size(structure: Structure, points: np.ndarray) -> np.ndarray:
     return (points + half[:, None]).max(axis=0) - (points - half[:, None]).min(axis=0)
 
 
-def _bending(rods: _Rods, mass: float, axis: np.ndarray, frames: np.ndarray) -> tuple[float, float]:
+def _bending(rods: _Rods, axis: np.ndarray, frames: np.ndarray) -> tuple[float, float]:
     """Length along ``axis`` and the harmonic mean of EI over the cuts across it; zero without members."""
     reach = frames @ axis
     span = float(np.ptp(reach))

@@ -10,7 +10,7 @@ from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
-from middeck.structure.modes.motions.rigid import centre_of_mass
+from middeck.structure.modes.motions.rigid_motions import centre_of_mass
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
 from middeck.values import record
 

@@ -18,6 +18,9 @@ from middeck.systems.sampling.sampling import WHOLE, hold_inputs
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, select_paths
 from middeck.values import record
 
+LONGEST = 2000
+"""Most periods of a delay."""
+
 
 @record
 class DelaySplit:
@@ -76,6 +79,11 @@ def sample_delayed(
             hint="one delay of zero or more for each path",
         )
     late = tidy_samples(delay_s / period_s)
+    if not late.max(initial=0.0) <= LONGEST:
+        raise ConfigError(
+            f"a delay of {late.max():.3g} periods of {period_s:g} s",
+            hint=f"{LONGEST} at most: each is a state; a longer period or a shorter delay",
+        )
     split = split_delays(late)
     if is_sum(late):
         return _sample(system, period_s, tidy_samples(split.input_s), tidy_samples(split.output_s))

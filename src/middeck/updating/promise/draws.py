@@ -25,7 +25,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
 from middeck.updating.refinement.refine import Refined
-from middeck.updating.residuals.surveys import set_up
+from middeck.updating.residuals.surveys import SetUp, set_up
 from middeck.values import record
 
 
@@ -85,10 +85,9 @@ def draw_plants(
     environment: Environment,
     build: Callable[[Modes], Plant],
     *,
-    settings: Sequence[tuple[str, float]] = (),
     draws: int,
     rng: np.random.Generator,
-    loop: LoopSpread | None = None,
+    loop: LoopSpread,
     finish: Callable[[Plant], Plant] = lambda plant: plant,
 ) -> DrawnPlants:
     """So many plants of the article in ``environment``.
@@ -97,10 +96,9 @@ def draw_plants(
     frequencies and damping are in, as to close an inner loop; the delay comes last. Raises `ConfigError` for
     a plant that is not modal, and `NumericalError` where a drawn article has no rest state.
     """
-    loop = loop or LoopSpread()
-    there = set_up(refined.structure, environment, settings, refined.unknowns)
+    there = set_up(refined.structure, environment, (), refined.unknowns)
     count = len(require_modal(build(there.solve(refined.x))).omega)
-    mean = predict_modes(refined, environment, settings, count)
+    mean = predict_modes(refined, environment, count=count)
     # A stream of its own: with a cable or without, all else is drawn alike.
     pulls = rng.spawn(1)[0].uniform(0.0, 1.0, draws)
     plants, drawn = [], []
@@ -108,12 +106,9 @@ def draw_plants(
         n = refined.with_shear(rng.standard_normal(refined.estimate.root.shape[1]))
         alone, lossy = rng.standard_normal((2, len(mean.index)))
         try:
-            tied = tie_umbilical(*there[:2], loop.umbilical_hz * pulls[number])
-            x, shear = refined.drawn_at(n)
-            modes = there._replace(structure=add_shear(there.structure, shear), environment=tied).solve(x)
+            modes = _drawn_modes(refined, there, n, loop.umbilical_hz * pulls[number])
         except NumericalError as error:
             error.where = f"draw {number} of {draws}, {error.where}"
-            error.hint = "narrower spreads of the unknowns that the surveys do not see"
             raise
         shift = mean.log_shift + mean.log_root @ n + mean.log_rest * alone
         zeta = mean.damping * np.exp(mean.damping_std(loop.damping_std) * lossy)
@@ -134,19 +129,28 @@ def draw_plants(
             *(gains * (loop.gain_tolerance > 0.0)),
         ]
         drawn.append(np.concatenate([_in_deviations(refined, n), own, lossy, of_loop]))
+    return DrawnPlants(tuple(plants), _names(refined, mean, plants), np.array(drawn))
+
+
+def _drawn_modes(refined: Refined, there: SetUp, n: np.ndarray, umbilical_hz: float) -> Modes:
+    x, shear = refined.drawn_at(n)
+    tied = tie_umbilical(*there[:2], umbilical_hz)
+    try:
+        return there._replace(structure=add_shear(there.structure, shear), environment=tied).solve(x)
+    except NumericalError as error:
+        error.hint = "narrower spreads of the unknowns that the surveys do not see"
+        raise
+
+
+def _names(refined: Refined, mean: Prediction, plants: Sequence[Plant]) -> tuple[str, ...]:
     names = [mean.modes.name[i] for i in mean.index]
-    sensors = _sensors(plants[0]) if plants else ()
-    return DrawnPlants(
-        plants=tuple(plants),
-        names=(
-            *(u.name for u in refined.unknowns),
-            *(f"frequency of {n}" for n in names),
-            *(f"damping of {n}" for n in names),
-            "delay",
-            "umbilical",
-            *(f"gain of {n}" for n in dict.fromkeys(sensors)),
-        ),
-        drawn=np.array(drawn),
+    return (
+        *(u.name for u in refined.unknowns),
+        *(f"frequency of {n}" for n in names),
+        *(f"damping of {n}" for n in names),
+        "delay",
+        "umbilical",
+        *(f"gain of {n}" for n in dict.fromkeys(_sensors(plants[0]) if plants else ())),
     )
 
 

@@ -25,6 +25,7 @@ from middeck.control.analysis.loop.frequency_lines import refine_lines
 from middeck.control.analysis.margins.crossings import Crossings, circle_crossings
 from middeck.control.analysis.margins.delayed_channel import DelayedChannel, delayed_channels
 from middeck.control.law.compensator import Compensator
+from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
@@ -32,6 +33,7 @@ from middeck.values import record
 TURN = 0.5
 """Phase step [rad] of the fastest light mode between delays tried: a loop of this mode alone that is unstable
 over less of a turn, 2 arccos(1/L), has a gain within 3 % of the limit."""
+MOST_STEPS = 20000
 LOOKED = 20
 """Periods searched beyond the first turn of the slowest frequency of falling unit gain."""
 AT_ONCE = 2**16
@@ -170,7 +172,14 @@ def _steps(system: StateSpace, period_s: float) -> int:
     rates = np.asarray(poles(system))
     turning = np.abs(np.imag(rates))
     light = turning[turning > np.abs(np.real(rates))]
-    return max(1, int(np.ceil(float(light.max(initial=0.0)) * period_s / TURN)))
+    steps = float(np.ceil(light.max(initial=0.0) * period_s / TURN))
+    if not steps <= MOST_STEPS:
+        turned = steps * TURN / (2.0 * np.pi)
+        raise NumericalError(
+            f"a mode turns {turned:.3g} times in a period: its delay margin is not found",
+            hint="a higher rate, or a plant without what is far beyond it",
+        )
+    return max(1, int(steps))
 
 
 def _first_unstable(gain: UnitGain) -> float:

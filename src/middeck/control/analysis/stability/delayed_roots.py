@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
-from jaxtyping import Complex
+import scipy.linalg as sla
+from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, Halves
 from middeck.systems.plants.plant import remove_delays
@@ -23,17 +26,20 @@ that the loop hardly moves |f| is rounding so near: there a tenth of the way, wh
 ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
 RESTS = 1e-7
 """Relative distance below which the root beside an open pole counts as one already known."""
+ROUNDINGS = 10.0
+"""Uncertainties of a pole by rounding within which f is not told from f without that pole."""
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
 
 
 def follow_roots(
-    halves: Halves, near: np.ndarray, open_poles: np.ndarray, reach: float
+    halves: Halves, near: np.ndarray, open_poles: np.ndarray, rounding: np.ndarray, reach: float
 ) -> tuple[Complex[np.ndarray, " root"], Complex[np.ndarray, " root"]]:
     """Roots of the loop, from the poles ``near`` them and the light open poles; and the poles that led to
     none.
 
-    The latter lead to no root, or lie too far left to be followed.
+    ``rounding`` of each open pole (`find_open_poles`). The latter lead to no root, or lie too far left to be
+    followed.
     """
     upper = near[np.imag(near) >= 0.0]
     upper = upper[np.argsort(-np.real(upper), kind="stable")]
@@ -41,7 +47,7 @@ def follow_roots(
     light = open_poles[is_light(open_poles) & (np.abs(open_poles) > 1e-3 * reach)]
     # Start beside the pole, where everything is finite.
     start = np.concatenate([upper[:count], light + 1e-6 * np.abs(light)])
-    roots, is_root = _newton(halves, start, open_poles, reach)
+    roots, is_root = _newton(halves, start, open_poles, rounding, reach)
     own = np.arange(len(start)) < len(upper[:count])
     roots = _once(roots[is_root], start[is_root], own[is_root])
     return with_conjugates(roots), with_conjugates(np.append(start[own & ~is_root], upper[count:]))
@@ -65,10 +71,19 @@ def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.n
     return roots[kept]
 
 
-def find_open_poles(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
-    """Poles of plant and compensator."""
-    own = remove_delays(loop.plant).system.A
-    return np.concatenate([np.linalg.eigvals(own), np.linalg.eigvals(loop.law.A)]).astype(complex)
+def find_open_poles(loop: FeedbackLoop) -> tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]:
+    """Poles of plant and compensator; and how far rounding of each entry of their matrices moves them."""
+    parts = [poles_with_rounding(A) for A in (remove_delays(loop.plant).system.A, loop.law.A) if len(A)]
+    values, rounding = zip((np.zeros(0, dtype=complex), np.zeros(0)), *parts, strict=True)
+    return np.concatenate(values), np.concatenate(rounding)
+
+
+def poles_with_rounding(A: np.ndarray) -> tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]:
+    """Eigenvalues, and how far each moves when every entry does by its rounding, to first order."""
+    values, left, right = cast("tuple[np.ndarray, ...]", sla.eig(A, left=True, right=True))
+    aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
+    moves = np.finfo(float).eps * np.sum(np.abs(left) * (np.abs(A) @ np.abs(right)), axis=0)
+    return values.astype(complex), np.divide(moves, aligned, out=np.full(len(A), np.inf), where=aligned > 0.0)
 
 
 def is_light(poles: np.ndarray) -> np.ndarray:
@@ -77,7 +92,7 @@ def is_light(poles: np.ndarray) -> np.ndarray:
 
 
 def _newton(
-    halves: Halves, start: np.ndarray, open_poles: np.ndarray, reach: float
+    halves: Halves, start: np.ndarray, open_poles: np.ndarray, rounding: np.ndarray, reach: float
 ) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
     """Newton's method on f(s) times all (s - p), which has no poles: end points, and which are roots.
 
@@ -87,7 +102,7 @@ def _newton(
     shift = np.abs(start[:, None] - open_poles).min(axis=1, initial=np.inf) / size
     unmoved = shift <= UNMOVED
     s, real = start.copy(), np.imag(start) == 0.0
-    s[unmoved], _ = _beside_pole(halves, s[unmoved], open_poles, 2.0 * UNMOVED)
+    s[unmoved], _ = _beside_pole(halves, s[unmoved], open_poles, rounding, 2.0 * UNMOVED)
     on_root = rests = np.zeros(len(s), dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON_STEPS):
@@ -95,38 +110,41 @@ def _newton(
             away = s[:, None] - open_poles
             way = np.abs(away).min(axis=1, initial=np.inf)
             h = 1e-3 * np.where(np.isfinite(way), way, size)
-            middle, left, right = (_determinant(halves, x) for x in (s, s - h, s + h))
+            middle, left, right = _determinant(halves, np.concatenate([s, s - h, s + h])).reshape(3, -1)
             on_root = _vanishes(middle, left, right)
             step = middle / ((right - left) / (2.0 * h) + middle * np.sum(1.0 / away, axis=1))
             rests = np.abs(step) <= 0.1 * ONE_ROOT * size
             s = np.where(np.isfinite(step) & ~unmoved, s - step, s)
             s = np.where(real, np.real(s) + 0.0j, s)
+            if np.all(rests | unmoved):
+                break
         h = 0.1 * np.abs(s[:, None] - open_poles).min(axis=1, initial=np.inf)
-        rests &= _vanishes(*(_determinant(halves, x) for x in (s, s - h, s + h)))
+        rests &= _vanishes(*_determinant(halves, np.concatenate([s, s - h, s + h])).reshape(3, -1))
     is_root = unmoved | on_root | rests
     lost = ~is_root & (shift <= NEAR)
-    s[lost], is_root[lost] = _beside_pole(halves, start[lost], open_poles, BESIDE)
+    s[lost], is_root[lost] = _beside_pole(halves, start[lost], open_poles, rounding, BESIDE)
     s = np.where(real, np.real(s) + 0.0j, s)
     return np.where(np.imag(s) < 0.0, np.conj(s), s), is_root
 
 
 def _beside_pole(
-    halves: Halves, near: np.ndarray, open_poles: np.ndarray, most: float
+    halves: Halves, near: np.ndarray, open_poles: np.ndarray, rounding: np.ndarray, most: float
 ) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
     """The root of f = r / (s - p) + c + d (s - p) beside each pole p that is ``near``; and whether it is one.
 
     More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. A law that
     moves neither a mode nor its estimate has two roots beside the pole, which an eigenvalue splits by the
-    root of its rounding: the nearer is taken. Returns ``near`` unchanged where other poles are too close, and
-    where a single root is further than ``most`` of the pole and belongs to another: a copy of the mode that
-    no port observes stays on the pole.
+    root of its rounding: the nearer is taken. Returns ``near`` unchanged where other poles are too close, or
+    so close that the pole may lie beside the circle, f then being that of a mode no port observes; and where
+    a single root is further than ``most`` of the pole and belongs to another: a copy of the mode that no port
+    observes stays on the pole.
     """
     if not len(near):
         return near, np.zeros(0, dtype=bool)
-    away = np.abs(near[:, None] - open_poles)
-    pole = open_poles[np.argmin(away, axis=1)]
+    nearest = np.argmin(np.abs(near[:, None] - open_poles), axis=1)
+    pole = open_poles[nearest]
     others = np.abs(pole[:, None] - open_poles)
-    others[np.arange(len(near)), np.argmin(away, axis=1)] = np.inf
+    others[np.arange(len(near)), nearest] = np.inf
     h = 0.1 * np.minimum(others.min(axis=1), np.abs(pole))
     with np.errstate(all="ignore"):
         there = _determinant(halves, (pole[:, None] + h[:, None] * CIRCLE).ravel()).reshape(-1, len(CIRCLE))
@@ -137,7 +155,7 @@ def _beside_pole(
         moved = np.where(np.abs(pole + both[1] - near) < np.abs(pole + both[0] - near), both[1], both[0])
         pair = np.abs(both).max(axis=0) < NEAR * np.abs(pole)
     clear = np.isfinite(moved) & (np.abs(moved) < np.where(pair, NEAR, most) * np.abs(pole))
-    clear &= 100.0 * np.abs(moved) < h
+    clear &= (100.0 * np.abs(moved) < h) & (ROUNDINGS * rounding[nearest] < h)
     return np.where(clear, pole + np.where(clear, moved, 0.0), near), clear
 
 

@@ -87,7 +87,7 @@ def _wall_lines(
     loop: FeedbackLoop, halves: Halves, roots: np.ndarray, wall: float
 ) -> Float[np.ndarray, " line"]:
     """Frequencies from zero to where the loop is small, dense beside the roots and for the delay."""
-    size = np.abs(np.concatenate([roots, find_open_poles(loop)]))
+    size = np.abs(np.concatenate([roots, find_open_poles(loop)[0]]))
     moving = size[size > 1e-9 * size.max(initial=0.0)]
     low, high = (0.01 * moving.min(), 2.0 * moving.max()) if len(moving) else (0.01, 100.0)
     top = _where_small(halves, wall, high, direct_gain(loop))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import (
     FeedbackLoop,
@@ -13,7 +13,13 @@ from middeck.control.analysis.loop.feedback_loop import (
     form_loop,
     split_unmoved,
 )
-from middeck.control.analysis.stability.delayed_roots import find_open_poles, follow_roots, is_light
+from middeck.control.analysis.stability.delayed_roots import (
+    NEAR,
+    find_open_poles,
+    follow_roots,
+    is_light,
+    poles_with_rounding,
+)
 from middeck.control.analysis.stability.root_count import clear_walls, count_more, direct_gain
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
@@ -77,39 +83,56 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
 
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """As `decide_stability`, for a loop already formed."""
+    return judge_roots(find_roots(loop), loop.period_s)
+
+
+def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
+    """Roots of a loop [rad/s]: all that matter for stability, exact, and those left of them as approximated.
+
+    An infinite one stands for a chain of roots on or right of the axis. Raises as `decide_stability`.
+    """
     if not loop.plant.delayed:
         loop, unmoved = split_unmoved(loop)
-        return _outcome(np.concatenate([loop_poles(loop), unmoved]), loop.period_s)
-    if direct_gain(loop) >= 1.0:
-        # A neutral equation: a chain of roots on or right of the axis (Hale and Verduyn Lunel 1993).
-        return LoopStability(
-            stable=False,
-            pole=complex(np.inf, np.inf),
-            frequency_hz=np.inf,
-            margin=-np.inf,
-            damping=0.0,
-            growing=-1,
-            decays=False,
-        )
+        return np.concatenate([loop_poles(loop), unmoved])
+    if direct_gain(loop) >= 1.0:  # a neutral equation (Hale and Verduyn Lunel 1993)
+        return np.array([complex(np.inf, np.inf)])
     loop, unmoved = split_unmoved(loop)
-    halves, open_poles, reach = evaluate_halves(loop), find_open_poles(loop), _reach(loop)
+    halves, reach = evaluate_halves(loop), _reach(loop)
+    open_poles, rounding = find_open_poles(loop)
+    vague = bool(np.any(is_light(open_poles) & (rounding > NEAR * np.abs(open_poles))))
     found, counted = 0, None
     for order in (orders := _orders(loop, open_poles)):
-        near = loop_poles(loop, order)
-        roots, others = follow_roots(halves, near, open_poles, reach)
+        near, blur = _near(loop, order, vague)
+        roots, others = follow_roots(halves, near, open_poles, rounding, reach)
         walls = clear_walls(np.real(np.concatenate([near, roots, open_poles])), reach)
         for wall in walls if order == orders[-1] else walls[:1]:
-            more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
+            more = None
+            if np.all(np.abs(np.real(near) - wall) > blur) and np.all(np.abs(np.real(near)) >= blur):
+                more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
             found = int(np.sum(np.real(roots) > wall))
             counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
             if found == counted:
-                return _outcome(np.concatenate([roots, others[np.real(others) < wall], unmoved]))
+                return np.concatenate([roots, others[np.real(others) < wall], unmoved])
     raise NumericalError(
         f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
         f"{'an unclear number' if counted is None else counted} counted",
         hint="change the gain by a thousandth if a root lies on the axis; give one delay for each input and "
-        "output instead of one for each path; or sample the loop: its stability follows from eigenvalues",
+        "output instead of one for each path; take states of like sizes, as modal ones; or sample the loop: "
+        "its stability follows from eigenvalues",
     )
+
+
+def _near(
+    loop: FeedbackLoop, order: int, vague: bool
+) -> tuple[Complex[np.ndarray, " root"], Float[np.ndarray, " root"]]:
+    """Poles of the loop with approximated delays, and how far rounding may move them where poles are vague.
+
+    Then modes are slow beside the entries of A, and `growth_rates` would take them for integrators.
+    """
+    if vague:
+        return poles_with_rounding(close_channels(approximate_halves(loop, order)).A)
+    near = loop_poles(loop, order)
+    return near, np.zeros(len(near))
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:
@@ -139,7 +162,8 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
     return float(np.real(rates).max(initial=-np.inf))
 
 
-def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
+def judge_roots(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
+    """What the roots of `find_roots` say."""
     if not len(roots):
         return LoopStability(
             stable=True,
@@ -153,6 +177,16 @@ def _outcome(roots: Complex[np.ndarray, " root"], period_s: float | None = None)
     lead = complex(roots[np.argmax(np.real(roots))])
     pole = complex(lead.real, abs(lead.imag))
     damping = -pole.real / abs(pole) if 0.0 < abs(pole) < np.inf else float(pole.real < 0.0)
+    if np.isinf(lead):
+        return LoopStability(
+            stable=False,
+            pole=pole,
+            frequency_hz=np.inf,
+            margin=-np.inf,
+            damping=0.0,
+            growing=-1,
+            decays=False,
+        )
     growing = int(np.sum(np.real(roots) > growth_limits(roots, period_s)))
     return LoopStability(
         stable=none_grows(roots, period_s),

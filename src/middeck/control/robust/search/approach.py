@@ -70,7 +70,7 @@ def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float)
     models = models_of(problem, 1.0, 1.0)
     for _ in range(RESTARTS):
         before = arrival
-        arrival = _step(models, stations, arrival, power, tolerance, 1.0, 1.0)
+        arrival = _step(models, stations, arrival, power, tolerance, 1.0)
         if (
             before.history
             and before.history[-1].cost - arrival.history[-1].cost < 1e-6 * arrival.history[-1].cost
@@ -125,7 +125,7 @@ def _best_of(
     climbed = [_climb(problem, stations, law, ratio, power) for law, ratio in starts]
     climbed.sort(key=lambda arrival: arrival.history[-1].cost)
     models = models_of(problem, 1.0, 0.0)
-    tidied = [_step(models, stations, each, power, TIDY, 0.0, 1.0) for each in climbed[:FINALISTS]]
+    tidied = [_step(models, stations, each, power, TIDY, 0.0) for each in climbed[:FINALISTS]]
     return min(tidied, key=lambda arrival: arrival.history[-1].cost, default=None)
 
 
@@ -139,8 +139,8 @@ def _climb(problem: Problem, stations: Stations, law: Law, ratio: float, power: 
     arrival = Arrival(law, np.inf, ())
     for level in sorted(r for r in LADDER if ratio < r < 1.0):
         models = models_of(problem, level, 0.0)
-        arrival = _step(models, stations, arrival, power, LOOSE, 0.0, float(level))
-    return _step(models_of(problem, 1.0, 0.0), stations, arrival, power, ROUGH, 0.0, 1.0)
+        arrival = _step(models, stations, arrival, power, LOOSE, 0.0)
+    return _step(models_of(problem, 1.0, 0.0), stations, arrival, power, ROUGH, 0.0)
 
 
 def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) -> Arrival:
@@ -162,7 +162,7 @@ def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) 
         size = 1.0 if size + step >= 1.0 else size + 0.75 * step
         models = models_of(problem, 1.0, size)
         if size < 1.0:
-            arrival = _step(models, stations, arrival, power, LOOSE, size, 1.0)
+            arrival = _step(models, stations, arrival, power, LOOSE, size)
     return arrival
 
 
@@ -196,7 +196,6 @@ def _step(
     power: float,
     tolerance: float,
     size: float,
-    ratio: float,
 ) -> Arrival:
     steps = STEPS_ON_THE_WAY if tolerance >= LOOSE else 2000
     found = improve(arrival.law, models, stations, power=power, tolerance=tolerance, steps=steps)

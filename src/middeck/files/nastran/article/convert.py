@@ -7,23 +7,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.article.account import account_left_out, count_converted, note_doubts
-from middeck.files.nastran.article.holds import ground_clamps, loose_clamps
+from middeck.files.nastran.article.article_sections import Formulation
+from middeck.files.nastran.article.floating_parts import check_whole
+from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_clamps
 from middeck.files.nastran.article.loads import LoadSets
 from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
 from middeck.files.nastran.article.nodes_and_riders import Standing, find_standing
 from middeck.files.nastran.article.parts import LeftOut, read_parts, set_out
-from middeck.files.nastran.article.sections import Formulation
 from middeck.files.nastran.article.springs import scalar_tables, spring_tables
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
-from middeck.files.nastran.article.wholeness import check_whole
+from middeck.files.nastran.article.what_became_of_cards import account_left_out, count_converted, note_doubts
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
 from middeck.files.nastran.deck.deck import Deck, weight_factor
-from middeck.files.nastran.deck.entries import raise_some
 from middeck.files.nastran.deck.units import Units, guess_units
 from middeck.files.nastran.members.sections_of_bars import read_material
-from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
 
 
@@ -82,15 +80,13 @@ def convert_deck(
     """
     basis = set_out(deck, units, formulation)
     parts = read_parts(basis)
-    components = dict(components or {})
-    components |= {} if parts.direct is None else {f"{name}-{NAME}.npz": parts.direct}
+    direct = {} if parts.direct is None else {f"{name}-{NAME}.npz": parts.direct}
+    components = {**(components or {}), **direct}
     left_out: list[LeftOut] = []
     standing = find_standing(basis, parts, list(components.values()), left_out)
     check_whole(basis, parts, standing)
     sets = LoadSets(basis, parts, standing)
-    faults: list[Fault] = []
-    cases = sets.cases(units, faults)
-    raise_some(faults)
+    cases = sets.cases(units)
 
     sections, struts, tapers = strut_tables(basis, parts, standing)
     pinned, pins = pin_tables(basis, parts, standing)
@@ -101,17 +97,13 @@ def convert_deck(
     loose, unheld = loose_clamps(basis, parts, standing)
     constants, gravity = sets.constants(bool(clamps or grounds or single.grounds))
 
+    idle = len(parts.held) - len(clamps)
     left_out += account_left_out(basis, parts, standing)
-    if idle := len(parts.held) - len(clamps):
-        left_out.append(("SPC, PS", idle, "at grids without an element or a mass"))
+    left_out += [("SPC, PS", idle, "at grids without an element or a mass")] if idle else []
     left_out += sets.refused
     converted = count_converted(basis, parts, standing)
     converted |= {"clamped grids": len(clamps), "load cases": len(cases), "gravity": min(len(constants), 1)}
-    document = {
-        "schema": 1,
-        "name": name,
-        "title": f"{name} (from {deck.path.rsplit('/', 1)[-1]})",
-        "mesh": {"elements_per_strut": 1},
+    document = _head(name, deck) | {
         "section": sections,
         "node": nodes + pinned + single.nodes,
         "strut": struts,
@@ -119,25 +111,30 @@ def convert_deck(
         "bushing": bushings + single.bushings,
         "component": _component_tables(components),
         "link": rider_links(standing) + _tables(standing, "link") + pins,
-        "interpolation": _tables(standing, "interpolation"),
-        "equation": _tables(standing, "equation"),
+        **{kind: _tables(standing, kind) for kind in ("interpolation", "equation")},
         "load_case": cases,
     }
-    environment: dict[str, Any] = {
-        "schema": 1,
-        "name": f"{name}-supports",
-        **({"constants": constants} if constants else {}),
-    }
-    environment |= {"clamp": clamps + loose + single.clamps, "bushing": grounds + single.grounds}
     return Conversion(
         document=_filled(document),
         read={card: len(found) for card, found in deck.entries.by_name.items()},
         converted=converted,
         left_out=tuple(left_out),
         notes=(*note_doubts(basis, parts), *tapers, *scalars, *unheld, *rotors, *gravity),
-        environment=_filled(environment),
+        environment=_supports(name, constants, clamps + loose + single.clamps, grounds + single.grounds),
         components=components,
     )
+
+
+def _head(name: str, deck: Deck) -> dict[str, Any]:
+    title = f"{name} (from {deck.path.rsplit('/', 1)[-1]})"
+    return {"schema": 1, "name": name, "title": title, "mesh": {"elements_per_strut": 1}}
+
+
+def _supports(
+    name: str, constants: dict[str, Any], clamps: list[dict[str, Any]], bushings: list[dict[str, Any]]
+) -> dict[str, Any]:
+    found = {"schema": 1, "name": f"{name}-supports", "constants": constants or []}
+    return _filled(found | {"clamp": clamps, "bushing": bushings})
 
 
 def _component_tables(components: Mapping[str, Component]) -> list[dict[str, Any]]:

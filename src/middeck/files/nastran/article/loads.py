@@ -9,7 +9,7 @@ import numpy as np
 from middeck.files.nastran.article.member_loads import member_load
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
-from middeck.files.nastran.deck.entries import Entry
+from middeck.files.nastran.deck.entries import Entry, raise_some
 from middeck.files.nastran.deck.formats import OTHER_LOADS
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import Units
@@ -38,12 +38,13 @@ class LoadSets:
         self.refused: list[tuple[str, int, str]] = []
         self.gravity: dict[int, np.ndarray] = {}  # acceleration by set, zero in one of forces alone
 
-    def cases(self, units: Units, faults: list[Fault]) -> list[dict[str, Any]]:
+    def cases(self, units: Units) -> list[dict[str, Any]]:
         """Load cases ``load7`` of the sets that case control selects, of all if it selects none.
 
         Sets with loads other than forces, moments, those of PLOAD1 and gravity go to ``refused``, and what is
-        left out of PLOAD1.
+        left out of PLOAD1. Raises `ConfigError` with all cards that cannot be read.
         """
+        faults: list[Fault] = []
         found: list[dict[str, Any]] = []
         chosen = None if self.chosen is None else self.chosen & {*self.direct, *self.sums}
         summed = {integer(text) for sid in (chosen or self.sums) for text in self._terms(sid)[1::2]}
@@ -72,6 +73,7 @@ class LoadSets:
                 found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
             if loads or sid not in summed:
                 self.gravity[sid] = np.sum([np.zeros(3), *falls], axis=0) * units.length / units.time**2
+        raise_some(faults)
         return found
 
     def constants(self, holds: bool) -> tuple[dict[str, Any], list[str]]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from middeck.files.nastran.article.article_sections import lumps
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts, grids_named, linked_grids
-from middeck.files.nastran.article.sections import lumps
 from middeck.files.nastran.constraints.constraints import Constraint, check_dependent, that_matter
 from middeck.files.nastran.constraints.rigid_links import find_carriers
 from middeck.files.nastran.deck.entries import raise_some

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.article.sections import Formulation
+from middeck.files.nastran.article.article_sections import Formulation
 from middeck.files.nastran.components.direct_input import direct_component, lone_matrix
 from middeck.files.nastran.constraints.constraints import Constraint, read_constraints, term_rows
 from middeck.files.nastran.constraints.restraints import read_restraints

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from middeck.files.nastran.article.article_sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
-from middeck.files.nastran.article.sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.members.members import RODS, Bar
 

@@ -22,10 +22,10 @@ from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.case_control import read_selection
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.deck_lines import cut_off
 from middeck.files.nastran.deck.entries import raise_some, read_entries
 from middeck.files.nastran.deck.formats import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.sections import cut_off
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component

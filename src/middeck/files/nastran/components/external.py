@@ -19,12 +19,12 @@ import numpy as np
 from middeck.errors import ConfigError, DataError
 from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import Places, place_grids
+from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
 from middeck.files.nastran.deck.entries import read_entries
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.sections import Line, Lines, raise_at
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
-from middeck.structure.model.component import UNEQUAL, Component, require_component
+from middeck.structure.model.component import ROUNDING, UNEQUAL, Component, require_component
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
 
@@ -204,7 +204,9 @@ def basic_matrix(
     matrix = _pick(punched.matrices(boundary, where), (name,), what, boundary.size, where)
     if matrix is None:
         raise DataError(f"{name} is zero", where=where)
-    if np.abs(matrix - matrix.T).max() > UNEQUAL * np.abs(matrix).max():
+    size = np.sqrt(np.abs(np.diagonal(matrix)))  # of each coordinate: a turn's may be 1e9 in mm and N
+    allowed = UNEQUAL * np.outer(size, size) + ROUNDING * np.abs(matrix).max()
+    if np.any(np.abs(matrix - matrix.T) > allowed):
         raise DataError(f"the {what} is not symmetric", where=f"{where}, matrix {name!r}")
     turn, _ = _to_basic(boundary, places, BARE, where)
     return boundary.grids, boundary.scalars, turn @ matrix @ turn.T

@@ -12,9 +12,9 @@ from itertools import pairwise
 from operator import itemgetter
 from typing import NamedTuple
 
+from middeck.files.nastran.deck.deck_lines import Line
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.replication import Row, replicated
-from middeck.files.nastran.deck.sections import Line
 from middeck.files.toml.faults import Fault, raise_faults
 
 ROW = 8  # fields in a row of either format

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from middeck.errors import ConfigError
+from middeck.files.nastran.deck.deck_lines import Line
 from middeck.files.nastran.deck.numbers import integer
-from middeck.files.nastran.deck.sections import Line
 from middeck.files.toml.faults import Fault, raise_faults
 
 # Blanks may stand for the equals sign.

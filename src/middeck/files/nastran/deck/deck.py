@@ -13,9 +13,9 @@ from middeck.errors import ConfigError
 from middeck.files.disk.looks import EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import Selection, read_selection
+from middeck.files.nastran.deck.deck_lines import read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.sections import read_sections
 from middeck.files.toml.faults import Fault
 
 CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}

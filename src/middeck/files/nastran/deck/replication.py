@@ -13,8 +13,8 @@ import re
 from collections.abc import Sequence
 from decimal import Decimal
 
+from middeck.files.nastran.deck.deck_lines import Line
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.sections import Line
 from middeck.files.toml.faults import Fault
 
 # A card's name, its fields, its mark of a continuation, whether its fields are large, and its line.

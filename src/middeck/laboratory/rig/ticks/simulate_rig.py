@@ -112,7 +112,7 @@ def cut_blocks(
 
 
 def linear_state(
-    rig: Rig, state: RigState, x: Float[np.ndarray, " state"], sums: Float[np.ndarray, " gyro"]
+    state: RigState, x: Float[np.ndarray, " state"], sums: Float[np.ndarray, " gyro"]
 ) -> RigState:
     """``state`` with the states of `close_rig`, and the gyros' sums."""
     states, own = len(state.x), len(state.x) + state.issued.size
@@ -148,7 +148,7 @@ def _run_linear(
     torque = e + control
     momentum = np.subtract.accumulate(np.vstack([start.momentum, torque]))[1:]
     state = dataclasses.replace(
-        linear_state(rig, start, end, np.zeros(0)), momentum=momentum[-1], tick=start.tick + len(e)
+        linear_state(start, end, np.zeros(0)), momentum=momentum[-1], tick=start.tick + len(e)
     )
     return RigBlock(measured, measured, control, torque, momentum, state)
 

@@ -7,7 +7,7 @@ import math
 import struct
 
 from middeck.errors import ConfigError
-from middeck.realtime.engine.interface.monitors import Monitor
+from middeck.realtime.engine.interface.monitors import Monitor, band_edges
 from middeck.values import record
 
 
@@ -42,7 +42,7 @@ class AdaptiveGain:
     seconds: float = 0.5
 
     def __post_init__(self) -> None:
-        low, high = self.band_hz
+        low, high = band_edges(self.band_hz, "adaptive gain")
         for fits, what, hint in (
             (0.0 <= self.minimum < self.maximum < math.inf, f"gains from {self.minimum} to {self.maximum}",
              "0 <= minimum < maximum"),

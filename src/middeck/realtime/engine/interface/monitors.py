@@ -42,7 +42,7 @@ class Monitor:
     floor: float = 0.0
 
     def __post_init__(self) -> None:
-        low, high = self.band_hz
+        low, high = band_edges(self.band_hz, f"monitor of {self.channel}")
         lasts = all(0.0 < time <= LONGEST_S for time in (self.seconds, self.window_s))
         sound = 0.0 <= low < high and self.limit > 0.0 and lasts and 0.0 <= self.floor < math.inf
         grows = self.factor == 0.0 or 1.0 < self.factor < math.inf
@@ -91,6 +91,13 @@ class Monitor:
         words["forget"] = -math.expm1(-period_s / self.seconds)
         words["limit"], words["floor"], words["factor"] = self.limit, self.floor, self.factor
         words["window"], words["times"] = max(1, round(self.window_s / period_s)), self.times
+
+
+def band_edges(band_hz: tuple[float, float], where: str) -> tuple[float, float]:
+    """The edges of a band; raises `ConfigError` where they are not two."""
+    if np.shape(band_hz) != (2,):
+        raise ConfigError(f"a band of {band_hz} Hz", where=where, hint="two edges, low and high")
+    return band_hz
 
 
 @functools.cache  # many monitors share a band

@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.header import constants, layout
-from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import encode_package
 
 LARGEST, PROOF = 1 << 24, 128
 """Bytes of the largest package that an engine takes, and of the proof beside it."""

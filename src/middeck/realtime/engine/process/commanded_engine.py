@@ -24,8 +24,8 @@ from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.engine.interface.shared_file import SharedFile
 from middeck.realtime.engine.process.adopted import AdoptedEngine
-from middeck.realtime.package.binary import encode_package
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import encode_package
 
 POLL_S = 5e-5
 PATIENCE_S = 60.0

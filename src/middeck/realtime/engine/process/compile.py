@@ -18,7 +18,12 @@ def build_engine(
     further ones of the compiler, ``folder`` another cache. Raises `NoCompilerError` without a compiler,
     `ConfigError` for sources that do not compile.
     """
-    return compile_once("engine", engine_sources(driver), flags=flags, folder=folder)
+    sources = engine_sources(driver)
+    try:
+        return compile_once("engine", sources, flags=flags, folder=folder)
+    except ConfigError as error:
+        error.where = error.where if driver is None else f"{driver} with {error.where}"
+        raise
 
 
 def engine_sources(driver: str | Path | None = None) -> dict[str, str]:
@@ -30,8 +35,7 @@ def engine_sources(driver: str | Path | None = None) -> dict[str, str]:
     if driver is not None:
         try:
             sources["rig_driver.c"] = Path(driver).read_text(encoding="utf-8")
-        except OSError as error:
-            raise ConfigError(
-                f"cannot be read: {error.strerror}", where=str(driver), hint="a C source"
-            ) from None
+        except (OSError, UnicodeDecodeError) as error:
+            why = getattr(error, "strerror", "not UTF-8 text")
+            raise ConfigError(f"cannot be read: {why}", where=str(driver), hint="a C source") from None
     return sources

@@ -31,9 +31,7 @@ from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S,
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.folder_lock import locked
 from middeck.realtime.engine.process.launch import (
-    DriverRig,
     RigChoice,
-    UdpRig,
     banned_hashes,
     checked_waveform,
     is_run_by,
@@ -45,9 +43,7 @@ from middeck.realtime.engine.process.launch import (
 from middeck.realtime.engine.recording.recorder import Recorder
 from middeck.realtime.engine.recording.ring import event_rows, pretrip_records, take_records
 from middeck.realtime.engine.recording.run_head import run_head
-from middeck.realtime.engine.rigs.article import LinearArticle, encode_article
-
-__all__ = ["DriverRig", "RigChoice", "Supervisor", "UdpRig"]
+from middeck.realtime.engine.rigs.linear_article import LinearArticle, encode_article
 
 BEAT_S = 0.05
 PATIENCE_AT_END_S = 5.0

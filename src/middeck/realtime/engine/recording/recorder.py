@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.recording.frames import (
+from middeck.realtime.engine.recording.run_frames import (
     Frame,
     Kind,
     decode_head,

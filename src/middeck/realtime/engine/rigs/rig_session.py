@@ -7,7 +7,7 @@ import struct
 import numpy as np
 
 from middeck.realtime.engine.interface.header import constants
-from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 
 REQUEST, REPLY = struct.Struct("<qqq"), struct.Struct("<qq")
 """Magic, sample, alive, then outputs; magic, sample, then sensors."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.engine.rigs.article import LinearArticle
+from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.values import record
 
 RATE = "_rate"
@@ -81,38 +81,32 @@ def standard_monitors(
     settings: EngineSettings,
     y: Float[np.ndarray, "sample sensor"],
     u: Float[np.ndarray, "sample output"],
-    *,
-    bands: Sequence[Band] = BANDS,
-    floor: float = FLOOR,
-    limit: float = LIMIT,
 ) -> tuple[Monitor, ...]:
     """Growth and band power of every sensor and output, against their largest in normal operation.
 
     Args:
         y, u: A record of it, at least ten of the longest windows: the noisiest that is normal, from the
             article or from a model of it.
-        bands: Those beyond half the sampling rate are left out.
-        floor, limit: Multiples of the largest rms of a window in that record.
 
-    An output's limit is at most half of its range in every band but the first, however much it was used.
-    Raises `ConfigError` for a record that is too short.
+    Bands beyond half the sampling rate are left out. An output's limit is at most half of its range in every
+    band but the first, however much it was used. Raises `ConfigError` for a record that is too short.
     """
-    longest = max(settings.samples(band.window_s) for band in bands)
+    longest = max(settings.samples(band.window_s) for band in BANDS)
     if min(len(y), len(u)) < 10 * longest:
         raise ConfigError(
             f"a record of {min(len(y), len(u))} samples", where="standard monitors", hint=f">= {10 * longest}"
         )
-    below = [band for band in bands if 2.0 * band.low_hz * settings.period_s < 1.0]
+    below = [band for band in BANDS if 2.0 * band.low_hz * settings.period_s < 1.0]
     made: list[Monitor] = []
     for k, sensor in enumerate(settings.sensors):
         blank = Monitor(channel=sensor.port.name, band_hz=(0.0, np.inf))
-        made += [_normal(settings, blank, band, y[:, k], (floor, limit), np.inf) for band in below]
+        made += [_normal(settings, blank, band, y[:, k], np.inf) for band in below]
     for k, drive in enumerate(settings.drives):
         blank = Monitor(channel=drive.port.name, side="output", band_hz=(0.0, np.inf))
         half = HALF * max(-drive.lower, drive.upper)
-        most = [np.inf if band is bands[0] else half for band in below]
+        most = [np.inf if band is BANDS[0] else half for band in below]
         pairs = zip(below, most, strict=True)
-        made += [_normal(settings, blank, band, u[:, k], (floor, limit), high) for band, high in pairs]
+        made += [_normal(settings, blank, band, u[:, k], high) for band, high in pairs]
     return tuple(one for one in made if one.limit < np.inf)  # no limit: it never moved, what is normal?
 
 
@@ -169,7 +163,6 @@ def _normal(
     blank: Monitor,
     band: Band,
     row: np.ndarray,
-    times: tuple[float, float],
     most: float,
 ) -> Monitor:
     """The monitor of a band, from its largest rms in a record; its limit is at most ``most``."""
@@ -177,12 +170,12 @@ def _normal(
     largest = _largest_rms(settings, monitor, band.window_s, row)
     return dataclasses.replace(
         monitor,
-        limit=min(times[1] * largest or np.inf, most),
+        limit=min(LIMIT * largest or np.inf, most),
         seconds=band.window_s,
         window_s=band.window_s,
         factor=GROWS if largest else 0.0,  # what never moved grows from nothing
         times=TIMES,
-        floor=min(times[0] * largest, most / 2.0),
+        floor=min(FLOOR * largest, most / 2.0),
     )
 
 

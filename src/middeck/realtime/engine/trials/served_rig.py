@@ -10,8 +10,8 @@ import sys
 from types import TracebackType
 
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.process.supervisor import UdpRig
-from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.process.launch import UdpRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, run_child
 
 

@@ -13,9 +13,9 @@ from jaxtyping import Int
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.article import LinearArticle
-from middeck.realtime.package.build import package_law
+from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record

@@ -12,16 +12,17 @@ from jaxtyping import Float
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.commands import Event
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.engine.process.supervisor import DriverRig, RigChoice, Supervisor, UdpRig
-from middeck.realtime.engine.rigs.article import LinearArticle
-from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.process.launch import DriverRig, RigChoice, UdpRig
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
+from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.reference_loop import ReferenceLoop
 from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.engine.trials.udp_client import RigClient
 from middeck.realtime.generate.compiler import find_compiler
-from middeck.realtime.package.binary import hash_law
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import hash_law
 from middeck.values import record
 
 AnyRig = RigChoice | EngineRig

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.header import constants
-from middeck.realtime.engine.process.supervisor import UdpRig
-from middeck.realtime.engine.rigs.rig import EngineRig
+from middeck.realtime.engine.process.launch import UdpRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LARGEST, LOOPBACK
 from middeck.realtime.engine.rigs.rig_session import END, REPLY, REQUEST
 

@@ -35,6 +35,8 @@ ROUNDS = 60
 # Relative residual of a shape; its frequency is as good as the square of it.
 LANCZOS = 1e-10
 
+# Up to so many coordinates all modes cost less than a few.
+SMALL = 600
 
 Soft = Bool[np.ndarray, " n"] | None
 
@@ -45,6 +47,18 @@ class Eigenpairs(NamedTuple):
     lam: Float[np.ndarray, " mode"]
     shapes: Float[np.ndarray, "n mode"]
     noise: Float[np.ndarray, " mode"]
+
+
+def all_cost_less(K: sp.csr_array, count: int = 0) -> bool:
+    """Whether all modes cost less than the lowest ``count``."""
+    return order(K) <= max(SMALL, 4 * count)
+
+
+def solve_pairs(K: sp.csr_array, M: sp.csr_array, count: int | None, soft: Soft = None) -> Eigenpairs | None:
+    """At least the lowest ``count`` modes, all for None; None where a massless motion has no stiffness."""
+    if count is None or all_cost_less(K, count):
+        return solve_all(K, M, soft)
+    return solve_lowest(K, M, count, soft)
 
 
 def solve_all(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> Eigenpairs | None:

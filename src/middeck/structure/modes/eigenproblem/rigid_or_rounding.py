@@ -7,8 +7,8 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.assembly.energy import geometric_tangent
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.linked import dynamic_freedom, static_freedom
-from middeck.structure.assembly.loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.strain import strain_energies
 from middeck.structure.elements.frames import Configuration

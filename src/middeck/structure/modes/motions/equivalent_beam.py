@@ -17,7 +17,7 @@ from numpy.polynomial import legendre
 
 from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
 from middeck.structure.elements.trees import Poses
-from middeck.structure.modes.motions.rigid import AXES
+from middeck.structure.modes.motions.rigid_motions import AXES
 from middeck.structure.modes.motions.strain_shares import member_energy
 from middeck.structure.modes.motions.strained_parts import straight_lines
 from middeck.structure.rest.equilibrium import Equilibrium

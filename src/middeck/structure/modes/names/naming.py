@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from middeck.structure.elements.frames import frame_poses, pose_jacobian
 from middeck.structure.modes.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
-from middeck.structure.modes.motions.rigid import AXES, rigid_motions
+from middeck.structure.modes.motions.rigid_motions import AXES, rigid_motions
 from middeck.structure.modes.motions.strain_shares import PARTS, strain_energy
 from middeck.structure.modes.motions.strained_parts import leading_parts, strained_parts
 from middeck.structure.modes.names.kinds import HALF, HELD

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.gravity_modes import numbers, text
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3

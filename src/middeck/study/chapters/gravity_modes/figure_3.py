@@ -16,7 +16,7 @@ from middeck.plot.shapes import round_down
 from middeck.plot.style import COLOUR, new_figure, note, styled
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
-from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.structure.model.article import Body
 from middeck.structure.rest.equilibrium import Equilibrium
 

@@ -8,7 +8,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from middeck.plot.style import COLOUR, new_figure, note, styled
-from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.gravity.compare_modes import ModeComparison
 
 
 @styled

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.files.json.results import mode_numbers, rest_numbers
-from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.study.words import Numbers
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.files.studies.documents import Study
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.linear_test import rig_plant, run_rig_experiment
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.study.shared import find_modes

@@ -10,7 +10,7 @@ from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import evaluate_model
 from middeck.identification.model.steady_simulation import nrmse
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 

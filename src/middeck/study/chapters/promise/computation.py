@@ -19,7 +19,7 @@ from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.identification.spectra import estimate_response
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article, linear_plant
 from middeck.laboratory.settings import RigSettings

@@ -11,8 +11,9 @@ from middeck.files.promises.study_table import build_modal_test, build_unknowns
 from middeck.files.studies.documents import Study
 from middeck.files.studies.promise import PromiseForm, SetUpForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
-from middeck.identification.friction import JointFriction, find_friction, without_friction
-from middeck.identification.spectra import estimate_response
+from middeck.identification.friction.find import JointFriction, find_friction
+from middeck.identification.friction.remove import without_friction
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.modal_test import take_modal_test
 from middeck.laboratory.settings import RigSettings

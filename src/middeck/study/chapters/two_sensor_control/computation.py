@@ -13,7 +13,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.control.shaping.sections import second_order_section, shape_compensator
+from middeck.control.shaping.leads_and_notches import second_order_section, shape_compensator
 from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult
 from middeck.laboratory.article import RigArticle

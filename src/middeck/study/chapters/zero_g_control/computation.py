@@ -22,7 +22,7 @@ from middeck.control.lqg.estimator import design_filter
 from middeck.errors import ConfigError
 from middeck.files.studies.documents import Study
 from middeck.files.studies.form import ControlForm
-from middeck.structure.gravity.comparison import ModeComparison
+from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant

@@ -13,7 +13,7 @@ from middeck.control.analysis.stability.stability import LoopStability, decide_s
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.gate.linear_law import linear_law
+from middeck.realtime.gate.linear_law import limited_laws, linear_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single_precision import bound_error
 from middeck.realtime.package.vectors import run_vectors
@@ -22,6 +22,8 @@ from middeck.systems.state_space.statespace import same_period
 from middeck.values import record
 
 FADES = tuple(k / 10.0 for k in range(11))
+ALL_TOGETHER = 6
+"""Most outputs of which all sets are tried."""
 
 
 @record(kw_only=True)
@@ -142,6 +144,29 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
     """
     fades = [Tried(f"at a fade of {fade:g}", linear_law(package, fade), off=fade == 0.0) for fade in FADES]
     return check_loops(f"model {name}", plant, fades, least)
+
+
+def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateStep:
+    """Nothing grows on ``plant`` while some outputs are limited, from none of what they are asked for to 0.9.
+
+    Of up to `ALL_TOGETHER` outputs all that may be limited at once are tried; of more each alone, all but
+    each, and all. These are loops that stay so: it is no proof for limits that come and go.
+    """
+    step, count = f"recovery {name}", len(package.outputs)
+    few = [np.eye(count, dtype=bool), ~np.eye(count, dtype=bool), np.ones((1, count), dtype=bool)]
+    every = (np.arange(1, 1 << min(count, ALL_TOGETHER))[:, None] >> np.arange(count)) % 2 == 1
+    limited = np.vstack(few) if count > ALL_TOGETHER else every
+    try:
+        aligned = align_plant(plant, linear_law(package))
+        gains = np.array([np.where(places, share, 1.0) for places in limited for share in FADES[:-1]])
+        for gain, law in zip(gains, limited_laws(package, gains), strict=True):
+            fault = _unstable(decide_stability(aligned, law), off=True)
+            if fault:
+                names = [port.name for port, g in zip(package.outputs, gain, strict=True) if g < 1.0]
+                return _step(step, [f"while {gain.min():g} of {', '.join(names)} is applied: {fault}"], "")
+    except (NumericalError, ConfigError) as error:
+        return _step(step, [f"not decided: {error.what}"], "")
+    return _step(step, [], f"nothing grows while any of {len(limited)} sets of outputs are limited")
 
 
 def check_loops(step: str, plant: Plant, tried: Sequence[Tried], least: GateMargins) -> GateStep:

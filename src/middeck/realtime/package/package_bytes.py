@@ -135,6 +135,8 @@ def _read_head(data: bytes, where: str) -> tuple[_Head, float]:
     for name, value, most in zip(_Head._fields, head, _MOST, strict=True):
         if value > most:
             _refuse(f"{name} {value}; at most {most}", where)
+    if not head.inputs * head.outputs:
+        _refuse(f"{head.inputs} inputs and {head.outputs} outputs; at least one of each", where)
     return head, period_s
 
 

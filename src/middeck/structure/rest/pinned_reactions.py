@@ -8,16 +8,16 @@ from jaxtyping import Inexact, Int
 
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.energy import assemble_carried
+from middeck.structure.assembly.environment_loads import Loads, scale_loads
 from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.assembly.linked import closed, static_freedom
-from middeck.structure.assembly.loads import Loads, scale_loads
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
 from middeck.structure.elements.since_drawn import uncarried
 from middeck.structure.rest.damped_descent import MAX_ITERATIONS
-from middeck.structure.rest.following import CONTRACTION
+from middeck.structure.rest.followed_branch import CONTRACTION
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import LONGEST_STEP, TOLERANCE
 from middeck.structure.rest.settle import LOAD_FACTORS

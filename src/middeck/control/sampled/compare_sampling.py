@@ -21,6 +21,8 @@ from middeck.values import record
 
 HEAD = ("rate Hz", "method", "dB", "control rms", "gain dB", "phase deg", "disk")
 FORMS: tuple[Form, ...] = ("current", "predictor")
+# Of the delays in designs of finite order.
+PADE_ORDER = 3
 
 
 @record(kw_only=True)
@@ -93,21 +95,20 @@ def compare_sampling(
     rates_hz: Sequence[float] | Float[np.ndarray, " rate"] = (100.0, 250.0, 500.0, 1000.0),
     *,
     match_hz: float | None = None,
-    pade_order: int = 3,
 ) -> SamplingComparison:
     """Direct sampled designs beside emulated ones, each measured with true delay, between samples too.
 
-    Emulated laws come from `design_lqg` with delays approximated to ``pade_order``: on the plant, and on the
+    Emulated laws come from `design_lqg` with delays approximated to third order: on the plant, and on the
     plant with half a period more delay (the effect of the hold). Tustin's rule is prewarped, and the gain of
     a matched law met, at ``match_hz``. Matched laws need one input and one measurement.
 
     Raises what `design_lqg`, `design_sampled_lqg` and `emulate` do.
     """
-    continuous = design_lqg(approximate_delays(plant, pade_order), weights, authority)
+    continuous = design_lqg(approximate_delays(plant, PADE_ORDER), weights, authority)
     rows: list[SamplingRow] = []
     for rate in rates_hz:
         period = 1.0 / float(rate)
-        late = approximate_delays(_later(plant, period / 2.0), pade_order)
+        late = approximate_delays(_later(plant, period / 2.0), PADE_ORDER)
         laws: list[Compensator] = [
             design_sampled_lqg(plant, weights, authority, period, form) for form in FORMS
         ]

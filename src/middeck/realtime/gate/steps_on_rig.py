@@ -11,10 +11,10 @@ import numpy as np
 
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.rigs.article import LinearArticle, linear_article
+from middeck.realtime.engine.rigs.linear_article import LinearArticle, linear_article
 from middeck.realtime.engine.trials.trial import AnyRig, Stage, Trial, run_trial
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps import GateStep
+from middeck.realtime.gate.steps_on_paper import GateStep
 from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
@@ -58,7 +58,7 @@ class GateTrials:
         if not (
             all(0.0 < t < math.inf for t in times)
             and all(0.0 < s <= 1.0 for s in shares)
-            and 0.0 <= min(self.disturbance, self.noise) <= max(self.disturbance, self.noise) < math.inf
+            and all(0.0 <= rms < math.inf for rms in (self.disturbance, self.noise))
         ):
             raise ConfigError(
                 f"trials of {times} s, shares {shares}, disturbance {self.disturbance}, noise {self.noise}",

@@ -9,10 +9,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from middeck.structure.assembly.energy import Assembly, assemble_carried, inner_forces
+from middeck.structure.assembly.environment_loads import Inner, Loads, scale_loads
 from middeck.structure.assembly.factorisation import factorise, positive_factor
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import closed, followed, static_freedom, torn
-from middeck.structure.assembly.loads import Inner, Loads, scale_loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import own_law
 from middeck.structure.assembly.strain import predict_forces
