@@ -54,7 +54,7 @@ MOTIONS = (
 OTHERS = (
     "N m/s", "Nm/s", "NM/s", "N*m/s", "N/s", "kN/s", "lbf ft/s", "J/s", "W", "kg/s", "kg m/s", "kg m/s^2",
     "kg m^2/s^2", "m^2/s^2", "m^3/s", "l/s", "V/s", "A/s", "counts/s", "K/s", "Pa/s", "Hz/s", "N m s", "m s",
-    "l/min", "m^3/h", "kg/h", "min", "h", "m min", "kW h", "N/min", "counts/min", "N/ms", "V/ms", "ms", "V/μs",
+    "l/min", "m^3/h", "kg/h", "min", "h", "m min", "kW h", "N/min", "counts/min", "N/ms", "V/ms", "ms",
 )  # fmt: skip
 
 

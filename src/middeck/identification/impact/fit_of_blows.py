@@ -11,7 +11,7 @@ from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.impact.averaged_blows import ImpactTest
 from middeck.identification.impact.scatter_of_blows import with_scatter
-from middeck.identification.model.fit_options import FitOptions, usual_constants
+from middeck.identification.model.fit_options import usual_constants
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -19,7 +19,7 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 from middeck.identification.model.refused_data import check_word
-from middeck.identification.record_fit.fit_record import fit_samples
+from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import unknowns_of
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
@@ -46,15 +46,8 @@ def fit_impact(
     if of == "samples":
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
         # However far a blow reaches, its force is not held from sample to sample.
-        search: dict[str, Any] = {"sampled": False}
-        search |= {name: options.pop(name) for name in ("sampled", "weighting", "tell") if name in options}
-        return fit_samples(
-            test.blocks,
-            FitOptions(**options),
-            band_hz=(first, last),
-            input_noise=test.rest[..., None],
-            **search,
-        )
+        options.setdefault("sampled", False)
+        return fit_record(test.blocks, band_hz=(first, last), input_noise=test.rest[..., None], **options)
     if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
         constants = options.get("constants") or usual_constants(test.response.outputs, None)

@@ -1,10 +1,9 @@
-"""What blows that differ make of a fit: its covariance by their scatter, in no direction less than stated.
+"""Noise of the force and blows that differ in the covariance of a fit, in no direction less than stated.
 
 Noise of the force lasts as long as its window. Its spectrum is then alike on many lines, those of a mode
-among them, so that no residual over lines shows what it does to a model. From blow to blow it differs:
-each blow's part of the averaged response moves the model by its own, and the mean of all scatters by what
-these do (clustered sandwich, Liang and Zeger 1986), with one degree of freedom less than there are blows. Few
-blows tell that badly; what the force is where nothing strikes tells its noise well.
+among them, so that no residual over lines shows what it does to a model. The force where nothing strikes
+does. From blow to blow all else may differ, too: each blow's part of the averaged response moves the model by
+its own (clustered sandwich, Liang and Zeger 1986), with one degree of freedom less than there are blows.
 """
 
 from __future__ import annotations
@@ -25,8 +24,7 @@ from middeck.identification.uncertainty.parameter_deviations import uncertainty_
 
 
 def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
-    """``fit``, which is of the averaged response, with the covariance that noise of the force and the scatter
-    of blows ask for."""
+    """``fit`` of the averaged response with the covariance that noise of the force and the blows ask for."""
     known, (heard, apart) = fit.covariance, _parts(test)
     s = 2j * np.pi * test.response.frequency_hz
     v = spread_of(test.response, relative=False).variance[:, :, 0] + fit.excess[:, None] ** 2

@@ -80,6 +80,7 @@ def fit_record(
     relative_degree: Literal[0, 1, 2] | None = None,
     weighting: Weighting | None = None,
     tell: Callable[[str], None] = lambda _: None,
+    input_noise: Float[np.ndarray, "part sample input"] | None = None,
 ) -> FitResult:
     """Fit common poles, residues and delays to the samples of a record that need not be periodic.
 
@@ -103,6 +104,7 @@ def fit_record(
             by forces that shake the article as the inputs do. By default the likelier of the last two, or of
             a sampled model those that simulate samples held out best.
         tell: Called with what is done next, some words, as often as that changes.
+        input_noise: Noise of the inputs alone, as long as an experiment; deviations count it.
 
     Raises `ConfigError` for options that exclude each other; `DataError` if a channel is constant or not
     finite; `FitError` if the record is shorter than the unknowns, if it is described no worse as noise alone
@@ -119,7 +121,15 @@ def fit_record(
         integrators=integrators,
         relative_degree=relative_degree,
     )
-    return fit_samples(record, asked, sampled=sampled, band_hz=band_hz, weighting=weighting, tell=tell)
+    return fit_samples(
+        record,
+        asked,
+        sampled=sampled,
+        band_hz=band_hz,
+        weighting=weighting,
+        tell=tell,
+        input_noise=input_noise,
+    )
 
 
 def fit_samples(
@@ -132,7 +142,7 @@ def fit_samples(
     tell: Callable[[str], None] = lambda _: None,
     input_noise: Float[np.ndarray, "part sample input"] | None = None,
 ) -> FitResult:
-    """`fit_record` with its options as one value; ``input_noise``, as long as experiments, is counted."""
+    """`fit_record` with its options as one value."""
     check_record(record)
     check_word("weighting", weighting, WEIGHTINGS)
     refuse_growth(record)

@@ -48,9 +48,8 @@ def record_covariance(
     inverse, loose = orthogonal.inverse_root(orthogonal.factor_of(blocks), held)
     inflation = np.maximum(alone * np.sum(inverse**2, axis=1), 1.0)
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
-    spread = _scores_spread(each, W)
-    if input_noise is not None and len(input_noise):
-        spread += _spread_of_inputs(each, W, input_noise)
+    noise = np.zeros((0, 2 * data.lines[-1], data.U.shape[1])) if input_noise is None else input_noise
+    spread = _scores_spread(each, W, noise)
     root = np.hstack([orthogonal.canonical_root(W @ orthogonal.root_of(spread)), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
@@ -91,17 +90,21 @@ class _Rows:
 
 
 def _scores_spread(
-    each: _Rows, W: Float[np.ndarray, "unknown direction"]
+    each: _Rows, W: Float[np.ndarray, "unknown direction"], noise: Float[np.ndarray, "part sample input"]
 ) -> Float[np.ndarray, "direction direction"]:
-    """Covariance of the scores in the directions W under the noise that is left.
+    """Covariance of the scores in the directions W under what is left, and ``noise`` of the inputs.
 
-    Degrees of freedom are counted on each line.
+    Degrees of freedom are counted on each line. Noise of the inputs is alike for all outputs, and each
+    experiment has its own.
     """
     run, data = each.run, each.data
     shape = run.denominator(data)
     residual = run.residual(data)
     _, lines, columns = residual.shape
     spread = np.zeros((W.shape[1], W.shape[1]))
+    scores = np.zeros((columns, W.shape[1], len(noise)))
+    H = model_response(each.model, data.omega / (2.0 * np.pi))
+    N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(max(noise.shape[0] * noise.shape[1], 1))
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))
@@ -111,22 +114,10 @@ def _scores_spread(
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
         v = covering_variance(residual[o, None], shape, left.T[None])[0]
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
-    return spread
-
-
-def _spread_of_inputs(
-    each: _Rows, W: Float[np.ndarray, "unknown direction"], noise: Float[np.ndarray, "part sample input"]
-) -> Float[np.ndarray, "direction direction"]:
-    """Covariance of the scores under noise of the inputs, alike for all outputs, each experiment its own."""
-    run, data = each.run, each.data
-    parts, samples, _ = noise.shape
-    N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(samples * parts)
-    heard = np.einsum("koi,pki->opk", model_response(each.model, data.omega / (2.0 * np.pi)), N)
-    scores = np.zeros((data.H.shape[2], W.shape[1], parts))
-    for o in range(run.layout.outputs):
-        J, own = each.of(o)
-        at = np.flatnonzero(J.any(axis=(1, 2)))
-        rows = (W[at].T @ own.removed(J[at])).reshape(W.shape[1], len(scores), -1).swapaxes(0, 1)
-        weighted = heard[o] / np.sqrt(run.variance[o].T[:, None])
-        scores += rows @ np.ascontiguousarray(weighted).view(float).mT
-    return np.einsum("edp,efp->df", scores, scores)
+        heard = np.sum(H[:, o] * N, axis=2) / np.sqrt(run.variance[o].T[:, None])
+        scores += (
+            Q
+            @ rows.reshape(len(rows), columns, -1).swapaxes(0, 1)
+            @ np.ascontiguousarray(heard).view(float).mT
+        )
+    return spread + np.einsum("edp,efp->df", scores, scores)
