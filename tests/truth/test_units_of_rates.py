@@ -49,11 +49,12 @@ MOTIONS = (
     "m/s", "mm/s", "μm/s", "µm/s^2", "nm/s", "m.s-2", "m·s⁻²", "rad s-1", "mrad/s", "deg/s", "rev/s",
     "arcsec/s", "1/s", "s^-1", "ft/s^2", "strain/s", "metre/second^2", "(rad/s)", "[m/s^2]", "rpm", "urad/s",
     "r/min", "rev/min", "min⁻¹", "m/min", "km/h", "deg/hr", "ips", "rps", "mph", "Gal", "mGal", "mm/min^2",
+    "dps", "mdps", "m/ms", "mm/ms^2", "μm/μs", "rad ms^-1", "m/millisecond",
 )  # fmt: skip
 OTHERS = (
     "N m/s", "Nm/s", "NM/s", "N*m/s", "N/s", "kN/s", "lbf ft/s", "J/s", "W", "kg/s", "kg m/s", "kg m/s^2",
     "kg m^2/s^2", "m^2/s^2", "m^3/s", "l/s", "V/s", "A/s", "counts/s", "K/s", "Pa/s", "Hz/s", "N m s", "m s",
-    "l/min", "m^3/h", "kg/h", "min", "h", "m min", "kW h", "N/min", "counts/min",
+    "l/min", "m^3/h", "kg/h", "min", "h", "m min", "kW h", "N/min", "counts/min", "N/ms", "V/ms", "ms",
 )  # fmt: skip
 
 

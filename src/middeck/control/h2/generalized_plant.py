@@ -16,7 +16,7 @@ from jaxtyping import Float
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg import design_model as lqg_problem
 from middeck.control.lqg.design import AUTHORITY
-from middeck.control.lqg.effort_weight import weigh_effort
+from middeck.control.lqg.design_model import weigh_effort
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError

@@ -8,7 +8,7 @@ import scipy.linalg as sla
 from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import decouple
-from middeck.control.lqg.integral_action import append_integrals
+from middeck.control.lqg.design_model import append_integrals
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 
 

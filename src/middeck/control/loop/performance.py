@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.intensity_checks import require_intensity
 from middeck.control.loop.closed_loop import ClosedLoop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
@@ -61,4 +60,18 @@ def require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
         names = ", ".join(port.name for port in ports)
         raise ConfigError(
             f"{count} {what} for {len(ports)} ports ({names})", hint="one for each, in their order"
+        )
+
+
+def require_intensity(what: str, intensity: Float[np.ndarray, "w w"]) -> None:
+    """Raise `ConfigError` unless the matrix is finite, symmetric and positive semidefinite."""
+    if not np.all(np.isfinite(intensity)):
+        raise ConfigError(f"{what} is not finite", hint="finite two-sided intensities, unit^2/Hz")
+    lowest = np.linalg.eigvalsh(intensity).min(initial=0.0)
+    # Rounding of an eigenvalue of a symmetric matrix, relative to its size.
+    rounding = 1e-12 * np.abs(intensity).max(initial=0.0)
+    if not np.array_equal(intensity, intensity.T) or lowest < -rounding:
+        raise ConfigError(
+            f"{what} is not symmetric and positive semidefinite",
+            hint="a covariance matrix: symmetric, no negative eigenvalue",
         )

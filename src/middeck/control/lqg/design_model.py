@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
@@ -168,3 +171,34 @@ def put_beside(systems: list[StateSpace]) -> StateSpace:
     """Unconnected systems as one block diagonal system."""
     parts = (np.asarray(sla.block_diag(*(getattr(s, k) for s in systems))) for k in "ABCD")
     return StateSpace(*parts)
+
+
+class Weighed(NamedTuple):
+    """The cost: squares of the rows C x + D u (performance, shaped inputs), and of u by ``plain``."""
+
+    C: Float[np.ndarray, "row state"]
+    D: Float[np.ndarray, "row u"]
+    plain: Float[np.ndarray, " u"]
+
+
+def weigh_effort(model: LQGProblem, authority: float) -> Weighed:
+    """The cost at this authority, one over which is the weight of effort."""
+    effort = 1.0 / np.sqrt(authority)
+    return Weighed(
+        np.vstack([model.C1, effort * model.shaped]),
+        np.vstack([model.D12, effort * model.shaped_through]),
+        model.plain / authority,
+    )
+
+
+def append_integrals(
+    A: Float[np.ndarray, "x x"],
+    B: Float[np.ndarray, "x u"],
+    C: Float[np.ndarray, "y x"],
+    D: Float[np.ndarray, "y u"],
+    integral: Sequence[int],
+) -> tuple[np.ndarray, np.ndarray]:
+    """A and B with the integrals of some rows of y as last states: integral action."""
+    rows, count = list(integral), len(integral)
+    longer = np.block([[A, np.zeros((len(A), count))], [C[rows], np.zeros((count, count))]])
+    return longer, np.vstack([B, D[rows]])

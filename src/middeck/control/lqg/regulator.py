@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.lqg.design_model import LQGProblem, require_finite_cost
-from middeck.control.lqg.effort_weight import weigh_effort
-from middeck.control.lqg.integral_action import append_integrals
+from middeck.control.lqg.design_model import LQGProblem, append_integrals, require_finite_cost, weigh_effort
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.values import record
 

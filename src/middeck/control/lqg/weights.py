@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.intensity_checks import require_intensity
+from middeck.control.loop.performance import require_intensity
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
 from middeck.values import record

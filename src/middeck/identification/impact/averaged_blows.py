@@ -29,8 +29,8 @@ END = 1e-3
 USEFUL = 0.01
 # Samples of the force window's slope after the pulse: the ringing of filters.
 SLOPE = 32
-# Parts of a record, of which the quietest tells the level at rest.
-PARTS = 16
+# Parts of a record, of which the quietest tells the level at rest; parts of the force at rest that are kept.
+PARTS, KEPT = 16, 64
 # Coherence below which a line is told of.
 INCOHERENT = 0.9
 
@@ -44,6 +44,7 @@ class ImpactTest:
         coherence: Of each line and output: the share of the response explained by the force, over the good
             blows.
         blocks: The good blows under the force window alone, each an experiment.
+        rest: Force where nothing struck, as long under the window of a blow: noise as it is in blocks.
         window_s: Time constant tau of the exponential window [s]; infinite without.
         blows: All blows, the rejected ones with the reason.
         warnings: What the user should know; empty if nothing.
@@ -52,6 +53,7 @@ class ImpactTest:
     response: FrequencyResponse
     coherence: Float[np.ndarray, "line output"]
     blocks: Record
+    rest: Float[np.ndarray, "part sample"]
     window_s: float
     blows: tuple[Blow, ...]
     warnings: tuple[str, ...]
@@ -88,13 +90,14 @@ def average_blows(
         )
     size = min(b.last - b.first for b in good)
     u, y = (x.reshape(len(x), -1, x.shape[3]) for x in (record.u, record.y))
-    force = np.stack([_force(u[b.experiment, b.first : b.first + size], b) for b in good])
+    struck = [(u[b.experiment, b.first : b.first + size, 0], _force_window(size, b)) for b in good]
+    force = np.stack([(x - np.median(x)) * window for x, window in struck])
     levels = [_at_rest(x) for x in y]
     answer = np.stack([y[b.experiment, b.first : b.first + size] - levels[b.experiment] for b in good])
     tau = _time_constant(answer, record.sample_hz) if window_s is None else window_s
     blocks = Record(
         sample_hz=record.sample_hz,
-        u=force[:, None],
+        u=force[:, None, :, None],
         y=answer[:, None],
         inputs=record.inputs,
         outputs=record.outputs,
@@ -118,19 +121,27 @@ def average_blows(
         response=response,
         coherence=coherence,
         blocks=blocks,
+        rest=np.concatenate([_at_rest_under(x, window, -(-KEPT // len(good))) for x, window in struck]),
         window_s=float(tau),
         blows=blows,
         warnings=tuple(_warnings(record, coherence, blows)),
     )
 
 
-def _force(x: Float[np.ndarray, "sample input"], blow: Blow) -> Float[np.ndarray, "sample input"]:
-    """Zero but for the pulse and as much again, with slopes of half a cosine."""
-    end = min(2 * blow.pulse_end - blow.struck, blow.last) - blow.first
-    last = end + SLOPE
+def _force_window(size: int, blow: Blow) -> Float[np.ndarray, " sample"]:
+    """One for the pulse and as much again, with a slope of half a cosine, then zero."""
+    last = min(2 * blow.pulse_end - blow.struck, blow.last) - blow.first + SLOPE
     slope = 0.5 * (1.0 + np.cos(np.pi * np.arange(1, SLOPE + 1) / (SLOPE + 1)))
-    window = np.concatenate([np.ones(last), slope, np.zeros(max(len(x) - last - SLOPE, 0))])[: len(x)]
-    return (x - np.median(x, axis=0)) * window[:, None]
+    return np.concatenate([np.ones(last), slope, np.zeros(max(size - last - SLOPE, 0))])[:size]
+
+
+def _at_rest_under(
+    x: Float[np.ndarray, " sample"], window: Float[np.ndarray, " sample"], most: int
+) -> Float[np.ndarray, "part sample"]:
+    """What follows a blow, in parts as long as its window, each under it."""
+    long = int(np.count_nonzero(window))
+    starts = range(long, len(x) - long + 1, long)[:most]
+    return np.array([window * np.roll(x - np.median(x), -k) for k in starts]).reshape(len(starts), len(x))
 
 
 def _at_rest(x: Float[np.ndarray, "sample channel"]) -> Float[np.ndarray, " channel"]:
@@ -149,25 +160,19 @@ def _time_constant(answer: Float[np.ndarray, "blow sample output"], sample_hz: f
 
 
 def windowed_spectra(
-    blocks: Record, window_s: float
-) -> tuple[
-    Float[np.ndarray, " line"],
-    Complex[np.ndarray, "blow line input"],
-    Complex[np.ndarray, "blow line output"],
-]:
-    """Lines [Hz], force and response of each block under exp(-t / window_s)."""
-    size = blocks.u.shape[2]
-    window = np.exp(-(np.arange(size) - BEFORE) / (blocks.sample_hz * window_s))[:, None]
-    U, Y = (np.fft.rfft(x[:, 0] * window, axis=1) for x in (blocks.u, blocks.y))
-    return np.fft.rfftfreq(size, 1.0 / blocks.sample_hz), U, Y
+    x: Float[np.ndarray, "block sample channel"], sample_hz: float, window_s: float
+) -> Complex[np.ndarray, "block line channel"]:
+    """Of each block under exp(-t / window_s)."""
+    window = np.exp(-(np.arange(x.shape[1]) - BEFORE) / (sample_hz * window_s))[:, None]
+    return np.fft.rfft(x * window, axis=1)
 
 
 def _spectra(blocks: Record, window_s: float) -> Spectra:
-    hz, U, Y = windowed_spectra(blocks, window_s)
+    U, Y = (windowed_spectra(x[:, 0], blocks.sample_hz, window_s) for x in (blocks.u, blocks.y))
     count, size = len(U), blocks.u.shape[2]
     scale = 1.0 / (count * size * blocks.sample_hz)
     return Spectra(
-        frequency_hz=hz,
+        frequency_hz=np.fft.rfftfreq(size, 1.0 / blocks.sample_hz),
         S_uu=scale * np.einsum("eki,ekj->kij", U, U.conj()),
         S_yu=scale * np.einsum("eko,eki->koi", Y, U.conj()),
         S_yy=scale * np.einsum("eko,ekp->kop", Y, Y.conj()),

@@ -47,7 +47,7 @@ def fit_impact(
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
         # However far a blow reaches, its force is not held from sample to sample.
         options.setdefault("sampled", False)
-        return fit_record(test.blocks, band_hz=(first, last), **options)
+        return fit_record(test.blocks, band_hz=(first, last), input_noise=test.rest[..., None], **options)
     if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
         constants = options.get("constants") or usual_constants(test.response.outputs, None)

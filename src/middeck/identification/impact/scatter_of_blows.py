@@ -1,9 +1,9 @@
-"""What blows that differ make of a fit: its covariance by their scatter, in no direction less than stated.
+"""Noise of the force and blows that differ in the covariance of a fit, in no direction less than stated.
 
 Noise of the force lasts as long as its window. Its spectrum is then alike on many lines, those of a mode
-among them, so that no residual over lines shows what it does to a model. From blow to blow it differs:
-each blow's part of the averaged response moves the model by its own, and the mean of all scatters by what
-these do (clustered sandwich, Liang and Zeger 1986), with one degree of freedom less than there are blows.
+among them, so that no residual over lines shows what it does to a model. The force where nothing strikes
+does. From blow to blow all else may differ, too: each blow's part of the averaged response moves the model by
+its own (clustered sandwich, Liang and Zeger 1986), with one degree of freedom less than there are blows.
 """
 
 from __future__ import annotations
@@ -24,34 +24,52 @@ from middeck.identification.uncertainty.parameter_deviations import uncertainty_
 
 
 def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
-    """``fit``, which is of the averaged response, with the covariance that the scatter of blows asks for."""
-    known, apart = fit.covariance, _parts(test)
+    """``fit`` of the averaged response with the covariance that noise of the force and the blows ask for."""
+    known, (heard, apart) = fit.covariance, _parts(test)
     s = 2j * np.pi * test.response.frequency_hz
     v = spread_of(test.response, relative=False).variance[:, :, 0] + fit.excess[:, None] ** 2
     J = np.zeros((len(known.root), len(v), len(s)), dtype=complex)
     for o in range(len(v)):
         entry = entry_slopes(known.model, known.structure, s, o, 0)
         J[entry.place, o] = entry.by
-    rows, moved = (as_real(x / np.sqrt(v)) for x in (J, apart))
+    rows = as_real(J / np.sqrt(v))
     W, loose = orthogonal.inverse_root(orthogonal.triangle(rows.T), ties(known.model, known.structure))
     W = W[:, : W.shape[1] - loose]
-    by_blow = np.linalg.lstsq(known.fixed, W @ (W.T @ (rows @ moved.T)), rcond=None)[0]
-    count = len(apart)
-    more = orthogonal.root_of(count / (count - 1.0) * by_blow @ by_blow.T, least=1.0)
+
+    def moved(H: Complex[np.ndarray, "part output line"], root: np.ndarray) -> np.ndarray:
+        """Unknowns by what is added to the response, in directions of a root of their covariance."""
+        return np.linalg.lstsq(root, W @ (W.T @ (rows @ as_real(H / np.sqrt(v)).T)), rcond=None)[0]
+
+    noise = moved(heard, known.fixed)
+    root = known.fixed @ orthogonal.root_of(np.eye(len(noise)) + noise @ noise.T)
+    by_blow = moved(apart, root)
+    more = orthogonal.root_of(by_blow @ by_blow.T, least=1.0)
     free = known.root[:, known.root.shape[1] - known.loose :]
     covariance = dataclasses.replace(
         known,
-        root=np.hstack([orthogonal.canonical_root(known.fixed @ more), free]),
-        degrees=min(known.degrees, count - 1.0),
+        root=np.hstack([orthogonal.canonical_root(root @ more), free]),
+        degrees=min(known.degrees, len(apart) - 1.0),
     )
     return dataclasses.replace(fit, covariance=covariance, uncertainty=uncertainty_of(covariance))
 
 
-def _parts(test: ImpactTest) -> Complex[np.ndarray, "blow output line"]:
-    """What each blow adds to the averaged response: by its force, how far its own is off."""
-    hz, U, Y = windowed_spectra(test.blocks, test.window_s)
-    kept = np.isin(hz, test.response.frequency_hz)
-    U, Y = U[:, kept], Y[:, kept]
+def _parts(
+    test: ImpactTest,
+) -> tuple[Complex[np.ndarray, "part output line"], Complex[np.ndarray, "blow output line"]]:
+    """What noise of the force adds to the averaged response, and what each blow does.
+
+    Of blows that differ in size by their leverage (Bell and McCaffrey 2002): the largest is most of the
+    average, and little off it.
+    """
+    blocks, hz = test.blocks, test.response.frequency_hz
+    kept = np.isin(np.fft.rfftfreq(blocks.u.shape[2], 1.0 / blocks.sample_hz), hz)
+    U, Y, N = (
+        windowed_spectra(x, blocks.sample_hz, test.window_s)[:, kept]
+        for x in (blocks.u[:, 0], blocks.y[:, 0], test.rest[..., None])
+    )
     power = np.sum(np.abs(U) ** 2, axis=0)
-    H = np.sum(Y * U.conj(), axis=0) / power
-    return ((Y - H * U) * U.conj() / power).swapaxes(1, 2)
+    H, by = np.sum(Y * U.conj(), axis=0) / power, U.conj() / power
+    # Each part as that of one blow, in turn.
+    heard = H * by[np.arange(len(N)) % len(by)] * N * np.sqrt(len(by) / max(len(N), 1))
+    apart = (Y - H * U) * by / np.sqrt(1.0 - np.abs(U) ** 2 / power)
+    return heard.swapaxes(1, 2), apart.swapaxes(1, 2)

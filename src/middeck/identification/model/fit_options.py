@@ -126,7 +126,7 @@ LENGTH = r"([kcdmμun]|milli|micro|centi|kilo)?m(et(er|re)s?)?|in(ch(es)?)?|ft|f
 ANGLE = r"([mμun]|milli|micro)?(rad(ian)?s?|deg(ree)?s?)|°|arc[ -]?(sec|min)|rev(olution)?s?|turns?|r"
 MOTION = rf"({LENGTH}|{ANGLE}|(micro)?strain|μ?ε|μ?m/m|1|)[\s·*.]*"
 # The end of its unit: over a time, once or twice, by a stroke or by a negative power.
-TIME = r"(s(ec(ond)?s?)?|min(utes?)?|h(r|ours?)?)\s*"
+TIME = r"(([mμnu]|milli|micro)?s(ec(ond)?s?)?|min(utes?)?|h(r|ours?)?)\s*"
 TWICE = rf"((\^|\*\*)?\s*\{{?2\}}?|²|[/*·]\s*{TIME})"
 
 
@@ -137,7 +137,7 @@ def _over_seconds(twice: str, power: str) -> re.Pattern[str]:
 
 VELOCITY, ACCELERATION = _over_seconds("", "1¹"), _over_seconds(TWICE, "2²")
 # By name.
-SPEEDS = ("rpm", "rps", "ips", "mph")
+SPEEDS = ("rpm", "rps", "ips", "mph", "dps", "mdps")
 BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug", "gal", "mgal")
 
 

@@ -80,6 +80,7 @@ def fit_record(
     relative_degree: Literal[0, 1, 2] | None = None,
     weighting: Weighting | None = None,
     tell: Callable[[str], None] = lambda _: None,
+    input_noise: Float[np.ndarray, "part sample input"] | None = None,
 ) -> FitResult:
     """Fit common poles, residues and delays to the samples of a record that need not be periodic.
 
@@ -103,6 +104,7 @@ def fit_record(
             by forces that shake the article as the inputs do. By default the likelier of the last two, or of
             a sampled model those that simulate samples held out best.
         tell: Called with what is done next, some words, as often as that changes.
+        input_noise: Noise of the inputs alone, as long as an experiment; deviations count it.
 
     Raises `ConfigError` for options that exclude each other; `DataError` if a channel is constant or not
     finite; `FitError` if the record is shorter than the unknowns, if it is described no worse as noise alone
@@ -119,7 +121,15 @@ def fit_record(
         integrators=integrators,
         relative_degree=relative_degree,
     )
-    return fit_samples(record, asked, sampled=sampled, band_hz=band_hz, weighting=weighting, tell=tell)
+    return fit_samples(
+        record,
+        asked,
+        sampled=sampled,
+        band_hz=band_hz,
+        weighting=weighting,
+        tell=tell,
+        input_noise=input_noise,
+    )
 
 
 def fit_samples(
@@ -130,6 +140,7 @@ def fit_samples(
     band_hz: tuple[float, float] | None = None,
     weighting: Weighting | None = None,
     tell: Callable[[str], None] = lambda _: None,
+    input_noise: Float[np.ndarray, "part sample input"] | None = None,
 ) -> FitResult:
     """`fit_record` with its options as one value."""
     check_record(record)
@@ -147,7 +158,9 @@ def fit_samples(
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
-    fit = functools.partial(_fit, measured, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell)
+    fit = functools.partial(
+        _fit, measured, input_noise, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell
+    )
     if sampled:
         found = fit(record)
         why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
@@ -161,6 +174,7 @@ def fit_samples(
 
 def _fit(
     measured: Record,
+    input_noise: Float[np.ndarray, "part sample input"] | None,
     record: Record,
     *,
     band_hz: tuple[float, float] | None,
@@ -187,7 +201,7 @@ def _fit(
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
         grown = [doubted_deviations.growth_score(*of) for of in ((data, run), (fitted.data, fitted.run))]
         score = np.maximum(*grown)
-        return _result(measured, record, fitted, reason, score)
+        return _result(measured, record, fitted, reason, score, input_noise)
 
 
 def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
@@ -246,13 +260,20 @@ def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> F
     return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
 
 
-def _result(measured: Record, record: Record, fit: Tidied, reason: str, score: np.ndarray) -> FitResult:
+def _result(
+    measured: Record,
+    record: Record,
+    fit: Tidied,
+    reason: str,
+    score: np.ndarray,
+    input_noise: Float[np.ndarray, "part sample input"] | None,
+) -> FitResult:
     data, run = fit.data, fit.run
     found = run.refined
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = model_of(run, record.inputs, record.outputs)
-    covariance = checked_covariance(record_covariance(run, data, fitted))
+    covariance = checked_covariance(record_covariance(run, data, fitted, input_noise))
     uncertainty = uncertainty_of(covariance)
     lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
     if not np.isfinite(lines.H).all():

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.fit.fitted_model import structure_of
-from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient import transient_slopes
@@ -19,12 +19,18 @@ from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, ties
 
 
-def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> ModelCovariance:
+def record_covariance(
+    run: RecordRun,
+    data: Data,
+    model: MeasurementModel,
+    input_noise: Float[np.ndarray, "part sample input"] | None = None,
+) -> ModelCovariance:
     """That of the weighted fit, A^-1 B A^-1, the transients among the unknowns.
 
     The weights W are what the simulation asks for, and only by chance one over the variance V of the noise.
     So B = J^H W V W J has V from what is left, whatever W is (White 1980, a spectrum in the place of single
-    squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together.
+    squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together. Noise of
+    short inputs, alike on all lines of a mode, is in nothing that is left there: where known it is added.
     """
     structure = structure_of(run.layout)
     size = places_of(model, structure).size
@@ -42,9 +48,9 @@ def record_covariance(run: RecordRun, data: Data, model: MeasurementModel) -> Mo
     inverse, loose = orthogonal.inverse_root(orthogonal.factor_of(blocks), held)
     inflation = np.maximum(alone * np.sum(inverse**2, axis=1), 1.0)
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
-    root = np.hstack(
-        [orthogonal.canonical_root(W @ orthogonal.root_of(_scores_spread(each, W))), np.sqrt(0.5) * free]
-    )
+    noise = np.zeros((0, 2 * data.lines[-1], data.U.shape[1])) if input_noise is None else input_noise
+    spread = _scores_spread(each, W, noise)
+    root = np.hstack([orthogonal.canonical_root(W @ orthogonal.root_of(spread)), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
     return ModelCovariance(
@@ -84,17 +90,21 @@ class _Rows:
 
 
 def _scores_spread(
-    each: _Rows, W: Float[np.ndarray, "unknown direction"]
+    each: _Rows, W: Float[np.ndarray, "unknown direction"], noise: Float[np.ndarray, "part sample input"]
 ) -> Float[np.ndarray, "direction direction"]:
-    """Covariance of the scores in the directions W under the noise that is left.
+    """Covariance of the scores in the directions W under what is left, and ``noise`` of the inputs.
 
-    Degrees of freedom are counted on each line.
+    Degrees of freedom are counted on each line. Noise of the inputs is alike for all outputs, and each
+    experiment has its own.
     """
     run, data = each.run, each.data
     shape = run.denominator(data)
     residual = run.residual(data)
     _, lines, columns = residual.shape
     spread = np.zeros((W.shape[1], W.shape[1]))
+    scores = np.zeros((columns, W.shape[1], len(noise)))
+    H = model_response(each.model, data.omega / (2.0 * np.pi))
+    N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(max(noise.shape[0] * noise.shape[1], 1))
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))
@@ -104,4 +114,10 @@ def _scores_spread(
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
         v = covering_variance(residual[o, None], shape, left.T[None])[0]
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
-    return spread
+        heard = np.sum(H[:, o] * N, axis=2) / np.sqrt(run.variance[o].T[:, None])
+        scores += (
+            Q
+            @ rows.reshape(len(rows), columns, -1).swapaxes(0, 1)
+            @ np.ascontiguousarray(heard).view(float).mT
+        )
+    return spread + np.einsum("edp,efp->df", scores, scores)

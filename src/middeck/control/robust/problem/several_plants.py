@@ -15,7 +15,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
-from middeck.control.lqg.integral_action import append_integrals
+from middeck.control.lqg.design_model import append_integrals
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
