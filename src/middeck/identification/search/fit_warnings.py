@@ -25,6 +25,8 @@ LEFT = 0.1
 FEW_DEGREES = 12.0
 # A deviation that is half of its value: the linearised interval then reaches the value zero.
 HALF = 0.5
+# Of the variance of a line: three deviations, beyond which what a model leaves is no noise.
+ABOVE_NOISE = 9.0
 # A deviation that is a hundred times what it would be with all else known: so is a small error of the model.
 CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
@@ -83,8 +85,11 @@ def doubts_of_model(
 
 
 def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]) -> str:
-    """Where a small part of the rms is most of a line."""
-    wrong = np.any(np.abs(residual) > HALF * np.abs(measured.H), axis=(1, 2))
+    """Where a small part of the rms is most of a line, and more than its noise."""
+    assert measured.variance is not None
+    left = np.abs(residual) ** 2
+    above = (left > HALF**2 * np.abs(measured.H) ** 2) & (left > ABOVE_NOISE * measured.variance)
+    wrong = np.any(above, axis=(1, 2))
     if not wrong.any():
         return ""
     first, last = measured.frequency_hz[wrong][[0, -1]]
