@@ -214,7 +214,7 @@ def refused_or_read(path: Path) -> MiddeckError | None:
     [
         (("--inputs", "torque"), "named together"),
         (("--inputs", "a=b=c", "--outputs", "y"), "names no column"),
-        (("--sample-hz", "-2"), "must be > 0"),
+        (("--sample-hz", "-2"), "not in the range"),
         (("--stream",), "--stream writes one record to another"),
     ],
 )

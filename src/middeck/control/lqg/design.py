@@ -3,22 +3,58 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.lqg.design_model import LQGProblem, pose_problem
+from middeck.control.lqg.design_model import (
+    LQGProblem,
+    append_integrals,
+    pose_problem,
+    require_finite_cost,
+    weigh_effort,
+)
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
-from middeck.control.lqg.regulator import Regulator, design_regulator
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.riccati.continuous import RiccatiSolution
+from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 AUTHORITY = "1/rho > 0, as 10"
+
+
+@record
+class Regulator:
+    """Gain and Riccati solution on the states of the model, then its integrals; ``R`` weights u."""
+
+    solution: RiccatiSolution
+    R: Float[np.ndarray, "u u"]
+
+
+def design_regulator(model: LQGProblem, authority: float) -> Regulator:
+    """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals."""
+    require_finite_cost(model)
+    A, B = append_integrals(model.A, model.control, model.C2, model.D22, model.integral)
+    C, D, plain = weigh_effort(model, authority)
+    n, count = len(model.A), len(model.integral)
+    Q, S = np.zeros((n + count, n + count)), np.zeros((n + count, B.shape[1]))
+    Q[:n, :n], S[:n] = C.T @ C, C.T @ D
+    Q[n:, n:] = np.diag(model.integral_weight**2)
+    R = D.T @ D + np.diag(plain)
+    solution = solve_riccati(
+        A,
+        B,
+        Q,
+        R,
+        S,
+        names=(*model.names, *model.integral_names),
+        complaint="no control input in u reaches it",
+    )
+    return Regulator(solution, R)
 
 
 @record(kw_only=True)
