@@ -256,6 +256,15 @@ def test_the_verb_refuses(law_file, arguments, code, says, capfd, tmp_path, monk
     ]  # nothing is written before all is checked
 
 
+def test_the_header_of_a_source_is_not_written_over_the_law(law_file, tmp_path, capfd):
+    law = law_file.rename(tmp_path / "law.h")
+    before = law.read_bytes()
+    done = middeck(capfd, "generate", law, "-o", tmp_path / "law.c")
+    assert (done.code, law.read_bytes()) == (2, before)
+    assert "would be written over" in done.err
+    assert not (tmp_path / "law.c").exists()
+
+
 def test_other_files_are_named_for_what_they_are(law_file, tmp_path, capfd):
     package = tmp_path / "law.mdk"
     write_package(package, whole())

@@ -13,6 +13,7 @@ from middeck.identification.impact.blows import locate_blows
 from middeck.identification.impact.fit_of_blows import fit_impact, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.doubted_deviations import doubts_of_folding
+from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.record_spectra import without_trend
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.systems.plants.response import FrequencyResponse
@@ -172,6 +173,12 @@ def test_deviations_hold_under_noise_of_the_force(of, seeds, count):
     assert np.abs(off).max() < 4.0
     # Four numbers a seed, and what few blows scatter besides.
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.0 + 3.0 / np.sqrt(8.0 * seeds)
+
+
+def test_noise_of_inputs_as_long_as_no_experiment_is_refused():
+    record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
+    with pytest.raises(ConfigError, match=r"input_noise has the shape \(3, 7, 1\)"):
+        fit_record(record, states=4, input_noise=np.zeros((3, 7, 1)))
 
 
 def test_taking_a_window_out_is_exact_with_its_covariance():

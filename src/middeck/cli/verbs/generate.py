@@ -83,7 +83,7 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     from middeck.cli.shown.blame import reading
     from middeck.files.laws.packages import write_package
 
-    _require_consistent(target, given)
+    _require_consistent(law_file, target, given)
     with reading(law_file):
         package = _package(law_file, given)
     files = [file for path in target for file in write_package(path, package)]
@@ -91,7 +91,7 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     show(as_json, document, *_tables(document))
 
 
-def _require_consistent(target: tuple[str, ...], given: dict[str, Any]) -> None:
+def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str, Any]) -> None:
     from pathlib import Path
 
     from middeck.cli.shown.blame import reading
@@ -102,6 +102,7 @@ def _require_consistent(target: tuple[str, ...], given: dict[str, Any]) -> None:
         if path.suffix.lower() in (".c", ".h"):
             with reading(f"-o {path}"):
                 c_name(path.stem)
+            options.require_apart(str(path.with_suffix(".h")), [Path(law_file)])  # which a .c brings along
     if given["single"] and given["form"] == "dense":
         raise ConfigError("--single with --form dense", hint="single precision is modal where it can be")
 

@@ -14,9 +14,8 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg import design_model as lqg_problem
 from middeck.control.lqg.design import AUTHORITY
-from middeck.control.lqg.design_model import weigh_effort
+from middeck.control.lqg.design_model import LQGProblem, pose_problem, require_finite_cost, weigh_effort
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
@@ -65,8 +64,8 @@ def generalize(
     active = partition_modes(plant).active
     _require_loop(active, authority)
     shaping = shaping or Shaping()
-    m = lqg_problem.pose_problem(active, weights, shaping)
-    lqg_problem.require_finite_cost(m)
+    m = pose_problem(active, weights, shaping)
+    require_finite_cost(m)
     C, D, plain = weigh_effort(m, authority)
     held, nu = len(m.integral), len(m.plain)
     noise, n = _noise_root(m), len(m.A)
@@ -89,7 +88,7 @@ def generalize(
     return _priced(model if after is None else _filter_commands(model, after))
 
 
-def _noise_root(m: lqg_problem.LQGProblem) -> Float[np.ndarray, "noise noise"]:
+def _noise_root(m: LQGProblem) -> Float[np.ndarray, "noise noise"]:
     """A factor of the joint intensity of process and sensor noise."""
     if not np.any(m.cross):
         return np.asarray(sla.block_diag(square_root(m.process), np.diag(np.sqrt(m.sensor))))

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.errors import FitError
+from middeck.errors import ConfigError, FitError
 from middeck.identification.fit.fit_response import FitResult, fit_lines, marked
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.mode_trust import (
@@ -104,7 +104,8 @@ def fit_record(
             by forces that shake the article as the inputs do. By default the likelier of the last two, or of
             a sampled model those that simulate samples held out best.
         tell: Called with what is done next, some words, as often as that changes.
-        input_noise: Noise of the inputs alone, as long as an experiment; deviations count it.
+        input_noise: Noise of the inputs alone, in their units: parts as long as an experiment, from where
+            nothing drives them. Deviations count it.
 
     Raises `ConfigError` for options that exclude each other; `DataError` if a channel is constant or not
     finite; `FitError` if the record is shorter than the unknowns, if it is described no worse as noise alone
@@ -146,6 +147,12 @@ def fit_samples(
     check_record(record)
     check_word("weighting", weighting, WEIGHTINGS)
     refuse_growth(record)
+    _, periods, samples, inputs = record.u.shape
+    if input_noise is not None and input_noise.shape[1:] != (periods * samples, inputs):
+        raise ConfigError(
+            f"input_noise has the shape {input_noise.shape}",
+            hint=f"(parts, {periods * samples}, {inputs}): samples of an experiment, inputs",
+        )
     measured, chosen = record, sampled is None
     if sampled is None:
         sampled = not asked.only_continuous and is_held(record, band_hz)

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.systems.delay.delayed_integrators import approximate_delayed_integrators
@@ -261,9 +262,4 @@ def _if_late(tau: float) -> float:
 
 
 def _block(blocks: Sequence[np.ndarray]) -> np.ndarray:
-    """As SciPy's `block_diag`, which takes longer than the rest of a loop's poles."""
-    sizes = np.array([block.shape for block in blocks])
-    (rows, columns), out = np.cumsum(sizes, axis=0).T, np.zeros(sizes.sum(axis=0))
-    for block, row, column in zip(blocks, rows, columns, strict=True):
-        out[row - block.shape[0] : row, column - block.shape[1] : column] = block
-    return out
+    return np.asarray(scipy.linalg.block_diag(*blocks))

@@ -19,7 +19,8 @@ LARGE = 0.1
 SLOPE = 12.0
 # Of all forces over all of the length: what does not act along it works on twist and bending together.
 SHEAR = 0.4
-# Of the stiffness of a part, by the root of its mean square slope at rest.
+# Of the stiffness of a part, by the root of its mean square slope at rest [rad]: with it the mode that is
+# most wrong is within five times its estimate in 60 random bent beams (tests/truth/test_components.py).
 BENT = 0.6
 
 
