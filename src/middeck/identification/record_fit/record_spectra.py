@@ -17,8 +17,8 @@ from middeck.signals.record import Record
 FAINTEST = 1e-6
 # Lines over which the power of an input is averaged for that.
 NEIGHBOURS = 10
-# Power of a silent line over that of the strongest within as many, and the share of lines that are driven where
-# some are left out on purpose: of noise a line in thirty is so faint by chance.
+# Power of a silent line over that of the strongest within as many, and the share of driven lines below which
+# the others are silent on purpose: of noise a line in thirty is so faint by chance.
 SILENT, MOST_DRIVEN = 1e-2, 0.8
 # Share of a channel's power from which on a ramp is drift.
 DRIFT = 0.1
