@@ -77,7 +77,7 @@ class Compensator:
     @property
     def period_s(self) -> float | None:
         """Time from one sample to the next [s]; None for a continuous compensator."""
-        return self.dynamics.period_s if isinstance(self.dynamics, SampledStateSpace) else None
+        return self.dynamics.period_s
 
     @property
     def system(self) -> StateSpace:
