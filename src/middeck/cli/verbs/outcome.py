@@ -65,7 +65,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
 
     rows = [
         [
-            _called(v),
+            f"{v['name']}, {v['mode']}" if v["kind"] == "mode" else v["name"],
             _pairing(v),
             " to ".join(map(number, v["promised"])),
             number(v["value"]),
@@ -87,10 +87,6 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
         ["", "remarks", *(f"  {remark}" for remark in document["remarks"])] if document["remarks"] else []
     )
     return [*said, Table("outcomes", headers, rows), *remarks, *(["", f"wrote {target}"] if target else [])]
-
-
-def _called(verdict: dict[str, Any]) -> str:
-    return f"{verdict['name']}, {verdict['mode']}" if verdict["kind"] == "mode" else verdict["name"]
 
 
 def _pairing(verdict: dict[str, Any]) -> str:

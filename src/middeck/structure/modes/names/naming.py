@@ -66,7 +66,7 @@ def name_modes(
         if m not in hung and bent is not None:
             before = [j for j in range(first, m) if j not in hung and j not in beside.get(m, ())]
             order = _order(bent, [deformed[j].bent for j in before])
-        names.append(_numbered(base, order) if plain else f"{_ordinal(order)} {base}")
+        names.append((base if order == 1 else f"{base} {order}") if plain else f"{_ordinal(order)} {base}")
     return tuple(names)
 
 
@@ -142,10 +142,6 @@ def _mean_of_groups(count: int, groups: list[Int[np.ndarray, " member"]]) -> np.
     for group in groups:
         mean[np.ix_(group, group)] = 1.0 / len(group)
     return mean
-
-
-def _numbered(base: str, count: int) -> str:
-    return base if count == 1 else f"{base} {count}"
 
 
 def _ordinal(count: int) -> str:
