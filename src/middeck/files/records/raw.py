@@ -136,6 +136,10 @@ def choose(heads: tuple[Head, ...], columns: Columns | None, where: str) -> Chos
     return Chosen(u, y, inputs, outputs)
 
 
+def _by_number(name: str) -> str:
+    return f"{name}=NAME" if name.isdigit() else f"2={name}"
+
+
 def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: str) -> int:
     """The channel meant: by number, else by name, else in a file without names by its place in the list."""
     names = [h.name for h in heads]
@@ -148,7 +152,7 @@ def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: 
         what = "no channel is" if column.name not in names else "two channels are"
         raise DataError(
             f"{what} named {column.name!r}", where=where,
-            hint=f"one of {', '.join(names)}; or by number, counted from 1: {(f'{column.name}=NAME' if column.name.isdigit() else f'2={column.name}')}",
+            hint=f"one of {', '.join(names)}; or by number, counted from 1: {_by_number(column.name)}",
         )  # fmt: skip
     position = listed if column.number is None else column.number - 1
     if not 0 <= position < len(heads):
