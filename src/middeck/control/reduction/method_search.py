@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.reduction.homotopy import Withdrawal, polish_law, withdraw_remainder
-from middeck.control.reduction.methods import Candidate, Method, find_candidate, find_start
+from middeck.control.reduction.methods import Method, TruncatedLaw, find_candidate, find_start
 from middeck.control.reduction.weighted_loop import Loop, proper_law
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.poles.stability import decays
@@ -27,7 +27,7 @@ class Trial:
 
     law: StateSpace
     method: Method
-    candidate: Candidate
+    candidate: TruncatedLaw
     holds: bool
     steps: tuple[str, ...]
 
@@ -85,7 +85,7 @@ def _words(end: Withdrawal) -> str:
     return f"remainder withdrawn by a homotopy of {end.stops} stops, then the cost descended"
 
 
-def _withdraw(system: StateSpace, order: int, candidate: Candidate, loops: Sequence[Loop]) -> Withdrawal:
+def _withdraw(system: StateSpace, order: int, candidate: TruncatedLaw, loops: Sequence[Loop]) -> Withdrawal:
     start = candidate if decays(candidate.remainder) else find_start(system, order, loops)
     if start is None:
         return Withdrawal(proper_law(candidate.law), 0.0, 0)

@@ -81,7 +81,7 @@ class LadderForm(Form):
     log10_authority: Annotated[tuple[Log10Authority, ...], Field(strict=False, min_length=1)]
 
 
-class LawForm(Form):
+class LawFile(Form):
     """A compensator in a file beside the plan."""
 
     name: str
@@ -122,7 +122,7 @@ class PlanForm(Form):
     loop: LoopForm = LoopForm()
     inner: InnerForm | None = None
     ladder: LadderForm | None = None
-    law: Annotated[tuple[LawForm, ...], Field(strict=False)] = ()
+    law: Annotated[tuple[LawFile, ...], Field(strict=False)] = ()
     joint: Annotated[tuple[JointForm, ...], Field(strict=False)] = ()
     sweep: SweepForm = SweepForm()
 

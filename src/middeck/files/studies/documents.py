@@ -33,7 +33,7 @@ F = TypeVar("F")
 
 
 @record
-class Case:
+class StudyCase:
     """An article in an environment, both by their names in the study."""
 
     article: str
@@ -57,7 +57,7 @@ class Study:
 
     form: study_form.StudyForm
     folder: Path
-    cases: tuple[Case, ...]
+    cases: tuple[StudyCase, ...]
     inputs: tuple[tuple[str, str], ...]
     overrides: tuple[str, ...]
 
@@ -147,7 +147,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     built = {name: build_article(c) for name, c in structures.items()}
     attach = {name: attach_names(c.data) for name, c in structures.items()}
     cases = tuple(
-        Case(a, e, built[a], build_environment(cast("EnvironmentForm", c.form), attach[a]))
+        StudyCase(a, e, built[a], build_environment(cast("EnvironmentForm", c.form), attach[a]))
         for (a, e), c in surroundings.items()
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)

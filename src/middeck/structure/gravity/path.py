@@ -24,7 +24,7 @@ from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.crossings_and_veerings import Advance, Course, reorder, resolve_exchanges
-from middeck.structure.gravity.gravity_levels import DeviceRule, Place, gravity_between, loads_in
+from middeck.structure.gravity.gravity_levels import DeviceRule, GravityLevel, gravity_between, loads_in
 from middeck.structure.gravity.path_events import EventKind, GravityEvent, Station
 from middeck.structure.gravity.tracking import HALF_SHAPE, spectrum_at, spectrum_of, track
 from middeck.structure.model.article import Structure
@@ -67,7 +67,7 @@ class GravityPath:
     structure: Structure
     environment: Environment
     rule: DeviceRule
-    places: tuple[Place, ...]
+    places: tuple[GravityLevel, ...]
     reached: tuple[int, ...]
     name: tuple[str, ...]
     kind: tuple[str, ...]
@@ -115,8 +115,8 @@ class _Leg(NamedTuple):
     free: Equilibrium
     mass: sp.csr_array
     loads_at: Callable[[np.ndarray], Loads]
-    a: Place
-    b: Place
+    a: GravityLevel
+    b: GravityLevel
     k: int
 
     def loads(self, s: float) -> Loads:
@@ -140,7 +140,7 @@ class _Stop(NamedTuple):
 def follow_gravity(
     structure: Structure,
     environment: Environment,
-    places: Sequence[Place] | None = None,
+    places: Sequence[GravityLevel] | None = None,
     *,
     devices: DeviceRule = DeviceRule.KEPT,
     count: int = 26,
@@ -156,7 +156,9 @@ def follow_gravity(
     `ConfigError` for places that do not differ and `EquilibriumError` where ``environment`` cannot hold the
     article, or the first place has no rest state.
     """
-    places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
+    places = tuple(
+        places or (GravityLevel(environment.title, environment.gravity), GravityLevel("orbit", np.zeros(3)))
+    )
     _check(environment, places)
     _check_moments(structure)
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
@@ -212,7 +214,7 @@ def _no_path(
     structure: Structure,
     environment: Environment,
     devices: DeviceRule,
-    places: tuple[Place, ...],
+    places: tuple[GravityLevel, ...],
     start: GravityEvent,
 ) -> GravityPath:
     """One that ends where it begins."""
@@ -268,7 +270,7 @@ def _reorder_stop(stop: _Stop, order: np.ndarray) -> _Stop:
     return _Stop(reorder(stop.good, order), None if stop.bad is None else reorder(stop.bad, order))
 
 
-def _check(environment: Environment, places: tuple[Place, ...]) -> None:
+def _check(environment: Environment, places: tuple[GravityLevel, ...]) -> None:
     if not np.any(environment.gravity):
         raise ConfigError(
             "a path of gravities needs an environment with gravity, for which its devices are tuned",
@@ -305,7 +307,7 @@ def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
     )
 
 
-def _unstable_start(error: UnstableEquilibriumError, place: Place) -> GravityEvent:
+def _unstable_start(error: UnstableEquilibriumError, place: GravityLevel) -> GravityEvent:
     grows = -float(error.data["growth"]) / (2.0 * np.pi)
     return GravityEvent(
         kind=EventKind.UNSTABLE_START,

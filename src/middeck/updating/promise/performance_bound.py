@@ -37,7 +37,7 @@ CLOSE = 0.1
 
 
 @record(kw_only=True)
-class Bound:
+class RobustBound:
     """What the worst of several plants is for one compensator, and for any other of its effort.
 
     Decibels count from each plant's rms without control, over all frequencies.
@@ -55,11 +55,11 @@ class Bound:
     no_linear_law_below_db: float
 
 
-def bound_worst(plants: Sequence[Plant], law: Compensator, weights: LQGWeights) -> Bound:
+def bound_worst(plants: Sequence[Plant], law: Compensator, weights: LQGWeights) -> RobustBound:
     """The worst of ``plants`` for ``law``, and what it is not below for any linear compensator."""
     own, least = bound_db(plants, law, weights).T
     least = least[np.isfinite(least)]
-    return Bound(
+    return RobustBound(
         draws=len(plants),
         worst_db=float(own.max(initial=-np.inf)) if len(plants) else np.nan,
         no_linear_law_below_db=float(least.max()) if len(least) else np.nan,

@@ -23,7 +23,7 @@ from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
 from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
-from middeck.updating.promise.performance_bound import Bound, bound_worst
+from middeck.updating.promise.performance_bound import RobustBound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.robustness_sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.updating.promise.slip import draw_slips
@@ -52,7 +52,7 @@ class Promise:
     modes: Prediction
     outlooks: tuple[Outlook, ...]
     rest_rms: Float[np.ndarray, " draw"]
-    bound: Mapping[str, Bound]
+    bound: Mapping[str, RobustBound]
     highest: str | None
     swept: SweptPlants
     sweeps: Mapping[str, Swept]
@@ -178,6 +178,6 @@ def _seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPla
     return dataclasses.replace(drawn, plants=plants), weights_of(plan, law.outputs, law.inputs)
 
 
-def _bound(law: Compensator, some: DrawnPlants, plan: Plan) -> Bound:
+def _bound(law: Compensator, some: DrawnPlants, plan: Plan) -> RobustBound:
     seen, weights = _seen_by(law, some, plan)
     return bound_worst(seen.plants, law, weights)

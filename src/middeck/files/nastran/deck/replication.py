@@ -38,7 +38,7 @@ def replicated(groups: Sequence[list[Row]], faults: list[Fault]) -> list[list[Ro
     spoilt = False  # by a fault: cards that repeat this one say nothing more
     for group in groups:
         head, fields, _, _, line = group[0]
-        if head == EQUATIONS or not (head[0] == "=" or any((not COPIES.isdisjoint(row[1]) for row in group))):
+        if head == EQUATIONS or not (head[0] == "=" or any(not COPIES.isdisjoint(row[1]) for row in group)):
             out.append(group)
             pattern, spoilt = None, False
             continue

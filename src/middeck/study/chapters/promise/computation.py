@@ -32,7 +32,7 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.updating.promise.outlook import LEVELS
 from middeck.updating.promise.plan import Plan, weights_of
 from middeck.updating.promise.promise import Promise, design_ladder, design_on, promise
-from middeck.updating.promise.score import Outcome, Score, Verdict, judge, score
+from middeck.updating.promise.score import Score, Scored, Verdict, judge, score
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
@@ -53,7 +53,7 @@ class GroundLaw:
 
 
 @record(kw_only=True)
-class Frequencies:
+class FlexibleHz:
     """The first flexible modes in orbit [Hz], paired by shape: true, refined and of the sheet."""
 
     true_hz: Float[np.ndarray, " mode"]
@@ -77,8 +77,8 @@ class PromiseKept:
     plan: Plan
     promise: Promise
     there: dict[str, Any]
-    frequencies: Frequencies
-    outcomes: tuple[Outcome, ...]
+    frequencies: FlexibleHz
+    outcomes: tuple[Scored, ...]
     verdicts: tuple[Verdict, ...]
     score: Score
     flown: tuple[Flown, ...]
@@ -146,31 +146,31 @@ def _true_pairs(modes: Modes, truth: Modes, kept: Int[np.ndarray, " mode"]) -> d
     return {int(i): float(seen.frequency_hz[j]) for i, j in pair(modes, seen) if i in kept}
 
 
-def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> Frequencies:
+def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> FlexibleHz:
     found = promised.modes
     chosen = [i for i in found.index.tolist() if found.modes.kind[i] == "flexible"][:FLEXIBLE]
     true = _true_pairs(found.modes, truth, np.array(chosen))
     by_sheet = {hz: sheet.frequency_hz[i] for i, hz in _true_pairs(sheet, truth, found.index).items()}
     hz = dict(zip(found.index.tolist(), found.frequency_hz.tolist(), strict=True))
     both = [i for i in chosen if i in true and true[i] in by_sheet]
-    return Frequencies(
+    return FlexibleHz(
         true_hz=np.array([true[i] for i in both]),
         refined_hz=np.array([hz[i] for i in both]),
         sheet_hz=np.array([by_sheet[true[i]] for i in both]),
     )
 
 
-def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Outcome]:
+def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Scored]:
     """Of what was promised: modes that can be paired, and compensators."""
     said, index = {o.name for o in promised.outlooks}, promised.modes.index
     true = _true_pairs(promised.modes.modes, truth, index)
     modes = [
-        Outcome(kind="mode", name=name_of_mode("orbit", number), value=true[i])
+        Scored(kind="mode", name=name_of_mode("orbit", number), value=true[i])
         for number, i in enumerate(index.tolist(), start=1)
         if i in true
     ]
     loops = [
-        Outcome(
+        Scored(
             kind="compensator",
             name=name_of("orbit", one.name),
             value=one.rig_db,
