@@ -79,8 +79,8 @@ def bound_db(
     return np.array([_one(plant, law, weights) for plant in plants]).reshape(len(plants), 2)
 
 
-def _one(late: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
-    plant = approximate_delays(late, approximation_order(late, law.system))
+def _one(delayed: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
+    plant = approximate_delays(delayed, approximation_order(delayed, law.system))
     alone = measure_noise_rms(plant, idle_compensator(plant), weights).rms
     own = measure_noise_rms(plant, law, weights)
     db = decibels(own.rms, alone)

@@ -64,13 +64,13 @@ def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
     if plan.ladder is None:
         return {}
     whole = close_inner(plan, plant_of(plan, modes))
-    late = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
-    return design_on(group_loop(plan, late, plan.ladder.drives, plan.ladder.reads), plan.ladder, plan)
+    delayed = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
+    return design_on(group_loop(plan, delayed, plan.ladder.drives, plan.ladder.reads), plan.ladder, plan)
 
 
-def design_on(late: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompensator]:
+def design_on(delayed: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompensator]:
     """The compensators of ``ladder`` by name, designed on a plant grouped for them, with its delays."""
-    model = approximate_delays(late, approximation_order(late))
+    model = approximate_delays(delayed, approximation_order(delayed))
     weights = weights_of(plan, driven_ports(model), measured_ports(model))
     kalman = design_filter(model, weights)
     return {

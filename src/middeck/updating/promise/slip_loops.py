@@ -50,13 +50,13 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: SlipPorts, ord
     if law is None:
         return select_paths(system, columns, rows)
     late_s = float(plant.delay_s.max(initial=0.0))
-    late = law.system
+    delayed = law.system
     if late_s > 0.0:
         one = pade(late_s, order)
         each = (np.asarray(sla.block_diag(*[getattr(one, k)] * len(law.outputs))) for k in "ABCD")
-        late = series(late, StateSpace(*each))
+        delayed = series(delayed, StateSpace(*each))
     u, y = locate_ports(law, plant.inputs, plant.outputs)
-    return select_paths(feedback(system, late, u, y), columns, rows)
+    return select_paths(feedback(system, delayed, u, y), columns, rows)
 
 
 def hold_while_sticking(

@@ -130,8 +130,8 @@ def measured_ladder(fit: FitResult, plan: Plan) -> dict[str, LQGCompensator]:
     """The plan's ladder designed on a record from orbit."""
     assert plan.ladder is not None
     ports = {"w": plan.disturbances, "u": plan.ladder.drives, "z": plan.performance, "y": plan.ladder.reads}
-    late = measured_plant(_falling(fit.model), **ports)
-    return {MEASURED.format(name): law for name, law in design_on(late, plan.ladder, plan).items()}
+    delayed = measured_plant(_falling(fit.model), **ports)
+    return {MEASURED.format(name): law for name, law in design_on(delayed, plan.ladder, plan).items()}
 
 
 def _falling(model: MeasurementModel) -> MeasurementModel:
@@ -188,8 +188,8 @@ def _ground_law(
     """LQG for all motors and sensors on the fit of the first ground test, there and in orbit."""
     form = study.promise
     groups = {"w": (form.actuator,), "u": form.inputs, "z": (form.sensor,), "y": form.outputs}
-    late = measured_plant(_falling(fit.model), **groups)
-    plant = approximate_delays(late, approximation_order(late))
+    delayed = measured_plant(_falling(fit.model), **groups)
+    plant = approximate_delays(delayed, approximation_order(delayed))
     weights = weights_of(plan, plant.inputs, plant.outputs)
     law = design_lqg(plant, weights, 10.0**form.ground_log10_authority)
     ports = form.inputs, form.outputs
