@@ -113,11 +113,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
             ["", "test", "widest, then +- [%]", "ratio", "median ratio", "the widest then"],
             tests,
         ),
-        Table(
-            f"promised, and after {best['name']}",
-            ["in", "of", "value", "+- [%]", "then +- [%]"],
-            rows,
-        ),
+        Table(f"promised, and after {best['name']}", ["in", "of", "value", "+- [%]", "then +- [%]"], rows),
     ]
 
 

@@ -27,12 +27,7 @@ Examples:
 @figures.figure
 @options.printing
 def verb(
-    promise: str,
-    outcome: str,
-    date: str | None,
-    target: str | None,
-    figure_file: str | None,
-    as_json: bool,
+    promise: str, outcome: str, date: str | None, target: str | None, figure_file: str | None, as_json: bool
 ) -> None:
     """Compare what came with a promise.
 

@@ -37,11 +37,7 @@ Examples:
     help="Predict modes in this environment.",
 )
 @click.option(
-    "--count",
-    type=click.IntRange(min=1),
-    default=10,
-    show_default=True,
-    help="How many modes to predict.",
+    "--count", type=click.IntRange(min=1), default=10, show_default=True, help="How many modes to predict."
 )
 @click.option(
     "--choose", is_flag=True, help="Weigh the unknowns and stop: which the surveys see, which alike."

@@ -57,8 +57,7 @@ class Compensator:
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
                 raise ConfigError(
-                    f"the compensator {verb} {twice[0]!r} twice",
-                    hint="sum its columns (or rows) into one",
+                    f"the compensator {verb} {twice[0]!r} twice", hint="sum its columns (or rows) into one"
                 )
         paths = () if self.applied is None else (self.applied,)
         for path in paths:

@@ -87,11 +87,7 @@ def sweep_authority(
 
 
 def find_first_instability(
-    design: Design,
-    plant: Plant,
-    *,
-    first: float,
-    last: float = 7.0,
+    design: Design, plant: Plant, *, first: float, last: float = 7.0
 ) -> FirstInstability | None:
     """Search log10 authority upwards from ``first``; None if every level up to ``last`` is stable.
 

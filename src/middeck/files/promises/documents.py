@@ -266,11 +266,7 @@ def _loop_row(outlook: Outlook, bound: RobustBound, plan: Plan) -> dict[str, Any
 
 def _swept(swept: Swept) -> dict[str, Any]:
     """In how many cases of the sweep the loop is stable, and in which it is not."""
-    return {
-        "cases": len(swept.cases),
-        "stable": int(np.count_nonzero(swept.stable)),
-        "lost": swept.lost,
-    }
+    return {"cases": len(swept.cases), "stable": int(np.count_nonzero(swept.stable)), "lost": swept.lost}
 
 
 def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:

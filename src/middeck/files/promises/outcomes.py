@@ -145,10 +145,7 @@ def comparison_document(promise: Mapping[str, Any], came: Came, *, date: str) ->
     statements = statements_of(promise)
     paired, remarks = _pair(promised_modes_of(promise), came)
     named = [(name_of_mode(p.environment, p.index + 1), p) for p in paired]
-    outcomes = (
-        *(Scored(kind="mode", name=name, value=p.frequency_hz) for name, p in named),
-        *came.outcomes,
-    )
+    outcomes = (*(Scored(kind="mode", name=name, value=p.frequency_hz) for name, p in named), *came.outcomes)
     verdicts = judge(statements, outcomes)
     said = {(s.kind, s.name): s for s in statements}
     first, *others = ({"name": file.name, "sha256": sha256_of(file)} for file in came.files)

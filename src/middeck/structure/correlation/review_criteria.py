@@ -30,11 +30,7 @@ class Quantity(Enum):
     @property
     def has_upper_limit(self) -> bool:
         """Whether small is good."""
-        return self in (
-            Quantity.FREQUENCY_ERROR,
-            Quantity.CROSS_OFF_DIAGONAL,
-            Quantity.SELF_OFF_DIAGONAL,
-        )
+        return self in (Quantity.FREQUENCY_ERROR, Quantity.CROSS_OFF_DIAGONAL, Quantity.SELF_OFF_DIAGONAL)
 
 
 class Scope(Enum):

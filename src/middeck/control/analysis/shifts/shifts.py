@@ -39,11 +39,7 @@ class AllowedShift:
 
 
 def find_allowed_shifts(
-    plant: Plant,
-    compensator: Compensator,
-    *,
-    modes: Sequence[str] | None = None,
-    most: float = 0.2,
+    plant: Plant, compensator: Compensator, *, modes: Sequence[str] | None = None, most: float = 0.2
 ) -> tuple[AllowedShift, ...]:
     """Smallest destabilising shift of each mode alone, damping ratio kept, delays exact.
 
@@ -90,12 +86,7 @@ def _oscillating(plant: Plant) -> tuple[str, ...]:
     )
 
 
-def _allowed(
-    mode: str,
-    plant_at: Callable[[float], Plant],
-    law: Compensator,
-    most: float,
-) -> AllowedShift:
+def _allowed(mode: str, plant_at: Callable[[float], Plant], law: Compensator, most: float) -> AllowedShift:
     if not decide_loop(form_loop(plant_at(0.0), law)).stable:
         return AllowedShift(mode=mode, down=0.0, up=0.0, down_hz=0.0, up_hz=0.0)
     ends = [_first(plant_at, law, sign, most) for sign in (-1.0, 1.0)]
