@@ -22,7 +22,7 @@ ORDER_OF_TRIAL: tuple[Method, ...] = ("performance", "stability", "coprime", "ba
 
 
 @record(kw_only=True)
-class Trial:
+class Tested:
     """Result of one method: law, first truncation, whether it stabilises all plants, description."""
 
     law: StateSpace
@@ -40,7 +40,7 @@ def search_law(
     *,
     homotopy: bool,
     polish: bool,
-) -> Trial:
+) -> Tested:
     """Result of the first method that stabilises, or of the one of least cost; of the first if none does."""
     asked: Method = "performance" if method == "best" else method
     trials = [_try(system, order, asked, loops, homotopy, polish)]
@@ -62,7 +62,7 @@ def search_law(
 
 def _try(
     system: StateSpace, order: int, method: Method, loops: Sequence[Loop], homotopy: bool, polish: bool
-) -> Trial:
+) -> Tested:
     candidate = find_candidate(system, order, method, loops)
     law = candidate.law
     holds = bool(np.isfinite(_mean_cost(law, loops)))
@@ -76,7 +76,7 @@ def _try(
         found = polish_law([loop.model for loop in loops], proper_law(law))
         law = law if found is None else _with_law(law, found)
         steps.append(f"{method}: the cost descended")
-    return Trial(law=law, method=method, candidate=candidate, holds=holds, steps=tuple(steps))
+    return Tested(law=law, method=method, candidate=candidate, holds=holds, steps=tuple(steps))
 
 
 def _words(end: Withdrawal) -> str:

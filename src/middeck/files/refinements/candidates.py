@@ -53,7 +53,7 @@ class CandidatesForm(Form):
 
 
 @record(kw_only=True)
-class Candidates:
+class RankedTests:
     """What `middeck.updating.candidates.candidates.rank_tests` needs, and an article with its refinement.
 
     Attributes:
@@ -70,7 +70,7 @@ class Candidates:
     tests: tuple[CandidateSurvey | StaticTest, ...]
 
 
-def load_candidates(path: str | Path, article: str | Path) -> Candidates:
+def load_candidates(path: str | Path, article: str | Path) -> RankedTests:
     """The candidates in file ``path`` for the article in file ``article``.
 
     The refinement is sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
@@ -87,7 +87,7 @@ def load_candidates(path: str | Path, article: str | Path) -> Candidates:
     def there(name: str) -> Environment:
         return load_setup(article, find_document(name, "environment", beside=path))[1]
 
-    return Candidates(
+    return RankedTests(
         structure=load_structure(article),
         refinement=load_refinement(refined_on, article),
         environments={name: there(name) for name in form.environments},

@@ -26,7 +26,7 @@ from middeck.laboratory.settings import RigSettings
 from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.modes.solve import Modes
 from middeck.study.chapters.promise.flight import Flown, fly, launch
-from middeck.study.chapters.promise.ground import Ground, run_ground_tests
+from middeck.study.chapters.promise.ground import KnownBefore, run_ground_tests
 from middeck.study.shared import find_modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.updating.promise.outlook import LEVELS
@@ -73,7 +73,7 @@ class PromiseKept:
         ground_law: Why gravity cannot be taken out of a measurement.
     """
 
-    ground: Ground
+    ground: KnownBefore
     plan: Plan
     promise: Promise
     there: dict[str, Any]

@@ -37,19 +37,19 @@ class GroundTest:
 
 
 @record(kw_only=True)
-class Ground:
+class KnownBefore:
     """All that is known before flight."""
 
     tests: tuple[GroundTest, ...]
     refined: Refined
 
 
-def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> Ground:
+def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> KnownBefore:
     """Every set-up tested on the rig in the laboratory; the article refined by what was found."""
     form = study.promise
     article, lab = study.case(form.article, form.environment)
     tests = tuple(_tested(article, lab, one, form, settings, rng) for one in form.test)
-    return Ground(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
+    return KnownBefore(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
 
 
 def _tested(
