@@ -49,7 +49,7 @@ class Compensator:
         if self.dynamics.D.shape != (len(self.outputs), len(self.inputs)):
             raise ConfigError(
                 f"a compensator with {len(self.outputs)} outputs and {len(self.inputs)} inputs named; "
-                f"the law has {self.dynamics.D.shape}",
+                f"its dynamics has {self.dynamics.D.shape}",
                 hint="one output for each row of D, one input for each column",
             )
         for verb, ports in (("reads", self.inputs), ("drives", self.outputs)):

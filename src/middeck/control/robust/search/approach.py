@@ -113,7 +113,8 @@ def _best_start(problem: Problem, stations: Stations, power: float) -> Arrival:
         return best
     if stations:
         raise NumericalError(
-            "no decentralised start was found that stabilises the nominal plant", hint="give a law as start="
+            "no decentralised start was found that stabilises the nominal plant",
+            hint="give a compensator as start=",
         )
     return _withdraw_discount(models, stations, in_the_loop(models[0], order))
 
