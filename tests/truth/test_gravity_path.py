@@ -13,7 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import jv
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.structure.gravity.gravity_levels import (
     DeviceRule,
     GravityLevel,

@@ -62,8 +62,8 @@ def verb(
     from middeck.cli.given.cases import find_case
     from middeck.cli.shown.blame import reading
     from middeck.files.disk.atomic import write_text
-    from middeck.files.documents import load_setup
     from middeck.files.refinements.documents import load_refinement, refined_text
+    from middeck.files.setups import load_setup
     from middeck.updating.orbit.frequencies import predict_modes
     from middeck.updating.refinement.findable_unknowns import weigh_unknowns
     from middeck.updating.refinement.refine import refine

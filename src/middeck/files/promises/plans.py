@@ -11,9 +11,9 @@ from pydantic import Field
 from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
 from middeck.files.disk.looks import PLAN
-from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
+from middeck.files.setups import find_document, load_setup, load_structure
 from middeck.files.toml.form import Form, Log10Authority, NotNegative, Positive, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from middeck.errors import ConfigError
 from middeck.files.disk.looks import CANDIDATES
-from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
 from middeck.files.refinements.promised_loads import PromisedLoads, load_promised_loads
+from middeck.files.setups import find_document, load_setup, load_structure
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, whole
 from middeck.files.toml.source import read_form

@@ -22,7 +22,7 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article, linear_plant
-from middeck.laboratory.settings import RigSettings
+from middeck.laboratory.rig_settings import RigSettings
 from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.modes.solve import Modes
 from middeck.study.chapters.promise.flight import Flown, fly, launch

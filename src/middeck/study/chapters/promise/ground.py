@@ -16,7 +16,7 @@ from middeck.identification.friction.remove import without_friction
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.modal_test import take_modal_test
-from middeck.laboratory.settings import RigSettings
+from middeck.laboratory.rig_settings import RigSettings
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
