@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import middeck
+from middeck.report import first_screen
 from middeck.study import mission
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.mission import CHAPTERS, run_chapters, study_numbers
