@@ -103,14 +103,14 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
     ]
     bus = sensors.sensors[2]
     ratio = None if bus.mirrored_error is None else bus.mirrored_error / float(sensors.fit.error[2])
-    late = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
+    off_ms = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
     count = f"from {low:g} to {high:g} Hz; zeros or pairs"
     refitted = "refitted with all zeros in the left half-plane, its error is"
     return [
         row(f"{words[2]}: non-minimum-phase zeros {count}", wrong[2] > 0.0, wrong[2], "\u2265 1"),
         *(row(f"{words[k]}: none {count}", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
         above(f"{words[2]}: {refitted} over {WORSE:g} times as large; ratio", ratio, WORSE, ""),
-        below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", late, 0.2, "ms"),
+        below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", off_ms, 0.2, "ms"),
     ]
 
 
