@@ -21,7 +21,7 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import NumericalError
-from middeck.files.documents import load_environment, load_structure
+from middeck.files.setups import load_environment, load_structure
 from middeck.signals.ports import Port
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
