@@ -83,6 +83,7 @@ Examples:
 @options.written(
     "--blacklist",
     "blacklist_file",
+    cls=options.Updated,
     endings=(".json",),
     metavar="BLACKLIST.json",
     help="Laws that have tripped: consulted first; one that trips when engaged is added.",

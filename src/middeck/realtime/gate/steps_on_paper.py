@@ -155,7 +155,8 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateS
     What grows at this limit without the law is not its doing, unless it is unstable by itself. These are
     loops that stay so: it is no proof for limits that come and go.
     """
-    step, moved = f"recovery {name}", package.core.C.any(axis=1) | package.core.D.any(axis=1)
+    step, core = f"recovery {name}", package.core
+    moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
     whole, off = np.ones(len(moved)), np.zeros(len(moved))
     limits = [("", whole, drives) for drives in _limits(np.ones_like(moved))]
     limits += [("the law's ", shares, whole) for shares in _limits(moved) if package.paths]
