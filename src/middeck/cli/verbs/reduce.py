@@ -68,8 +68,9 @@ def verb(
     from middeck.files.nastran.components.external_write import write_external
     from middeck.structure.modes.craig_bampton import reduce_structure
 
-    for ending in (".op4", ".pch", ".asm") if target is not None else ():
-        options.to_write(str(Path(target).with_suffix(ending)), f"-o {target}")
+    if target is not None:
+        for ending in (".op4", ".pch", ".asm"):
+            options.to_write(str(Path(target).with_suffix(ending)), f"-o {target}")
     path = find_document(article, "article")
     structure = load_structure(path, overrides)
     nodes = options.separate_names(boundary)
