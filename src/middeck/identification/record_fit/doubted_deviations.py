@@ -135,7 +135,7 @@ def _whitened(
 ) -> tuple[Complex[np.ndarray, "output line column"], Complex[np.ndarray, "output line column"]]:
     """What is left, and the model's outputs, both over the deviation of the likelier noise."""
     r = run.residual(data)
-    size = np.sqrt(likelier_variance(r, run.denominator(data)))
+    size = np.sqrt(likelier_variance(r, run.denominator(data), driven=data.driven))
     return r / size, (data.H - r) / size
 
 
@@ -187,7 +187,7 @@ def signals(data: Data, spectra: Complex[np.ndarray, "line column"]) -> Float[np
 def growth_score(data: Data, run: RecordRun) -> Float[np.ndarray, " output"]:
     """Of each output, a number that is normal with unit variance for noise of constant size."""
     r = run.residual(data)
-    v = noise_variance(r)
+    v = noise_variance(r, driven=data.driven)
     return np.array([_score(r[o] / np.sqrt(v[o]), data.H[o] - r[o], data) for o in range(len(r))])
 
 

@@ -359,10 +359,10 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
 
     Description lengths 2 L + k ln n (Rissanen 1978), the noise smooth over lines in both.
     """
-    v = noise_variance(data.H)
+    v = noise_variance(data.H, driven=data.driven)
     alone = 2.0 * negative_log_likelihood(data.H, v)
     r = run.residual(data)
-    v = noise_variance(r)
+    v = noise_variance(r, driven=data.driven)
     unknowns = run.layout.size + run.refined.step.linear.size
     model = 2.0 * negative_log_likelihood(r, v) + unknowns * np.log(2.0 * data.H.size)
     if model >= alone:

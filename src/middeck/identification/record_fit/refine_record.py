@@ -99,7 +99,8 @@ def _variance_of(
     if weighting == "flat":
         v = np.mean(np.abs(r) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
         return np.broadcast_to(v, r.shape)
-    return noise_variance(r, _denominator(data, Start(layout, theta)) if weighting == "motion" else None)
+    shape = _denominator(data, Start(layout, theta)) if weighting == "motion" else None
+    return noise_variance(r, shape, driven=data.driven)
 
 
 def _denominator(data: Data, start: Start) -> Float[np.ndarray, " line"]:
