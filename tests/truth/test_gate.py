@@ -138,6 +138,14 @@ def test_a_loop_that_is_not_decided_is_not_passed():
     step = examine_package(gain_package(1.0), {"direct": one_port(direct)}, ANY).steps[-1]
     assert (step.name, step.passed) == ("model direct", False)
     assert step.said.startswith("not decided: ")
+    loop = between_fades(0.0025)
+    for overflows in (
+        dataclasses.replace(loop, B=1e300 * loop.B),
+        dataclasses.replace(loop, A=1e200 * loop.A),
+    ):
+        with np.errstate(all="ignore"):
+            step = examine_package(gain_package(-1.0), {"loud": one_port(overflows)}, ANY).steps[-1]
+        assert (step.passed, "must not contain infs" in step.said) == (False, True), step.said
 
 
 def test_the_linear_law_is_the_package_within_its_limits():

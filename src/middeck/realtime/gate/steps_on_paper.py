@@ -24,6 +24,8 @@ from middeck.systems.state_space.statespace import same_period
 from middeck.values import record
 
 FADES = tuple(k / 10.0 for k in range(11))
+NOT_DECIDED = (NumericalError, ConfigError, ValueError)
+"""ValueError: of NumPy and SciPy, where numbers overflow."""
 ALL_TOGETHER = 6
 """Most outputs of which all sets are tried."""
 
@@ -173,8 +175,8 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateS
                 names = [port.name for port, g in zip(package.outputs, least, strict=True) if g < 1.0]
                 where = f"while {least.min():g} of {whose}{', '.join(names)} is applied"
                 return _step(step, [f"{where}: {fault}"], "")
-    except (NumericalError, ConfigError) as error:
-        return _step(step, [f"not decided: {error.what}"], "")
+    except NOT_DECIDED as error:
+        return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
     said = f"nothing grows at any of {len(limits)} limits of outputs"
     return _step(step, [], said + (f", but at {unheld} what does so without the law too" if unheld else ""))
 
@@ -215,8 +217,8 @@ def check_loops(step: str, plant: Plant, tried: Sequence[Tried], least: GateMarg
             if gain < least.gain_db or phase < least.phase_deg:
                 fault = f"{one.where}: margins of {gain:.2f} dB and {phase:.1f} degrees"
                 return _step(step, [fault], "")
-    except (NumericalError, ConfigError) as error:
-        return _step(step, [f"not decided: {error.what}"], "")
+    except NOT_DECIDED as error:
+        return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
     said = f"least gain margin {weakest:.1f} dB" if math.isfinite(weakest) else "no gain makes it unstable"
     return _step(step, [], f"stable at {len(tried)} fades, {said}")
 

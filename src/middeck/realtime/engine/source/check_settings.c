@@ -1,4 +1,4 @@
-#include "check_settings.h"
+#include "mapped.h"
 
 #include <math.h>
 #include <stddef.h>
