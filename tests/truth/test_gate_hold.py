@@ -108,6 +108,9 @@ def test_a_hold_makes_a_package_pass_or_fail():
     assert [step.name for step in alone.steps if not step.passed] == ["model mass"]
     beside = examine_package(damper(), models, MARGINS, settings=engine)
     assert beside.passed, beside.steps
+    # Below a third of the motor's force the hold alone lets it fall too; the law's command may be missing.
+    found = "nothing grows at any of 20 limits of outputs, but at 4 what does so without the law too"
+    assert beside.steps[-1].said == found
     assert (beside.hold, alone.hold) == (hash_hold(engine), hash_hold(engine_of((WAY,), (PUSH,), ())))
     outward = dataclasses.replace(engine, hold=(LoopPath(1, 0, static_gain(0.05)),))
     spoilt = examine_package(damper(), {"mass": mass(40.0)}, MARGINS, settings=outward)

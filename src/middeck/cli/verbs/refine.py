@@ -71,7 +71,6 @@ def verb(
     files = find_case(article, environment)
     structure, there = load_setup(*files)
     asked = load_refinement(refinement, files[0])
-    options.require_apart(target, (*files, *asked.files))
     if choose:
         with reading(files[0], refinement):
             weighed = weigh_unknowns(structure, *asked.of_refine)

@@ -3,7 +3,6 @@
 #include <float.h>
 #include <string.h>
 
-#include "poles.h"
 #include "sha256.h"
 #include "text.h"
 

@@ -26,4 +26,8 @@ enum answer package_read(package *p, unsigned char *bytes, size_t count);
 /* Replay the test vectors with ``state`` as scratch: DONE where every bit agrees, else BAD_VECTORS. */
 enum answer package_replay(const package *p, law_state *state);
 
+/* 1 where no pole of the compensator has a magnitude beyond 1 + 1e-9, and all poles of its sections lie inside. Uses scratch of
+   its file: one call at a time. */
+int poles_within(const law_tables *t);
+
 #endif
