@@ -15,11 +15,13 @@ from scipy.special import lambertw
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.stability.delayed_roots import follow_roots, poles_with_rounding
 from middeck.control.analysis.stability.stability import decide_stability
+from middeck.control.h2.noise_rms import integrate_noise
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
+from middeck.control.robust.verification.monte_carlo import noise_on
 from middeck.errors import NumericalError
 from middeck.files.setups import load_environment, load_structure
 from middeck.signals.ports import Port
@@ -404,9 +406,14 @@ def test_a_law_with_a_copy_of_the_mode_in_states_of_any_size(
         A = T @ [[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]] @ np.linalg.inv(T)
         own = StateSpace(A, T @ [[0.0], [1.0]], [[root**2, 0.0]] @ np.linalg.inv(T), [[0.0]])
         mode = sum_of_modes([omega], zeta, [[1.0]], [[1.0]])
-        plant = delay_plant(Plant(dynamics=mode, inputs=(FORCE,), outputs=(WAY,)), tau)
+        law, ports = Compensator(own, (WAY,), (FORCE,)), {"w": ("force",), "z": ("way",)}
+        body = Plant(dynamics=mode, inputs=(FORCE,), outputs=(WAY,), u=("force",), y=("way",), **ports)
+        plant, weights = delay_plant(body, tau), unit_weights(("force",), 1e-6)
         try:
-            found = decide_stability(plant, Compensator(own, (WAY,), (FORCE,)))
+            found, many = decide_stability(plant, law), noise_on([plant], law, weights)
+            alone = integrate_noise(plant, law, weights)
+            assert many[0][0] == alone.stable == found.stable
+            assert many[1][0] == pytest.approx(alone.rms, rel=1e-9)
         except NumericalError:
             assert np.abs(s.real).min() < poles_with_rounding(A)[1].max()
             continue
