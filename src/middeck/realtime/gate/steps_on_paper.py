@@ -26,6 +26,8 @@ from middeck.values import record
 FADES = tuple(k / 10.0 for k in range(11))
 NOT_DECIDED = (NumericalError, ConfigError, ValueError)
 """ValueError: of NumPy and SciPy, where numbers overflow."""
+FASTER = 2.0
+"""How much faster than without the law what is not held may grow."""
 ALL_TOGETHER = 6
 """Most outputs of which all sets are tried."""
 
@@ -154,8 +156,8 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateS
     """Nothing grows on ``plant`` while some outputs are limited, from none of what they are asked for to 0.9.
 
     Limited are motors, u = g (p + c), and beside an inner loop or a hold the law's commands too, u = p + g c.
-    What grows at this limit without the law is not its doing, unless it is unstable by itself. These are
-    loops that stay so: it is no proof for limits that come and go.
+    What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
+    by itself. These are loops that stay so: it is no proof for limits that come and go.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
@@ -167,8 +169,10 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateS
         limited = limited_law(package)
         loop = form_loop(align_plant(plant, limited(whole, whole)), limited(whole, whole))
         for whose, commands, drives in limits:
-            fault = _grows(loop, limited(commands, drives))
-            if fault and not package.unstable and _grows(loop, limited(off, drives)):
+            found = _decide(loop, limited(commands, drives))
+            fault = _unstable(found, off=True)
+            without = _decide(loop, limited(off, drives)) if fault and not package.unstable else found
+            if without.growing and found is not without and found.margin >= FASTER * without.margin:
                 unheld += 1
             elif fault:
                 least = commands * drives
@@ -196,8 +200,8 @@ def _limits(places: np.ndarray) -> np.ndarray:
     return shares
 
 
-def _grows(loop: FeedbackLoop, law: Compensator) -> str:
-    return _unstable(decide_loop(dataclasses.replace(loop, law=law.sampled)), off=True)
+def _decide(loop: FeedbackLoop, law: Compensator) -> LoopStability:
+    return decide_loop(dataclasses.replace(loop, law=law.sampled))
 
 
 def check_loops(step: str, plant: Plant, tried: Sequence[Tried], least: GateMargins) -> GateStep:

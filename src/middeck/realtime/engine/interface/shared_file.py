@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import mmap
 import os
 from pathlib import Path
@@ -140,9 +141,10 @@ def open_shared_file(path: Path) -> SharedFile:
     if len(start) == layout("places").itemsize:
         (at,) = np.frombuffer(start, layout("places"))
         if (at["magic"], at["format"], at["size"]) == (constants()["MAGIC"], constants()["FORMAT"], size):
-            return SharedFile(path)
+            with contextlib.suppress(ValueError, OverflowError):  # places that do not lie within it
+                return SharedFile(path)
     raise DataError(
-        "no shared file of an engine, or of another version", where=str(path), hint="engine.shared"
+        "no shared file of an engine, of another version, or changed", where=str(path), hint="engine.shared"
     )
 
 
