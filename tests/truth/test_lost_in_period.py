@@ -92,6 +92,38 @@ def test_a_loss_that_stays_spoils_the_periods_after_it(triggered: bool, campaign
         assert ("those after it" in found.hint) is not triggered
 
 
+@pytest.mark.parametrize("both", [False, True], ids=["in the output", "in both"])
+def test_a_loss_that_lasts_is_told_in_any_period(both: bool, campaign) -> None:
+    """The first and the one before the last among them; of input and output, each is told."""
+    for seed in campaign(120):
+        record, rng = steady(1000 + seed)
+        lost, periods = [1, 2, -3, 5][seed % 4], record.y.shape[1]
+        period = int(rng.integers(periods))
+        at = period * SAMPLES + int(rng.integers(SAMPLES // 8, 7 * SAMPLES // 8))
+        now = np.arange(periods * SAMPLES)
+        when = now + lost * (now >= at)
+        u, y = (np.append(x, x[0, -1])[when].reshape(x.shape) for x in (record.u, record.y))
+        spoilt = dataclasses.replace(record, u=u if both else record.u, y=y)
+        found = [fault for fault in detect_faults(spoilt) if fault.kind == "shift"]
+        assert [fault.side for fault in found] == (["input", "output"] if both else ["output"])
+        for fault in found:
+            assert f"{abs(lost)} samples" in fault.what
+            assert min(abs(run[0] - at) for run in fault.samples) < 45
+            if period < periods - 1:
+                assert "as all periods after it" in fault.what
+
+
+def test_a_transient_at_the_start_is_no_loss(campaign) -> None:
+    wrong, seeds = 0, campaign(200)
+    for seed in seeds:
+        record, rng = steady(2000 + seed)
+        now = np.arange(record.y.size)
+        free = np.exp(-now / rng.uniform(40.0, 600.0)) * np.cos(now * rng.uniform(0.3, 2.0) + seed)
+        y = record.y + rng.uniform(0.1, 1.0) * record.y.std() * free.reshape(record.y.shape)
+        wrong += any(f.kind == "shift" for f in detect_faults(dataclasses.replace(record, y=y)))
+    assert wrong <= len(seeds) // 100
+
+
 def test_no_samples_are_lost_in_clean_periods(campaign) -> None:
     for seed in campaign(200):
         record, _ = steady(seed)

@@ -103,11 +103,7 @@ Examples:
     help="Its rms below which the gain rises, and above which it falls.",
 )
 @click.option(
-    "--adaptive-least",
-    "least",
-    type=options.NOT_NEGATIVE,
-    metavar="GAIN",
-    help="Least gain.  [default: 0]",
+    "--adaptive-least", "least", type=options.NOT_NEGATIVE, metavar="GAIN", help="Least gain.  [default: 0]"
 )
 @options.written(
     "-o", "--output", "verdict_file", endings=(".json",), metavar="VERDICT.json", help="Write the verdict."

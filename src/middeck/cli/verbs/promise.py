@@ -51,8 +51,8 @@ def verb(
     carries the hash of its own content and of all files behind it. With --load-cases it says what gauges will
     read of the refined article at rest.
     """
-    from middeck.files.documents import find_document
     from middeck.files.json.output import write_json
+    from middeck.files.setups import find_document
 
     if (plan is None) == (load_cases is None):
         raise ConfigError(

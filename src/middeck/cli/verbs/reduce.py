@@ -64,8 +64,8 @@ def verb(
     from middeck.cli.shown.blame import reading
     from middeck.errors import ConfigError
     from middeck.files.articles.components import write_component
-    from middeck.files.documents import find_document, load_structure
     from middeck.files.nastran.components.external_write import write_external
+    from middeck.files.setups import find_document, load_structure
     from middeck.structure.modes.craig_bampton import reduce_structure
 
     if target is not None:

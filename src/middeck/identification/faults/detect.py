@@ -152,7 +152,9 @@ def _channel_faults(
     found += [] if driven is None else find_spikes(x, levels, driven)
     found += find_offset(x, port.unit, is_input=is_input)
     if is_input:
-        return found + (find_unsteady_input(x, period) if periodic else [])
+        return found + (
+            (find_lost_in_period(x, period) or find_unsteady_input(x, period)) if periodic else []
+        )
     found += find_drift(x, port.unit, period=period if periodic else None)
     found += find_coarse_steps(x, levels) + find_held(x)
     # A period with a hole or a spike differs from the others by that.

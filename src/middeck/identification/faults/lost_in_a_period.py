@@ -2,12 +2,16 @@
 
 What a period that lost samples shows from there on is what the others show so many samples later. Two
 explanations of it are compared, sample by sample: the others as they are, and the others shifted. Before the
-loss the first leaves less, from it on the second.
+loss the first leaves less, from it on the second. A recorder that starts each period anew is right again in
+the next; of one that runs on, all later periods are shifted, and are shifted back before they are compared.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from jaxtyping import Float
 
 from middeck.identification.faults.equal_runs import Found, Signal, fault
 
@@ -16,6 +20,8 @@ from middeck.identification.faults.equal_runs import Found, Signal, fault
 MOST, PARTS, UNEVEN = 16, 16, 4.0
 # Each explanation leaves no more than this share of what the other leaves, on its side of the loss.
 BETTER = 0.5
+# What one leaves of a sample on its side, over what both leave on average; of the other, what is rounding.
+EVEN, ROUNDING = 3.0, 1e-18
 # A shorter shift is as good that leaves no more than so many times what the best leaves.
 AS_GOOD = 1.5
 # Deviations, and fewest samples on each side, by which that is no chance.
@@ -34,57 +40,85 @@ def find_lost_in_period(x: Signal, period: int) -> list[Found]:
     rows = x.reshape(-1, period)
     if len(rows) < 2 or period < 2 * PARTS:
         return []
-    others = (rows.sum(axis=0) - rows) / (len(rows) - 1)
     size = period // PARTS
-    parts = np.mean(((rows - others) ** 2)[:, : PARTS * size].reshape(len(rows), PARTS, size), axis=2)
-    uneven = np.flatnonzero(parts.max(axis=1) > UNEVEN * parts.min(axis=1))
-    steps = [(p, *step) for p in uneven for step in [_step(rows[p], others[p])] if step is not None]
-    if not steps:
+    change = np.diff(rows, axis=0)[:, : PARTS * size].reshape(len(rows) - 1, PARTS, size)
+    parts = np.mean(change**2, axis=2)
+    near = np.flatnonzero(parts.max(axis=1) > UNEVEN * parts.min(axis=1))
+    tried = [_Loss(rows, int(p), lasts) for p in np.union1d(near, near + 1) for lasts in (False, True)]
+    losses = [loss for loss in tried if loss.step is not None]
+    if not losses:
         return []
-    p, at, shift, _ = max(steps, key=lambda step: step[-1])
-    if len(rows) == 2:  # one that lost samples is like another that repeats them
+    loss = min(losses, key=_Loss.left)
+    assert loss.step is not None
+    at, shift, _ = loss.step
+    if len(rows) == 2 and not loss.lasts:  # one that lost samples is like another that repeats them
         off = abs(shift)
         what = (
-            f"the two periods answer {off} samples apart from near sample {at} of each on: samples were lost "
+            f"the two periods come {off} samples apart from near sample {at} of each on: samples were lost "
             "or repeated in one of them"
         )
         hint = "record more periods, which tell in which; check buffers and clocks"
         runs = tuple((max(near - off, 0), near + off) for near in (at, period + at))
         return [fault("shift", what, hint, samples=runs)]
     way, lost = ("earlier", "lost") if shift > 0 else ("later", "repeated")
-    near = int(p) * period + at
+    place = loss.period * period + at
+    whom = ", as all periods after it" if loss.lasts else " than in the others"
     what = (
-        f"answers {abs(shift)} samples {way} in period {p + 1} of {len(rows)} than in the others, from near "
-        f"sample {near} on: samples were {lost} there"
+        f"comes {abs(shift)} samples {way} in period {loss.period + 1} of {len(rows)}{whom}, from near "
+        f"sample {place} on: samples were {lost} there"
     )
-    out = "that period and those after it" if _stays(rows, p, shift) else "that period"
+    out = "that period and those after it" if loss.lasts else "that period"
     hint = f"leave {out} out; check buffers and clocks"
-    return [fault("shift", what, hint, samples=((max(near - 1, 0), near + 1),))]
+    if loss.lasts and loss.period == 0:
+        hint = "shift what follows back by that, or record again; check buffers and clocks"
+    return [fault("shift", what, hint, samples=((max(place - 1, 0), place + 1),))]
 
 
-def _stays(rows: Signal, p: int, shift: int) -> bool:
-    """Whether the period after ``p`` runs ahead, too, of those before: no clock was set right between."""
-    if not 0 < p < len(rows) - 1:
-        return False
-    before, after = rows[:p].mean(axis=0), rows[p + 1]
-    return bool(np.sum((after - np.roll(before, -shift)) ** 2) < np.sum((after - before) ** 2))
+class _Loss:
+    """A loss in one period, after which the clock was set right, or (``lasts``) was not.
+
+    ``step``: From which of its samples and by how many it runs ahead then, and what is left of it; None where
+    that may be chance.
+    """
+
+    def __init__(self, rows: Float[np.ndarray, "period sample"], period: int, lasts: bool) -> None:
+        self.rows, self.period, self.lasts = rows, period, lasts
+        # What lasts in the last period only is no different.
+        possible = not lasts or period < len(rows) - 1
+        self.step = _step(rows[period], lambda m: self.others(m).mean(axis=0)) if possible else None
+
+    def others(self, shift: int) -> Float[np.ndarray, "period sample"]:
+        """The other periods, by the clock of the first."""
+        rows = self.rows.copy()
+        if self.lasts:
+            rows[self.period + 1 :] = np.roll(rows[self.period + 1 :], shift, axis=1)
+        return np.delete(rows, self.period, axis=0)
+
+    def left(self) -> float:
+        """What the loss leaves of all periods."""
+        assert self.step is not None
+        _, shift, own = self.step
+        others = self.others(shift)
+        return own + float(np.sum((others - others.mean(axis=0)) ** 2))
 
 
-def _step(y: Signal, others: Signal) -> tuple[int, int, float] | None:
-    """From which sample, and by how many, ``y`` runs ahead of the others, and how much that explains.
+def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] | None:
+    """From which sample, and by how many, ``y`` runs ahead of the others, and what that leaves.
 
     The motion of one mode is nearly the same a cycle later: the shortest shift that leaves hardly more.
     """
     tried = sorted((*range(-MOST, 0), *range(1, MOST + 1)), key=abs)
-    found = [(shift, step) for shift in tried for step in [_split(y, others, shift)] if step is not None]
+    found = [
+        (shift, step) for shift in tried for step in [_split(y, others(shift), shift)] if step is not None
+    ]
     if not found:
         return None
-    least = min(left for _, (_, left, _) in found)
-    return next((at, shift, gain) for shift, (at, left, gain) in found if left <= AS_GOOD * least)
+    least = min(left for _, (_, left) in found)
+    return next((at, shift, left) for shift, (at, left) in found if left <= AS_GOOD * least)
 
 
-def _split(y: Signal, others: Signal, shift: int) -> tuple[int, float, float] | None:
-    """Where the shift begins, what is left with it and what it explains; None where that may be chance."""
+def _split(y: Signal, others: Signal, shift: int) -> tuple[int, float] | None:
+    """Where the shift begins, and what is left with it; None where that may be chance."""
     moved = np.roll(others, -shift)
     as_they_are, shifted, apart = (
         np.concatenate([[0.0], np.cumsum(part**2)]) for part in (y - others, y - moved, moved - others)
@@ -93,8 +127,13 @@ def _split(y: Signal, others: Signal, shift: int) -> tuple[int, float, float] | 
     before = as_they_are[at], shifted[at], apart[at]
     after = shifted[-1] - shifted[at], as_they_are[-1] - as_they_are[at], apart[-1] - apart[at]
     left = float(before[0] + after[0])
-    for own, other, told in (before, after):
+    for (own, other, told), size in ((before, at), (after, len(y) - at)):
         chance = 2.0 * SURE * np.sqrt(left / len(y) * told)
-        if not (own < BETTER * other and other - own > chance):
+        # Free motion at the start of a period that some shift tells half of leaves more there than elsewhere.
+        if not (
+            own < BETTER * other
+            and other - own > chance
+            and own <= EVEN * size * left / len(y) + ROUNDING * other
+        ):
             return None
-    return (at, left, before[1] + after[1] - left) if FEWEST <= at <= len(y) - FEWEST else None
+    return (at, left) if FEWEST <= at <= len(y) - FEWEST else None

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import warnings
 from collections.abc import Callable
 from typing import Literal
 
@@ -47,7 +48,7 @@ from middeck.identification.search.leading_outputs import causal_delay
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
-from middeck.signals.excitation.driven_band import driven_band
+from middeck.signals.excitation.driven_band import driven_band, floor_variance
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_inputs
@@ -62,6 +63,8 @@ NYQUIST = 0.95
 # A decay rate times the record's length that is no more than the search allows at least, and lines between a
 # mode and a sine that may be its own motion.
 HARDLY, BESIDE = 0.15, 2.0
+# Deviations by which noise of an input may move an unknown before that is said.
+MOVED = 1.0
 
 
 def fit_record(
@@ -261,10 +264,12 @@ def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> F
     """
     band_hz = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
     fit = functools.partial(fit_lines, asked=asked)
-    if asked.states is not None:
-        with contextlib.suppress(FitError):
-            return fit(estimate_response(record, band_hz=band_hz, method="local polynomial"))
-    return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
+    with warnings.catch_warnings():  # of noise of inputs, which the fit of the samples counts itself
+        warnings.simplefilter("ignore")
+        if asked.states is not None:
+            with contextlib.suppress(FitError):
+                return fit(estimate_response(record, band_hz=band_hz, method="local polynomial"))
+        return fit(estimate_response(record, band_hz=band_hz, method="local rational"))
 
 
 def _result(
@@ -280,30 +285,32 @@ def _result(
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = model_of(run, record.inputs, record.outputs)
-    covariance = checked_covariance(record_covariance(run, data, fitted, input_noise))
+    noise = _input_variance(record)
+    found_covariance, moves = record_covariance(run, data, fitted, input_noise, noise)
+    covariance = checked_covariance(found_covariance)
     uncertainty = uncertainty_of(covariance)
     lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
     if not np.isfinite(lines.H).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
-    delay_s, warnings = causal_delay(lines, fitted.delay_s, uncertainty)
+    delay_s, said = causal_delay(lines, fitted.delay_s, uncertainty)
     model = dataclasses.replace(fitted, delay_s=delay_s)
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
-    warnings += _doubts(run, record, error)
-    warnings += doubts_of_deviations(lines, covariance, of_samples=True)
+    said += [*_doubts(run, record, error), *_doubts_of_inputs(record, noise, moves)]
+    said += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*doubted_deviations.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     wrong += [] if model.sample_hz is not None else doubted_deviations.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     wrong += doubted_deviations.causes_of(measured, data, run, lead, error)
-    warnings += [*wrong, *doubts_of_lines(fit.lines)]
+    said += [*wrong, *doubts_of_lines(fit.lines)]
     phase = _pairs_for_a_delay(model, covariance, data, run)
     standing = standing_of(lines, covariance, holds=not wrong, phase=phase[0])
     poles = poles_instead(data, run, fitted, standing) if covariance.structure.with_delay else None
     if poles is not None:
-        warnings.append(poles.doubt())
+        said.append(poles.doubt())
         if poles.shorter:
             standing = standing_of(lines, covariance, holds=False, phase=phase[0])
-    warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
+    said += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     return FitResult(
         model=model,
         cost=float(np.mean(np.abs(r) ** 2 / run.variance)),
@@ -313,7 +320,7 @@ def _result(
         covariance=dataclasses.replace(covariance, model=model),
         history=np.array(found.history),
         order_reason=reason,
-        warnings=tuple(warnings),
+        warnings=tuple(said),
         standing=standing,
         lines=fit.lines,
         delay_standing=standing_of_delays(lines, covariance, holds=not wrong and poles is None),
@@ -351,6 +358,27 @@ def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:
         f"output {port.name}: noise and what the model lacks are {left:.0%} of the output"
         for port, left in zip(record.outputs, error, strict=True)
         if left > LEFT
+    ]
+
+
+def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
+    """Of noise of the measured inputs: what does not repeat in them, or the floor of their spectra."""
+    periods = record.u.shape[1]
+    if record.periodic and periods > 1:
+        scatter = record.u - record.u.mean(axis=1, keepdims=True)
+        return np.mean(scatter**2, axis=(0, 1, 2)) * periods / (periods - 1)
+    return floor_variance(record.u.reshape(len(record.u), -1, record.u.shape[3]))
+
+
+def _doubts_of_inputs(record: Record, noise: np.ndarray, moves: np.ndarray) -> list[str]:
+    """Inputs whose noise moves the model by more than its deviations without it."""
+    rms = np.sqrt(np.mean((record.u - record.u.mean(axis=(1, 2), keepdims=True)) ** 2, axis=(0, 1, 2)))
+    return [
+        f"input {port.name}: noise of {share:.2g} of its rms makes gains too small, by up to {move:.1f} "
+        "times what else their deviations count; they count this, too. Fit the command, or a signal "
+        "that repeats"
+        for port, share, move in zip(record.inputs, np.sqrt(noise) / rms, moves, strict=True)
+        if move > MOVED
     ]
 
 

@@ -24,13 +24,19 @@ def record_covariance(
     data: Data,
     model: MeasurementModel,
     input_noise: Float[np.ndarray, "part sample input"] | None = None,
-) -> ModelCovariance:
+    floor: Float[np.ndarray, " input"] | float = 0.0,
+) -> tuple[ModelCovariance, Float[np.ndarray, " input"]]:
     """That of the weighted fit, A^-1 B A^-1, the transients among the unknowns.
 
     The weights W are what the simulation asks for, and only by chance one over the variance V of the noise.
     So B = J^H W V W J has V from what is left, whatever W is (White 1980, a spectrum in the place of single
     squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together. Noise of
     short inputs, alike on all lines of a mode, is in nothing that is left there: where known it is added.
+
+    Noise of measured inputs makes gains too small as well (errors in variables, Soderstrom 2018, section 2):
+    the score J^H W r has the mean -dH^H W H q where q is its power. What that moves each unknown by is added
+    as one more deviation, for ``input_noise`` or for as much of ``floor``, its variance in samples, as what
+    is left has room for. Beside the covariance: the largest such move of each input, in deviations.
     """
     structure = structure_of(run.layout)
     size = places_of(model, structure).size
@@ -50,10 +56,13 @@ def record_covariance(
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
     noise = np.zeros((0, 2 * data.lines[-1], data.U.shape[1])) if input_noise is None else input_noise
     spread = _scores_spread(each, W, noise)
-    root = np.hstack([orthogonal.canonical_root(W @ orthogonal.root_of(spread)), np.sqrt(0.5) * free])
+    root, moved = W @ orthogonal.root_of(spread), W @ (W.T @ each.bias(_power(each, noise, floor)))
+    known = np.linalg.norm(root, axis=1, keepdims=True)
+    moves = np.max(np.abs(moved) / np.maximum(known, np.finfo(float).tiny), axis=0)
+    root = np.hstack([orthogonal.canonical_root(np.hstack([root, moved])), np.sqrt(0.5) * free])
     unknowns = size - len(held) + data.H.shape[0] * data.H.shape[2] * len(each.terms.B)
     degrees = float(2 * data.H.size - unknowns)
-    return ModelCovariance(
+    covariance = ModelCovariance(
         model=model,
         structure=structure,
         root=root,
@@ -62,6 +71,7 @@ def record_covariance(
         robust=run.weighting == "flat",
         loose=loose,
     )
+    return covariance, moves
 
 
 class _Rows:
@@ -87,6 +97,30 @@ class _Rows:
         place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
         J[place] += transient_slopes(layout, point, data.transient, data.s, t)
         return J, TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
+
+    def bias(self, power: Float[np.ndarray, "line input"]) -> Float[np.ndarray, "unknown input"]:
+        """Mean of the scores under noise of the inputs, for each."""
+        model, data = self.model, self.data
+        found = np.zeros((places_of(model, self.structure).size, power.shape[1]))
+        for o, i in np.ndindex(model.direct.shape):
+            entry = entry_slopes(model, self.structure, data.s, o, i)
+            weight = power[:, i] * np.sum(1.0 / self.run.variance[o], axis=1)
+            found[entry.place, i] -= np.real(entry.by.conj() @ (entry.H * weight))
+        return found
+
+
+def _power(
+    each: _Rows, noise: Float[np.ndarray, "part sample input"], floor: Float[np.ndarray, " input"] | float
+) -> Float[np.ndarray, "line input"]:
+    """Power of noise of the inputs: as given, or as much of the floor as what is left has room for."""
+    data = each.data
+    if len(noise):
+        return np.mean(np.abs(np.fft.rfft(noise, axis=1)[:, data.lines]) ** 2, axis=0) / noise.shape[1]
+    most = np.broadcast_to(floor, (len(data.s), data.U.shape[1]))
+    H = model_response(each.model, data.omega / (2.0 * np.pi))
+    heard = data.H.shape[2] * np.einsum("koi,ki->o", np.abs(H) ** 2, most)
+    left = np.sum(np.abs(each.run.residual(data)) ** 2, axis=(1, 2))
+    return most * float(np.min(np.divide(left, heard, out=np.ones_like(left), where=heard > left)))
 
 
 def _scores_spread(

@@ -84,10 +84,15 @@ def covering_variance(
     forces are; the flanks of the peak above the noise of sensors do.
     """
     found = likelier_variance(residual, shape, left, driven)
-    for at in [np.ones(len(shape), bool)] if driven is None else [driven, ~driven]:
+    for at in lines_alike(driven, len(shape)):
         both = _variance_of_both(residual[:, at], shape[at], left[:, at])
         found[:, at] = np.maximum(found[:, at], both)
     return found
+
+
+def lines_alike(driven: Bool[np.ndarray, " line"] | None, lines: int) -> list[Bool[np.ndarray, " line"]]:
+    """All lines, or those that are driven and those that are silent."""
+    return [np.ones(lines, bool)] if driven is None else [driven, ~driven]
 
 
 def _variance_of_both(

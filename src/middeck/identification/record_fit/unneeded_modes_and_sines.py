@@ -84,7 +84,7 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
 def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
     """Of the unknowns of its model."""
     run = state.run
-    return record_covariance(run, state.data, model_of(run, record.inputs, record.outputs))
+    return record_covariance(run, state.data, model_of(run, record.inputs, record.outputs))[0]
 
 
 def _without_sines(record: Record, state: Tidied) -> Tidied:

@@ -17,6 +17,7 @@ from middeck.identification.spectra.local_models import scatter_of_local_models
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
 from middeck.identification.spectra.scattered_response import ResponseScatter, trusted
 from middeck.identification.spectra.start_up import steadied
+from middeck.signals.excitation.driven_band import floor_variance
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.repetition import blocks_of
 from middeck.signals.record import Record, RecordStream, stream_record
@@ -24,6 +25,8 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
 FEWEST_PERIODS, REPEATED = 2, 0.01
+# Deviations of a gain that all lines share by which noise of an input may change it before that is said.
+MOVED = 2.0
 
 Method = Literal["periods", "local polynomial", "local rational", "h1", "h2", "hv"]
 
@@ -86,6 +89,9 @@ def estimate_response(
     variance, covariance = trusted(found)
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
     inputs, outputs = response_under_feedback.plant_ports(record, reference)
+    if isinstance(record, Record) and reference is None and controller is None and variance is not None:
+        for what in _noise_of_inputs(record, found, variance):
+            warnings.warn(what, UserWarning, stacklevel=2)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -118,6 +124,32 @@ def response_scatter(
     _, outputs = response_under_feedback.plant_ports(record, reference)
     joint = _from_reference(record, reference, controller)
     return response_under_feedback.plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
+
+
+def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarray) -> list[str]:
+    """Inputs whose noise makes the response of local models too small, more than its lines scatter.
+
+    The floor of their spectra is noise as far as what the response leaves of the outputs has room for it.
+    """
+    R, left = found.line_inverse_power, found.total_covariance
+    if R is None or left is None:
+        return []
+    experiments, samples = len(record.u), record.u.shape[1] * record.u.shape[2]
+    floor = samples * floor_variance(record.u.reshape(experiments, samples, -1))
+    size = np.abs(found.H) ** 2
+    heard, left = np.einsum("koi,i->o", size, floor), np.einsum("koo->o", np.real(left))
+    room = float(np.min(np.divide(left, heard, out=np.ones_like(left), where=heard > left)))
+    # Of the estimate at a line: noise over power, a mean over the lines where the response is known best.
+    power = 1.0 / np.real(np.einsum("kii->ki", R))
+    known = np.sum(size / variance, axis=1)
+    low = room * experiments * floor * np.sum(known, axis=0) / np.sum(known * power, axis=0)
+    return [
+        f"input {port.name}: noise of its samples makes the response {share:.1%} too small, {times:.0f} "
+        "times what all its lines scatter together, and no variance counts it; take the command, or a signal "
+        "that repeats"
+        for port, share, times in zip(record.inputs, low, low * np.sqrt(2.0 * known.sum(axis=0)), strict=True)
+        if times > MOVED
+    ]
 
 
 def _from_reference(

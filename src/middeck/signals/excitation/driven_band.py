@@ -1,4 +1,4 @@
-"""Band driven by a signal that does not repeat; beyond it the input of a cut record is leakage."""
+"""Band driven by a signal that does not repeat; beyond it the input of a cut record is leakage, or noise."""
 
 from __future__ import annotations
 
@@ -11,6 +11,11 @@ from jaxtyping import Float
 TAPERS = 9
 # Power that still counts as driven, of the largest: 20 dB less.
 FAINT = 0.01
+# Lines over which the floor of a spectrum is averaged, and the most of the largest power that is one.
+FLOOR_LINES, FLOOR = 32, 0.03
+# Share of the lines that lie lowest, and that have up to twice as much: behind a filter that falls to zero,
+# 1.4 times as many.
+LOWEST, FLAT = 0.03, 0.05
 
 
 def driven_band(u: Float[np.ndarray, "experiment sample input"], sample_hz: float) -> tuple[float, float]:
@@ -25,11 +30,38 @@ def driven_band(u: Float[np.ndarray, "experiment sample input"], sample_hz: floa
     size = np.sum(u**2, axis=(0, 1))
     if not size.any():
         return 0.0, 0.0
+    power = np.sum(_tapered_power(u) / np.where(size > 0.0, size, 1.0), axis=1)
+    lines = np.flatnonzero(power > FAINT * power.max())
+    return float(lines[0] * sample_hz / u.shape[1]), float(lines[-1] * sample_hz / u.shape[1])
+
+
+def floor_variance(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray, " input"]:
+    """Variance of the largest white noise that each input's spectrum has room for.
+
+    Zero for an input that drives all frequencies, or less and less: it has no floor, and shows no noise.
+
+    >>> rng = np.random.default_rng(0)
+    >>> u = 10.0 * np.convolve(rng.standard_normal(4096), np.hanning(16), "same") + rng.standard_normal(4096)
+    >>> 0.7 < floor_variance(u[None, :, None])[0] < 1.1
+    True
+    """
+    power = _tapered_power(u - u.mean(axis=1, keepdims=True))[2 * TAPERS :]
+    if len(power) < FLOOR_LINES:
+        return np.zeros(u.shape[2])
+    total: np.ndarray = np.cumsum(np.pad(power, ((1, 0), (0, 0))), axis=0)
+    smooth = (total[FLOOR_LINES:] - total[:-FLOOR_LINES]) / FLOOR_LINES
+    least = np.quantile(smooth, LOWEST, axis=0)
+    flat = smooth < 2.0 * least
+    level = np.sum(smooth * flat, axis=0) / np.maximum(flat.sum(axis=0), 1)
+    floor = (least < FLOOR * smooth.max(axis=0)) & (flat.mean(axis=0) > FLAT)
+    return np.where(floor, 2.0 * level / (TAPERS * len(u) * u.shape[1]), 0.0)
+
+
+def _tapered_power(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray, "line input"]:
+    """Sum over experiments and tapers."""
     samples = u.shape[1]
     phase = np.pi * (np.arange(samples) + 0.5) / samples
-    power = np.zeros(samples // 2 + 1)
+    power = np.zeros((samples // 2 + 1, u.shape[2]))
     for k in range(1, TAPERS + 1):
-        U = np.fft.rfft(u * np.sin(k * phase)[:, None], axis=1)
-        power += np.sum(np.abs(U) ** 2 / np.where(size > 0.0, size, 1.0), axis=(0, 2))
-    lines = np.flatnonzero(power > FAINT * power.max())
-    return float(lines[0] * sample_hz / samples), float(lines[-1] * sample_hz / samples)
+        power += np.sum(np.abs(np.fft.rfft(u * np.sin(k * phase)[:, None], axis=1)) ** 2, axis=0)
+    return power

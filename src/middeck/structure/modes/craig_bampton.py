@@ -141,10 +141,7 @@ def _stiffness(K: sp.csr_array, inner: np.ndarray, boundary: int) -> np.ndarray:
 
 
 def _check_nodes(
-    nodes: Sequence[str],
-    boundary: Sequence[str],
-    residual: Sequence[str],
-    recover: Sequence[str],
+    nodes: Sequence[str], boundary: Sequence[str], residual: Sequence[str], recover: Sequence[str]
 ) -> None:
     if not boundary or len(set(boundary)) < len(boundary):
         raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))

@@ -153,12 +153,7 @@ def _least_shift(K: sp.csr_array, M: sp.csr_array, part: float, soft: Soft) -> f
 
 
 def _lanczos(
-    K: sp.csr_array,
-    M: sp.csr_array,
-    factor: Factor,
-    sigma: float,
-    count: int,
-    known: np.ndarray | None,
+    K: sp.csr_array, M: sp.csr_array, factor: Factor, sigma: float, count: int, known: np.ndarray | None
 ) -> Eigenpairs:
     """The ``count`` lowest modes, or the lowest that are orthogonal to the ``known`` ones."""
     weighted = None if known is None else M @ known
