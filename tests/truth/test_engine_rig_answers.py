@@ -17,6 +17,7 @@ from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.launch import DriverRig, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
 from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST
 from middeck.realtime.engine.trials.trial import Stage, run_trial
@@ -165,6 +166,23 @@ def test_a_rig_that_never_answers_is_told_as_the_rig_s(heard):
     )
     assert [trial.trip for trial in trials] == [f"rig dead at 0 s: {why}", why]
     assert not any(trial.blamed or trial.refused for trial in trials)
+
+
+class TwoSensors(EngineRig):
+    def read(self):
+        return np.zeros(SENSORS - 1)
+
+    def write(self, u):
+        return None
+
+
+@pytest.mark.parametrize("computer", ["engine", "reference"])
+def test_a_rig_with_other_sensors_is_told_as_the_rig_s(computer):
+    package, stages = random_package(input_range=10.0), (Stage("standby", 0.1),)
+    settings = plain_settings(answer_s=0.5)
+    trial = run_trial(package, settings, TwoSensors(), stages, computer=computer)
+    assert trial.trip.endswith("how many sensors and outputs it has, must be the engine's")
+    assert not trial.blamed
 
 
 def test_a_rig_that_answers_again_is_heard_again():

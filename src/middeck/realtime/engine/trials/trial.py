@@ -173,6 +173,8 @@ def _by_reference(
             refused = refused or loop.begin(stage.word == "engage", stage.share)
             for _ in range(settings.samples(stage.seconds)):
                 y = rig.read()
+                if np.shape(y) != (len(settings.sensors),):
+                    raise DataError(SILENT, hint=START_IT)  # as the engine takes such an answer for none
                 u = loop.sample(y)
                 rig.write(u)
                 rows.append((y, u, loop.wanted))
