@@ -58,6 +58,17 @@ def whole_motion(at: SinceDrawn) -> tuple[np.ndarray, np.ndarray]:
     return seen_from(at, roots, np.zeros((len(roots), 3)), np.full(len(roots), -1))
 
 
+def carried_by(at: SinceDrawn, carrier: Int[np.ndarray, " root"]) -> SinceDrawn:
+    """The same motion with other carriers."""
+    shift, turn = (part.copy() for part in whole_motion(at))
+    own, up = np.flatnonzero(carrier >= 0), carrier[carrier >= 0]
+    back = np.swapaxes(turn[up], 1, 2) + np.eye(3)
+    arm = _apply(turn[up], at.drawn[own] - at.drawn[up])
+    inner = _apply(back, shift[own] - shift[up] - arm), back @ (turn[own] - turn[up])
+    shift[own], turn[own] = inner
+    return SinceDrawn(at.drawn, carrier, shift, turn)
+
+
 def seen_from(
     at: SinceDrawn, root: np.ndarray, offset: np.ndarray, outer: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
