@@ -23,7 +23,6 @@ from middeck.control.riccati.stable_subspace import solve_by_subspace
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
-
 SPOILT = 1e3
 """Residual after refinement in fine units, in units of rounding, above which coarser units are tried too."""
 WORTHLESS = 1e-6
@@ -126,12 +125,12 @@ def _solve_balanced(
     fine = t * unit
     units = A * fine / fine[:, None], B / fine[:, None], Q * np.outer(fine, fine)
     refined = _refine(found * np.outer(unit, unit), *units) / np.outer(unit * t, unit * t)
-    remains = _residual(refined, A, B, Q)[1]
+    remains = residual(refined, A, B, Q)[1]
     if remains <= SPOILT * _rounding(A):
         return refined, remains
     # The diagonal of a state without cost is rounding, and a unit derived from it spoils the others.
     coarse = _refine(found, *scaled) / np.outer(t, t)
-    other = _residual(coarse, A, B, Q)[1]
+    other = residual(coarse, A, B, Q)[1]
     return (refined, remains) if remains <= other else (coarse, other)
 
 
@@ -144,14 +143,14 @@ def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
 
 def _refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
     """Newton steps as long as each halves the residual and that is above rounding."""
-    best, (defect, size) = X, _residual(X, A, B, Q)
+    best, (defect, size) = X, residual(X, A, B, Q)
     halved = size > 0.0
     while halved:
         step = _step(best, defect, A, B)
         if step is None:
             return best
         candidate = best + step
-        defect, now = _residual(candidate, A, B, Q)
+        defect, now = residual(candidate, A, B, Q)
         halved = _rounding(A) < now < size / 2.0
         best, size = (candidate, now) if now < size else (best, size)
     return best
@@ -162,7 +161,7 @@ def _rounding(A: np.ndarray) -> float:
     return 0.1 * len(A) * float(np.finfo(float).eps)
 
 
-def _residual(
+def residual(
     X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
 ) -> tuple[Float[np.ndarray, "state state"], float]:
     """A'X + XA - (XB)(XB)' + Q, and its Frobenius norm relative to the sum of those of its terms.
