@@ -12,6 +12,7 @@ from struck_plant import response, shaken
 from test_closed_loop_records import cut
 
 from middeck.identification.faults.detect import detect_faults
+from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -178,3 +179,18 @@ def test_noise_of_a_measured_input_is_named(campaign: Campaign) -> None:
         noisy = dataclasses.replace(clean, u=clean.u + 0.3 * clean.u.std() * noise)
         said.append(any("or with noise" in fault.what for fault in detect_faults(noisy)))
     assert np.mean(said) >= 0.75
+
+
+def test_a_gain_that_changes_within_a_record_is_told(campaign: Campaign) -> None:
+    """By a fiftieth to a tenth, from some sample on: constants were off by 40 deviations with no word."""
+    for seed in campaign(24):
+        rng = np.random.default_rng([54, seed])
+        hz = np.cumsum(rng.uniform(4.0, 9.0, 3))
+        plant = hz, rng.uniform(0.005, 0.03, 3), rng.choice([-8.0, 8.0], 3) * hz**2, rng.uniform(0.0, 0.02)
+        record = shaken(plant, 3000, 100.0, (0.5, 40.0), noise=1e-3, seed=seed)
+        y = record.y.copy()
+        y[:, :, int(rng.integers(900, 2100)) :] *= 1.0 + rng.uniform(0.02, 0.1)
+        clean, changed = (fit_record(x, states=6) for x in (record, dataclasses.replace(record, y=y)))
+        assert not any("no stated deviation" in line for line in clean.warnings)
+        assert any("no stated deviation" in line for line in changed.warnings)
+        assert "sound" not in changed.standing

@@ -4,6 +4,9 @@ Noise of the force lasts as long as its window. Its spectrum is then alike on ma
 among them, so that no residual over lines shows what it does to a model. The force where nothing strikes
 does. From blow to blow all else may differ, too: each blow's part of the averaged response moves the model by
 its own (clustered sandwich, Liang and Zeger 1986), with one degree of freedom less than there are blows.
+Chance alone makes these parts large in a few directions, and small in the others: what counts is beyond the
+edge of chance (Marchenko and Pastur 1967), below which scatter is told from none by nothing (Baik, Ben Arous
+and Peche 2005).
 """
 
 from __future__ import annotations
@@ -43,7 +46,9 @@ def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
     noise = moved(heard, known.fixed)
     root = known.fixed @ orthogonal.root_of(np.eye(len(noise)) + noise @ noise.T)
     by_blow = moved(apart, root)
-    more = orthogonal.root_of(by_blow @ by_blow.T, least=1.0)
+    size, direction = np.linalg.eigh(by_blow @ by_blow.T)
+    chance = (1.0 + np.sqrt(len(size) / (len(apart) - 1.0))) ** 2
+    more = direction * np.sqrt(np.where(size > chance, size, 1.0))
     free = known.root[:, known.root.shape[1] - known.loose :]
     covariance = dataclasses.replace(
         known,

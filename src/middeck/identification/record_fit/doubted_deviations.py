@@ -1,12 +1,15 @@
 """Why the deviations of a fit of a record do not hold: structure in its residual, or a fault.
 
 What is left of a model that holds is noise: no input, earlier or later, tells it (Ljung 1999, sec. 16.6), and
-no part of the record asks for another delay than the rest. Otherwise the faults of the record are looked for.
+no part of the record asks for another delay or gain than the rest. Otherwise faults of the record are sought.
 
 Noise of sensors, and forces that the inputs do not make, do not know how large the response is. Blows that
 scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large: with the
 residual whitened, the score of a variance that grows with the response (Breusch and Pagan 1979) tells, its
 denominator that of Koenker (1981), so that heavy tails of the noise do not count.
+
+Noise of an input that is short, as that of a blow under its window, is heard as free motion: it fades as the
+response does, and asks for a delay of its own. Where it is known, what it makes is left out of both scores.
 
 A continuous fit takes inputs as band-limited between samples. That a blow is not, its own spectrum tells: a
 filter leaves nothing of it at half the rate, where an unfiltered pulse of a few samples has some per cent.
@@ -23,13 +26,18 @@ from jaxtyping import Complex, Float
 from middeck.errors import FitError
 from middeck.identification.faults.detect import detect_faults
 from middeck.identification.faults.equal_runs import runs_of
+from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.model.fit_options import is_rate
+from middeck.identification.model.measurement_model import model_response
 from middeck.identification.problem.data import Data
+from middeck.identification.problem.residual_and_slopes import Terms
+from middeck.identification.problem.transient_projection import TransientProjection
 from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.sensor_or_force_noise import likelier_variance, noise_variance
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
+Heard = Complex[np.ndarray, "output line part"]
 # Above this share of an output's rms, what is left is looked into; above the second, and told by the inputs,
 # it makes the modes doubtful.
 LEFT, MUCH = 0.05, 0.1
@@ -51,6 +59,8 @@ LINES_PER_BLOCK = 4
 # Score of a residual that grows with the response above which it is no noise: noise passes it once in 4000,
 # if its power were normal over blocks.
 GROWS = 3.5
+# Least share of what is left that noise of constant size is taken to be.
+LEAST = 0.05
 # Of the largest sample, what is a blow; samples beside it that belong to it, and as many more that fade; and
 # the most of a record that blows are.
 BLOW, BESIDE, SPARSE = 0.02, 16, 0.2
@@ -68,17 +78,22 @@ def causes_of(
     run: RecordRun,
     lead: Float[np.ndarray, " output"],
     left: Float[np.ndarray, " output"],
+    heard: Heard,
 ) -> list[str]:
     """Warnings for a fit whose deviations do not hold; empty where they do.
 
     ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
     ``left`` is what the fit leaves, over the output, in rms.
     """
-    white, response = _whitened(data, run)
-    moved = np.array([_step_score(w, y, data) for w, y in zip(white, response, strict=True)])
+    size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data), driven=data.driven))
+    white, response = run.residual(data) / size, (data.H - run.residual(data)) / size
+    noise = _left_of(heard, data, run, size)
+    each = list(zip(white, response, noise, strict=True))
+    moved = np.array([_step_score(w, y * data.s[:, None], n, data) for w, y, n in each])
+    scaled = np.array([_step_score(w, y, n, data) for w, y, n in each])
     told = np.array([_told_by_inputs(w, data) for w in white])
     leads = lead > LEADS
-    wrong = np.any(left > LEFT) or np.any(moved > STEPS) or leads.any()
+    wrong = np.any(left > LEFT) or np.any(np.maximum(moved, scaled) > STEPS) or leads.any()
     faults = _biasing_faults(record) if wrong else []
     found = [
         f"{f.side} {f.channel}: {f.what}; so no stated deviation holds. {f.hint[0].upper()}{f.hint[1:]}"
@@ -97,6 +112,12 @@ def causes_of(
                 f"output {port.name}: its delay is not the same throughout the record ({moved[o]:.0f} "
                 "standard deviations of noise): samples lost or repeated, two runs joined, a clock that "
                 "drifts, or an article that changes; no stated deviation holds"
+            )
+        elif scaled[o] > STEPS:
+            found.append(
+                f"output {port.name}: its gain is not the same throughout the record ({scaled[o]:.0f} "
+                "deviations of noise): a range that was changed, or an article that changes; no stated "
+                "deviation holds"
             )
         elif told[o] > TOLD and left[o] > (0.0 if at_once[o] else MUCH):
             found.append(
@@ -130,31 +151,48 @@ def _biasing_faults(record: Record) -> list[Fault]:
     return [f for f in detect_faults(record) if f.kind in BIASING]
 
 
-def _whitened(
-    data: Data, run: RecordRun
-) -> tuple[Complex[np.ndarray, "output line column"], Complex[np.ndarray, "output line column"]]:
-    """What is left, and the model's outputs, both over the deviation of the likelier noise."""
-    r = run.residual(data)
-    size = np.sqrt(likelier_variance(r, run.denominator(data), driven=data.driven))
-    return r / size, (data.H - r) / size
+def heard_of(
+    record: Record, data: Data, run: RecordRun, noise: Float[np.ndarray, "part sample input"] | None
+) -> Heard:
+    """What parts of noise of the inputs make of the outputs; no part where it is not known."""
+    if noise is None or not len(noise):
+        return np.zeros((*data.H.shape[:2], 0), dtype=complex)
+    N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(noise.shape[1])
+    H = model_response(model_of(run, record.inputs, record.outputs), data.omega / (2.0 * np.pi))
+    return np.einsum("koi,pki->okp", H, N)
 
 
-def _step_score(white: np.ndarray, response: np.ndarray, data: Data) -> float:
-    """Deviations by which a delay of the later part of a record differs from that of the earlier.
+def _left_of(
+    heard: Heard, data: Data, run: RecordRun, size: Float[np.ndarray, "output line column"]
+) -> Heard:
+    """``heard`` over the deviation ``size``, without what transients follow."""
+    B = Terms(run.layout, data, run.refined.theta).B
+    found = np.zeros(heard.shape, dtype=complex)
+    for o in range(len(heard) if heard.size else 0):
+        left = TransientProjection(B, 1.0 / size[o, :, :1]).removed(heard[o].T[:, :, None])
+        found[o] = left.view(complex).T
+    return found
 
-    The score of a delay, the residual times the response's rate of change, summed up to each sample: a
-    bridge for one delay (Andrews 1993).
+
+def _step_score(white: np.ndarray, change: np.ndarray, heard: np.ndarray, data: Data) -> float:
+    """Deviations by which a delay, or a gain, of the later part of a record differs from that of the earlier.
+
+    The score of a delay, the residual times ``change``, the response's rate, summed up to each sample: a
+    bridge for one delay (Andrews 1993). For a gain the response itself.
     """
-    x, slope = signals(data, white), signals(data, response * data.s[:, None])
+    x, slope = signals(data, white), signals(data, change)
+    parts = signals(data, heard)
     information = np.cumsum(slope**2, axis=1)
     best = 0.0
-    for own, known, noise in zip(
-        np.cumsum(x * slope, axis=1), information, np.mean(x**2, axis=1), strict=True
+    for own, known, noise, by in zip(
+        np.cumsum(x * slope, axis=1), information, np.mean(x**2, axis=1), slope, strict=True
     ):
         edge = max(EDGE, int(EDGE_SHARE * len(own)))
         inner = slice(edge, len(own) - edge)
         share = known[inner] / max(known[-1], np.finfo(float).tiny)
-        spread = noise * known[-1] * share * (1.0 - share)
+        of_parts = np.cumsum(parts * by, axis=1)
+        of_parts = of_parts[:, inner] - share * of_parts[:, -1:]
+        spread = noise * known[-1] * share * (1.0 - share) + np.sum(of_parts**2, axis=0) / max(len(parts), 1)
         use = spread > 0.0
         bridge = np.abs(own[inner] - share * own[-1])[use]
         best = max(best, float(np.max(bridge / np.sqrt(spread[use]), initial=0.0)))
@@ -184,25 +222,31 @@ def signals(data: Data, spectra: Complex[np.ndarray, "line column"]) -> Float[np
     return np.fft.irfft(full, 2 * full.shape[1], axis=1)
 
 
-def growth_score(data: Data, run: RecordRun) -> Float[np.ndarray, " output"]:
-    """Of each output, a number that is normal with unit variance for noise of constant size."""
+def growth_score(data: Data, run: RecordRun, heard: Heard) -> Float[np.ndarray, " output"]:
+    """Of each output, a number that is normal with unit variance for noise of constant size and ``heard``."""
     r = run.residual(data)
-    v = noise_variance(r, driven=data.driven)
-    return np.array([_score(r[o] / np.sqrt(v[o]), data.H[o] - r[o], data) for o in range(len(r))])
+    size = np.sqrt(noise_variance(r, driven=data.driven))
+    noise = _left_of(heard, data, run, size)
+    return np.array([_score(r[o] / size[o], data.H[o] - r[o], noise[o], data) for o in range(len(r))])
 
 
-def _score(white: np.ndarray, response: np.ndarray, data: Data) -> float:
-    left, moves = (_power(data, x) for x in (white, response))
+def _score(white: np.ndarray, response: np.ndarray, heard: np.ndarray, data: Data) -> float:
+    left, moves, parts = (_power(data, x) for x in (white, response, heard))
+    expected = np.sum(parts, axis=0) / max(len(parts), 1) * np.ones_like(left)
+    expected += max(float(np.mean(left - expected)), LEAST * float(left.mean()))
+    left, moves = left / expected, moves / expected
     left, moves = left - left.mean(), moves - moves.mean()
-    scale = np.sqrt(np.mean(left**2) * np.sum(moves**2))
-    return float(left @ moves / scale) if scale > 0.0 else 0.0
+    scale = np.mean(left**2) * np.sum(moves**2)
+    if len(parts):  # each is more or less in all the blocks of one experiment
+        scale += np.sum(np.var(parts @ (moves / expected).T, axis=0))
+    return float(np.sum(left * moves) / np.sqrt(scale)) if scale > 0.0 else 0.0
 
 
-def _power(data: Data, spectra: np.ndarray) -> Float[np.ndarray, " block"]:
-    """Mean square in each block of time, of all experiments one after the other."""
+def _power(data: Data, spectra: np.ndarray) -> Float[np.ndarray, "column block"]:
+    """Mean square in each block of time."""
     x, blocks = signals(data, spectra) ** 2, max(len(data.s) // LINES_PER_BLOCK, 2)
     edges = np.linspace(0, x.shape[1], blocks + 1).astype(int)[:-1]
-    return (np.add.reduceat(x, edges, axis=1) / np.diff(np.append(edges, x.shape[1]))).ravel()
+    return np.add.reduceat(x, edges, axis=1) / np.diff(np.append(edges, x.shape[1]))
 
 
 def _folded_share(record: Record) -> Float[np.ndarray, " input"]:

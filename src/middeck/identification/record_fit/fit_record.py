@@ -209,7 +209,9 @@ def _fit(
                 record, data, options, local, states=states, weighting=weighting, tell=tell
             )
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
-        grown = [doubted_deviations.growth_score(*of) for of in ((data, run), (fitted.data, fitted.run))]
+        both = (data, run), (fitted.data, fitted.run)
+        heard = [doubted_deviations.heard_of(record, *of, input_noise) for of in both]
+        grown = [doubted_deviations.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
         return _result(measured, record, fitted, reason, score, input_noise)
 
@@ -282,6 +284,7 @@ def _result(
 ) -> FitResult:
     data, run = fit.data, fit.run
     found = run.refined
+    heard = doubted_deviations.heard_of(record, data, run, input_noise)
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = model_of(run, record.inputs, record.outputs)
@@ -301,7 +304,7 @@ def _result(
     wrong += [] if model.sample_hz is not None else doubted_deviations.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
-    wrong += doubted_deviations.causes_of(measured, data, run, lead, error)
+    wrong += doubted_deviations.causes_of(measured, data, run, lead, error, heard)
     said += [*wrong, *doubts_of_lines(fit.lines)]
     phase = _pairs_for_a_delay(model, covariance, data, run)
     standing = standing_of(lines, covariance, holds=not wrong, phase=phase[0])
