@@ -90,7 +90,9 @@ def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) ->
         (system(5, 1, EYE), 5, 1, "coordinate axes of its own, system 5: turned, shifted or not Cartesian"),
         (system(1, 0, TURNED), 1, 1, "axes of its own, system 1: turned"),
         (system(4, 0, SHIFTED), 4, 1, "coordinate axes"),
-        (system(4, 0, TURNED), 1, 4, "displacement axes"),
+        (system(4, 1, TURNED), 1, 4, "displacement axes"),
+        (system(4, 0, 2.0 * TURNED), 1, 4, "displacement axes"),
+        (system(4, 0, -EYE), 1, 4, "displacement axes"),
         ("", 6, 1, "not in data set 2420"),
     ],
 )
@@ -100,6 +102,20 @@ def test_other_systems_are_refused(
     """Radius and angle of a cylindrical system were taken for x and y."""
     with pytest.raises(DataError, match=said):
         survey(tmp_path, units(), systems, places(defined, displaced), normal(10.0, 0.01))
+
+
+def test_motions_along_turned_axes_are_turned(tmp_path: Path) -> None:
+    """By hand: the own x of system 4 is the global y, its own y the global -x."""
+    found = survey(tmp_path, units(), system(4, 0, TURNED), places(1, 4), normal(10.0, 0.01))
+    by_hand = {"3": (0.0, 0.1, 0.0), "1": (-0.5, 0.0, 0.0), "2": (-1.0, 0.0, 0.2)}
+    for node, way, value in zip(found.node, found.direction, found.shape[:, 0], strict=True):
+        assert value == pytest.approx(by_hand[node]["xyz".index(way)], rel=1e-4)
+    assert len(found.node) == sum(np.count_nonzero(x) for x in by_hand.values())
+    # Own axes that are askew: a node that was measured along one of them is known along none of the file's.
+    c, s = np.cos(0.3), np.sin(0.3)
+    askew = system(4, 0, np.vstack([[[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]], np.zeros(3)]))
+    with pytest.raises(DataError, match=r"node \d moves along \d of the three axes of its system"):
+        survey(tmp_path, units(), askew, places(1, 4), normal(10.0, 0.01))
 
 
 def test_a_mode_and_its_conjugate_are_one(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Modal surveys in universal files: shapes in data sets 55 or 2414, nodes in 15 or 2411, units in 164.
 
-Coordinate systems in 2420 may be there if they are the global one; others are refused.
+Motions along Cartesian axes of 2420 are turned into the global ones; other systems are refused.
 
 Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
 file formats). Header (151), trace lines (82) and functions (58) of the same file are passed over.
@@ -58,10 +58,14 @@ def load_uff(path: Path) -> MeasuredModes:
         raise DataError("no mode shapes", where=str(path), hint=hint)
     factor = _metre([s for s in sets if s.number == UNITS], path)
     systems = _Systems(sets, path)
-    places = {n: at for s in sets if s.number in NODES for n, at in _nodes(s, path, systems).items()}
+    found = {n: at for s in sets if s.number in NODES for n, at in _nodes(s, path, systems).items()}
+    places = {n: at for n, (at, _) in found.items()}
     numbers = sorted({n for shape in shapes for n in shape.rows})
     table = np.array([[_six(s.rows.get(n)) for s in shapes] for n in numbers]).reshape(-1, len(shapes), 6)
     table[:, :, :3] /= factor or 1.0
+    for k, n in enumerate(numbers):
+        if n in found:
+            table[k] = _turn(table[k], found[n][1], n, path)
     moved = [(k, a) for k in range(len(numbers)) for a in range(6) if table[k, :, a].any()]
     located = bool(places) and all(n in places for n in numbers)
     said = dict.fromkeys(w for s in shapes for w in s.warnings)
@@ -169,10 +173,11 @@ def _length(found: TextSet, path: Path) -> float:
 
 
 class _Systems:
-    """The coordinate systems of a file: which of them are the global one."""
+    """The Cartesian coordinate systems of a file: unit vectors in rows, then the origin."""
 
     def __init__(self, sets: list[TextSet], path: Path) -> None:
-        self.is_global = {0: True, 1: True}
+        self.read = {0: np.eye(4, 3), 1: np.eye(4, 3)}
+        self.odd = set[int]()
         self.unread = any(s.number == 18 for s in sets)
         for found in (s for s in sets if s.number == 2420):
             lines = _Lines(found, path)
@@ -182,19 +187,42 @@ class _Systems:
                 label, kind = lines.whole(2)
                 lines.line()
                 matrix = np.array([lines.real(3, 25, 3) for _ in range(4)])
-                self.is_global[label] = kind == 0 and bool(np.abs(matrix - np.eye(4, 3)).max() < AXES_OFF)
+                square = np.abs(matrix[:3] @ matrix[:3].T - np.eye(3)).max() < AXES_OFF
+                self.read[label] = matrix
+                if kind or not square or np.linalg.det(matrix[:3]) < 0.0:
+                    self.odd.add(label)
 
-    def check(self, node: int, what: str, label: int, where: str) -> None:
-        """Raise `DataError` for a system that is not the global one, or that the file does not describe."""
-        if not self.is_global.get(label, False):
-            known = "turned, shifted or not Cartesian" if label in self.is_global else "not in data set 2420"
-            if self.unread and label not in self.is_global:
-                known = "in data set 18, which is not read"
+    def axes(self, node: int, what: str, label: int, where: str) -> np.ndarray:
+        """Unit vectors in rows. Raises `DataError` for a system that is not described, or cannot be used."""
+        if label in self.read and label not in self.odd:
+            matrix = self.read[label]
+            if what == "displacement":
+                return np.where(np.abs(matrix[:3]) > AXES_OFF, matrix[:3], 0.0)  # printed zeros
+            if np.abs(matrix - np.eye(4, 3)).max() < AXES_OFF:
+                return np.eye(3)
+        known = "turned, shifted or not Cartesian" if label in self.read else "not in data set 2420"
+        if self.unread and label not in self.read:
+            known = "in data set 18, which is not read"
+        raise DataError(
+            f"node {node} has {what} axes of its own, system {label}: {known}",
+            where=where,
+            hint="export shapes and nodes in global axes",
+        )
+
+
+def _turn(table: np.ndarray, axes: np.ndarray, node: int, path: Path) -> np.ndarray:
+    """Motions [mode, 6] of a node along its own ``axes`` as motions along those of the file."""
+    for part in (slice(0, 3), slice(3, 6)):
+        moved = np.any(table[:, part] != 0.0, axis=0)
+        mixes = np.count_nonzero(axes) > 3
+        if mixes and 0 < np.sum(moved) < 3:
             raise DataError(
-                f"node {node} has {what} axes of its own, system {label}: {known}",
-                where=where,
-                hint="export shapes and nodes in global axes",
+                f"node {node} moves along {np.sum(moved)} of the three axes of its system, which are askew: "
+                "along those of the file it is not known",
+                where=str(path),
+                hint="export all three directions, or give the survey as CSV",
             )
+    return np.hstack([table[:, :3] @ axes, table[:, 3:] @ axes])
 
 
 def _once(shapes: list[Shape]) -> list[Shape]:
@@ -218,8 +246,9 @@ def _equal(one: Shape, other: Shape) -> bool:
     return bool(np.abs(here - there).max(initial=0.0) <= SAME * np.abs(here).max(initial=0.0))
 
 
-def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, np.ndarray]:
-    lines, places = _Lines(found, path), dict[int, np.ndarray]()
+def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    """Places, and axes of displacement."""
+    lines, places = _Lines(found, path), dict[int, tuple[np.ndarray, np.ndarray]]()
     while lines.more():
         if found.number == 15:
             text = lines.line()
@@ -229,11 +258,11 @@ def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, np.ndarra
         else:
             number, defined, axes, *_ = lines.whole(4)
             at = lines.real(3, 25, 3)
-        systems.check(number, "displacement", axes, lines.where())
-        systems.check(number, "coordinate", defined, lines.where())
-        if number in places and not np.array_equal(places[number], at):
+        own = systems.axes(number, "displacement", axes, lines.where())
+        systems.axes(number, "coordinate", defined, lines.where())
+        if number in places and not np.array_equal(places[number][0], at):
             raise DataError(f"node {number} stands at two places", where=lines.where(), hint=AGAIN)
-        places[number] = at
+        places[number] = at, own
     return places
 
 
