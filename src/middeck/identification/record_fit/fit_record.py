@@ -301,7 +301,9 @@ def _result(
     said += [*_doubts(run, record, error), *_doubts_of_inputs(record, noise, moves)]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*doubted_deviations.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += [] if model.sample_hz is not None else doubted_deviations.doubts_of_folding(record)
+    if model.sample_hz is None:
+        wrong += doubted_deviations.doubts_of_folding(record)
+        said += doubted_deviations.doubts_of_reach(record, data, run)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     wrong += doubted_deviations.causes_of(measured, data, run, lead, error, heard)
