@@ -197,7 +197,7 @@ def test_a_gain_that_changes_within_a_record_is_told(campaign: Campaign) -> None
 
 
 def through(order: int, seed: int) -> Record:
-    """A random force behind an analogue Butterworth filter at 0.4 of the rate, and what the article answers."""
+    """A random force behind a Butterworth filter at 0.4 of the rate, and the article, as sampled."""
     rng, count, finer = np.random.default_rng([55, seed]), 3000, 16
     hz = np.cumsum(rng.uniform(4.0, 8.0, 2))
     size = 2 * count * finer
