@@ -83,7 +83,7 @@ def solve_one(case: str, size: str, target: Path) -> None:
 
 def differentiate_one(case: str, target: Path) -> None:
     """Sensitivities of 40 frequencies to 50 parameters spread over all there are; one eigensolution."""
-    from middeck.files.documents import load_setup
+    from middeck.files.setups import load_setup
     from middeck.structure.modes.solve import solve_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium
     from middeck.structure.sensitivity.frequencies import differentiate_frequencies

@@ -13,7 +13,7 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 from long_results import LongResults  # noqa: E402
-from middeck.files.documents import load_environment, load_structure  # noqa: E402
+from middeck.files.setups import load_environment, load_structure  # noqa: E402
 from middeck.files.studies.documents import load_study  # noqa: E402
 from repeats import LONG  # noqa: E402
 

@@ -21,7 +21,7 @@ from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.plant import Plant
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
-from middeck.updating.promise.performance_bound import Bound
+from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise
 
@@ -80,7 +80,7 @@ def _compensators(seed: int) -> list[Came]:
     ]
 
 
-def _above(bound: Bound) -> float:
+def _above(bound: RobustBound) -> float:
     return bound.worst_db - bound.no_linear_law_below_db
 
 

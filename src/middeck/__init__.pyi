@@ -44,7 +44,7 @@ from .control.sampled.emulation import emulate as emulate
 from .control.shaping.leads_and_notches import shape_compensator as shape_compensator
 from .errors import MiddeckError as MiddeckError
 from .files.any_value import write as write
-from .files.documents import (
+from .files.setups import (
     load_environment as load_environment,
     load_setup as load_setup,
     load_structure as load_structure,

@@ -5,11 +5,11 @@ import pytest
 import scipy.linalg
 
 from middeck.files.articles.document import document_text
-from middeck.files.documents import load_structure
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
 from middeck.files.nastran.members.section_shapes import section_shape
+from middeck.files.setups import load_structure
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.summary.summary import summarise
 from nastran_decks import NU, RHO, E, card, skew, turned

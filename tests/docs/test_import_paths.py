@@ -62,3 +62,11 @@ def test_every_name_of_the_page_can_be_imported(page):
     known |= {path.rpartition(".")[2] for path in paths}
     prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
     assert sorted(set(re.findall(r"`([A-Za-z_]\w*)[^`]*`", prose)) & unclear() - known) == []
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if p.parent.name == "how-to"], ids=lambda page: page.stem)
+def test_a_how_to_names_nothing_deep(page):
+    """What it uses stands in ``md`` or in the list of a room; ``middeck.room.name`` at most."""
+    text = page.read_text(encoding="utf-8")
+    assert re.findall(r"\bmiddeck(?:\.[a-z_]\w*){3,}", text) == []
+    assert re.findall(r"\bfrom middeck\.\w+\.", text) == []

@@ -99,7 +99,7 @@ FORMS: list[type[Form]] = [
     promise_plans.LoopForm,
     promise_plans.InnerForm,
     promise_plans.LadderForm,
-    promise_plans.LawForm,
+    promise_plans.LawFile,
     promise_plans.JointForm,
     promise_plans.SweepForm,
     promised_loads.PromisedLoadsForm,

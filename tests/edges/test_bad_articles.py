@@ -11,7 +11,7 @@ import pytest
 
 from cli_runner import ROOT, middeck
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.files.documents import load_structure
+from middeck.files.setups import load_structure
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Device, Environment

@@ -13,7 +13,7 @@ import pytest
 
 from cli_runner import middeck, refine_once, share_results
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.files.refinements.candidates import Candidates, load_candidates
+from middeck.files.refinements.candidates import RankedTests, load_candidates
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.candidates.candidates import rank_tests
@@ -28,7 +28,7 @@ ORBIT = {"orbit": Environment.orbit()}
 
 
 @functools.cache
-def asked() -> Candidates:
+def asked() -> RankedTests:
     return load_candidates(SURVEY / "candidates.toml", ARTICLE)
 
 

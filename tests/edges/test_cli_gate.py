@@ -15,6 +15,7 @@ import pytest
 from cli_runner import middeck
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
+from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.laws.blacklists import load_blacklist, write_blacklist
 from middeck.files.laws.packages import write_package
 from middeck.files.laws.verdicts import load_verdicts
@@ -212,3 +213,9 @@ def test_only_a_verdict_that_holds_every_step_admits(files, capfd):
     for broken in (dry, law, "nowhere.json"):
         with pytest.raises(DataError):
             load_verdicts([broken], without=rigless)
+    for kind in ("recovery", "model", "dry run", "vectors", "engagement"):  # as an older gate would leave out
+        steps = [step for step in document["steps"] if not step["name"].startswith(kind)]
+        body = {key: value for key, value in document.items() if key != SEAL} | {"steps": steps}
+        Path(paper).write_text(json.dumps(seal(body)))
+        with pytest.raises(DataError, match=f"was tried without {kind}"):
+            load_verdicts([paper])

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from middeck.errors import ConfigError
 from middeck.files.articles.checks import article_findings
 from middeck.files.articles.form import ArticleForm
-from middeck.files.documents import find_document, load_environment, load_setup, load_structure
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm
+from middeck.files.setups import find_document, load_environment, load_setup, load_structure
 from middeck.files.studies.documents import load_study, study_rules
 from middeck.files.studies.form import StudyForm
 from middeck.files.toml.faults import Fault

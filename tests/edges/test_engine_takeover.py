@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package, still_article
+from middeck.errors import DataError
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine
 from middeck.realtime.engine.process.supervisor import Supervisor
@@ -114,3 +115,24 @@ def test_who_reads_no_record_is_not_waited_for(tmp_path):
         engine.run(400, keep=False)
     assert engine.sample > 4000
     assert int(engine.file.ring["sequence"].max()) == engine.sample
+
+
+def test_a_shared_file_whose_head_was_changed_is_refused(tmp_path):
+    """Each of its places, beyond the file's end or without an end: in words, and not by a fault of memory."""
+    with Supervisor(
+        plain_settings(), still_article(np.zeros(SENSORS)), folder=tmp_path, pretrip_s=0.1
+    ) as engine:
+        fields = engine.file.places.dtype.fields
+    file = tmp_path / "engine.shared"
+    whole = file.read_bytes()
+    regions = ("settings", "asks", "status", "commands", "acknowledgements", "events", "ring", "pretrip")
+    for field in (*regions, "ring_count", "pretrip_count"):
+        at = fields[field][1]
+        for word in (1 << 40, (1 << 63) - 1, (1 << 64) - 8):
+            file.write_bytes(whole[:at] + word.to_bytes(8, "little") + whole[at + 8 :])
+            with pytest.raises(DataError, match="or changed"):
+                Supervisor.attach(file, plain_settings())
+    for size in (0, 8, 64, 4096, len(whole) // 2, len(whole) - 1):
+        file.write_bytes(whole[:size])
+        with pytest.raises(DataError, match="or changed"):
+            Supervisor.attach(file, plain_settings())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_environment, load_setup
+from middeck.files.setups import load_environment, load_setup
 from middeck.joints.friction import Friction
 from middeck.structure.model.environment import DeviceKind
 from middeck.structure.rest.equilibrium import solve_equilibrium

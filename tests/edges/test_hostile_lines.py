@@ -13,13 +13,16 @@ import pytest
 
 from cli_runner import ROOT, middeck
 from middeck.control.law.compensator import Compensator
+from middeck.files.articles.components import write_component
 from middeck.files.laws.blacklists import write_blacklist
 from middeck.files.laws.compensators import write_compensator
 from middeck.files.laws.packages import write_package
 from middeck.files.measured.models import write_model
+from middeck.files.nastran.components.external_write import write_external
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
+from middeck.structure.model.component import Component
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
@@ -122,8 +125,23 @@ LINES = """
 2 | promise articles/mace-simple.toml survey/promise.toml --date 2026-02-30               | is no date
 2 | promise articles/mace-simple.toml survey/promise.toml -o survey/mace-simple-lab.json | be written over
 2 | refine articles/mace-simple.toml survey/refine.toml -o articles/mace-simple.toml | be written over
+2 | outcome survey/promise.json survey/outcome.toml -o survey/mace-simple-orbit.json | be written over
+2 | reduce whole.toml --boundary n1 --modes 1 -o part.npz        | -o part.npz: would be written over part
+2 | reduce other.toml --boundary n1 --modes 1 -o other.npz       | -o other.npz: would be written over
 """  # fmt: skip
 CASES = [[part.strip() for part in line.split(" | ")] for line in LINES.strip().splitlines()]
+WHOLE = """schema = 1
+name = "whole"
+[[node]]
+name = "n1"
+x_m = 0.0
+mass_kg = 1.0
+inertia_kg_m2 = [1.0, 1.0, 1.0]
+[[component]]
+name = "part"
+file = "{}"
+nodes = {{1 = "n1"}}
+"""
 WAY, PUSH = Port("way", "m"), Port("push", "N")
 
 
@@ -149,6 +167,11 @@ def folder(tmp_path_factory):
     swing = StateSpace([[0.0, w], [-w, -0.02 * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     write_model(at / "model.json", model_of_plant(Plant(dynamics=swing, inputs=(PUSH,), outputs=(WAY,))))
     write_blacklist(at / "edited.json", {})
+    mass, stiffness = np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0]), np.diag([0.0] * 6 + [900.0])
+    at_one = {"grids": ("1",), "frames": ("n1",), "positions": np.zeros((1, 3))}
+    body = Component(name="part", stiffness=stiffness, mass=mass, **at_one)
+    write_component(at / "part.npz", body)
+    write_external(at / "other", body)
     shutil.copytree(ROOT / "articles", at / "articles")
     survey = shutil.copytree(ROOT / "data/virtual-survey", at / "survey")
     plan = (survey / "promise.toml").read_text()
@@ -160,6 +183,8 @@ def folder(tmp_path_factory):
         "deep.json": "[" * 100_000,
         "empty.json": "",
         "edited.json": (at / "edited.json").read_text().replace("{}", '{"aa": "b"}'),
+        "whole.toml": WHOLE.format("part.npz"),
+        "other.toml": WHOLE.format("other.op4") + 'cards = ["other.pch"]\nunits = "m-kg-s-N"\n',
         "survey/cut.toml": plan[: plan.index("[ladder]")],
     }
     for name, text in texts.items():

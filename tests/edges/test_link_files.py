@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_structure
+from middeck.files.setups import load_structure
 from middeck.structure.model.links import Equation, Interpolation, Link
 
 NODES = """\

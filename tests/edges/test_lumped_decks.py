@@ -3,10 +3,10 @@
 import pytest
 
 from middeck.files.articles.document import document_text
-from middeck.files.documents import load_structure
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
+from middeck.files.setups import load_structure
 from middeck.structure.summary.summary import summarise
 
 SI, MM = "m-kg-s-N", "mm-t-s-N"

@@ -7,7 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 from middeck.errors import DataError
-from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, read_op4, write_op4
+from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, read_op4
+from op4_writer import write_op4
 
 FORMS = [
     (layout, text, order)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from test_sheet import SHEET_LEAVES, leaves, targets
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.files.studies.documents import load_study
 from middeck.files.toml.overrides import apply_overrides, parse_override
 from middeck.structure.model.article import JointState, Structure

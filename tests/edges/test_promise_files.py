@@ -14,7 +14,7 @@ from middeck.files.json.hash_seal import seal
 from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import load_outcomes, statements_of
 from middeck.files.promises.plans import load_plan
-from middeck.updating.promise.score import Outcome, Statement, judge, score
+from middeck.updating.promise.score import Scored, Statement, judge, score
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = ROOT / "articles/mace-simple.toml"
@@ -203,9 +203,9 @@ def test_scores_are_those_of_a_hand_count():
         Statement(kind="compensator", name="lost", low=-30.0, high=np.inf, probability=0.6, cautious=np.inf),
     ]
     came = [
-        Outcome(kind="mode", name="f", value=2.5),
-        Outcome(kind="compensator", name="held", value=-20.0),
-        Outcome(kind="compensator", name="lost", value=None, stable=False),
+        Scored(kind="mode", name="f", value=2.5),
+        Scored(kind="compensator", name="held", value=-20.0),
+        Scored(kind="compensator", name="lost", value=None, stable=False),
     ]
     found = score(judge(said, came))
     assert found.coverage == pytest.approx(2 / 3)
@@ -216,8 +216,8 @@ def test_scores_are_those_of_a_hand_count():
 def test_an_outcome_of_which_nothing_was_said_is_refused(promised: Path):
     statements = statements_of(read_promise(promised / "promise.json"))
     with pytest.raises(DataError, match="nothing was promised of mode 'orbit: mode 99'"):
-        judge(statements, [Outcome(kind="mode", name="orbit: mode 99", value=1.0)])
-    one = Outcome(kind="mode", name="orbit: mode 1", value=1.0)
+        judge(statements, [Scored(kind="mode", name="orbit: mode 99", value=1.0)])
+    one = Scored(kind="mode", name="orbit: mode 1", value=1.0)
     with pytest.raises(DataError, match="two outcomes"):
         judge(statements, [one, one])
     with pytest.raises(DataError, match="no outcome"):

@@ -10,11 +10,11 @@ import pytest
 
 from cli_runner import middeck, refine_once, share_results
 from middeck.errors import ConfigError, DataError
-from middeck.files.documents import load_setup, load_structure
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
 from middeck.files.promises.form import read_promise
 from middeck.files.refinements.documents import load_refinement, refined_text
 from middeck.files.refinements.promised_loads import load_promised_loads
+from middeck.files.setups import load_setup, load_structure
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.orbit.deflections import predict_deflections
 

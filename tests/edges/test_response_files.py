@@ -12,9 +12,9 @@ import pytest
 import middeck as md
 from cli_runner import middeck
 from middeck.errors import ConfigError, DataError
-from middeck.files.documents import load_setup
 from middeck.files.records import write_response
 from middeck.files.refinements.documents import load_refinement
+from middeck.files.setups import load_setup
 from middeck.structure.sensitivity.parameters import scale_parameters
 from middeck.systems.plants.plant import delay_plant
 from middeck.systems.plants.response import evaluate_plant

@@ -11,7 +11,7 @@ import pytest
 from middeck.files.articles.form import ArticleForm
 from middeck.files.environments.form import EnvironmentForm
 from middeck.files.studies.form import StudyForm
-from middeck.files.toml.overrides import Reach, Target, parse_override, reach
+from middeck.files.toml.overrides import KeyState, Target, parse_override, reach
 
 ROOT = Path(__file__).parents[2]
 SHEET = tomllib.loads((ROOT / "tests/reference/mace-article.toml").read_text(encoding="utf-8"))
@@ -54,7 +54,7 @@ def found(path: tuple[str, ...]) -> list[tuple[str, tuple[str | int, ...], Any]]
     for target in targets():
         if override.article in ("", target.article):
             how, place = reach(target.data, target.form, override.segments)
-            if how is Reach.PRESENT:
+            if how is KeyState.PRESENT:
                 value = target.data
                 for key in place:
                     value = value[key]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import (
     Actuator,

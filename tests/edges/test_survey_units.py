@@ -10,8 +10,8 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
-from middeck.files.documents import load_setup
 from middeck.files.measured.modes import write_measured_modes
+from middeck.files.setups import load_setup
 from middeck.structure.correlation.measured_modes import (
     STRAIGHT,
     MeasuredModes,

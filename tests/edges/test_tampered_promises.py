@@ -9,7 +9,7 @@ import pytest
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import read_sealed, seal
 from middeck.files.promises.outcomes import load_outcomes
-from middeck.updating.promise.score import Outcome, Statement, judge
+from middeck.updating.promise.score import Scored, Statement, judge
 
 SCHEMA = "middeck.promise/1"
 
@@ -54,10 +54,10 @@ def test_a_compensator_may_be_called_as_a_mode_is():
         kind="compensator", name="orbit: mode 1", low=-30.0, high=-20.0, probability=1.0, cautious=-20.0
     )
     came = [
-        Outcome(kind="compensator", name="orbit: mode 1", value=-25.0),
-        Outcome(kind="mode", name="orbit: mode 1", value=1.5),
+        Scored(kind="compensator", name="orbit: mode 1", value=-25.0),
+        Scored(kind="mode", name="orbit: mode 1", value=1.5),
     ]
     found = judge([loop, mode], came)
     assert [(v.kind, v.inside, v.brier) for v in found] == [("compensator", True, 0.0), ("mode", True, None)]
     with pytest.raises(DataError, match="nothing was promised of reading"):
-        judge([loop, mode], [Outcome(kind="reading", name="orbit: mode 1", value=1.5)])
+        judge([loop, mode], [Scored(kind="reading", name="orbit: mode 1", value=1.5)])

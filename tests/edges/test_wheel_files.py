@@ -10,7 +10,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import ConfigError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 
 SPINNER = """\
 schema = 1

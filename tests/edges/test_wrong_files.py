@@ -18,7 +18,6 @@ from middeck.cli.shown.advice import on_command_line, public_names
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.articles.form import ArticleForm
 from middeck.files.disk.looks import KEYS, looks_like
-from middeck.files.documents import load_environment, load_structure
 from middeck.files.environments.form import EnvironmentForm
 from middeck.files.laws.packages import load_package
 from middeck.files.measured.models import load_model
@@ -30,6 +29,7 @@ from middeck.files.records import load_record, write_record
 from middeck.files.refinements.candidates import load_candidates
 from middeck.files.refinements.documents import load_refinement
 from middeck.files.refinements.promised_loads import load_promised_loads
+from middeck.files.setups import load_environment, load_structure
 from middeck.files.studies.documents import load_study
 from middeck.files.studies.form import StudyForm
 from middeck.files.toml.form import Form, bare, is_form

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "package.h"
-#include "sha256.h"
 
 enum { FILES = 16, LARGEST = 1 << 16, HASH_SIZE = 32, FRONT = 200 };
 

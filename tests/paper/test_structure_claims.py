@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.structure.elements.frames import frame_poses
 from middeck.structure.gravity.compare_modes import compare_modes
 from middeck.structure.modes.solve import Modes, solve_modes

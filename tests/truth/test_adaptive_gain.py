@@ -17,8 +17,7 @@ from middeck.realtime.gate.gain_loop import closed_at, form_gain_loop
 from middeck.realtime.gate.gain_metric import Metric
 from middeck.realtime.gate.gain_path import bound_joints, bound_piece, join_metrics
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.growth_proof import is_proved_to_grow
-from middeck.realtime.gate.norm_bound import bound_norm, is_below, is_positive
+from middeck.realtime.gate.norm_bound import bound_norm, is_below, is_positive, is_proved_to_grow
 from middeck.realtime.gate.steps_on_paper import GateMargins
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section, static_gain
 from middeck.realtime.package.package_law import package_law
@@ -382,7 +381,7 @@ def test_the_gate_proves_the_gain_last_and_on_every_model():
     wide = examine_package(package, {"one": plant}, least, gain=gain_of(maximum=1e5))
     assert not wide.passed
     assert "unstable at a gain of" in wide.steps[-1].said
-    assert [step.passed for step in wide.steps[:-1]] == [True] * 7
+    assert [step.passed for step in wide.steps[:-1]] == [True] * 8
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.rotations import rotation_exp

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import middeck as md
-from middeck.control.riccati import newton
+from middeck.control.riccati import continuous
 from middeck.control.riccati.continuous import solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
@@ -206,5 +206,5 @@ def test_states_that_cost_nothing_spoil_no_unit(order: int) -> None:
 
 def test_the_residual_of_a_step_from_far_away_is_infinite_without_a_warning():
     far, one = np.full((2, 2), 1e160), np.eye(2)
-    assert newton.residual(far, -one, one, one)[1] == np.inf
-    assert newton.residual(one, -one, one, 3.0 * one)[1] == 0.0
+    assert continuous.residual(far, -one, one, one)[1] == np.inf
+    assert continuous.residual(one, -one, one, 3.0 * one)[1] == 0.0

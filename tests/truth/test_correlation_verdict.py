@@ -27,9 +27,9 @@ from middeck.structure.correlation.review_criteria import (
     PROFILES,
     RECALLED,
     Criterion,
-    Group,
     Profile,
     Quantity,
+    Scope,
     find_profile,
 )
 from middeck.structure.model.environment import Environment
@@ -58,7 +58,7 @@ def lab() -> Modes:
     return solved()
 
 
-def one(quantity: Quantity, limit: float, group: Group = Group.ALL) -> Profile:
+def one(quantity: Quantity, limit: float, group: Scope = Scope.ALL) -> Profile:
     return Profile(
         "one",
         "one",
@@ -200,7 +200,7 @@ def test_groups_are_the_fundamental_the_massive_and_the_others():
         for f in found.findings
         if f.criterion.quantity is Quantity.FREQUENCY_ERROR
     }
-    assert groups == {Group.FUNDAMENTAL: [0], Group.SIGNIFICANT: [1, 2], Group.OTHER: [3]}
+    assert groups == {Scope.FUNDAMENTAL: [0], Scope.SIGNIFICANT: [1, 2], Scope.OTHER: [3]}
 
 
 def measured_index(found: Correlation, name: str) -> int:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+import time
 from importlib import resources
 
 import numpy as np
 import pytest
 
-from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article
+from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article, random_package
 from middeck.errors import DataError
+from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.launch import DriverRig, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
 from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST
+from middeck.realtime.engine.trials.trial import Stage, run_trial
 from middeck.realtime.engine.trials.udp_client import RigClient
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -142,3 +146,66 @@ def test_an_excitation_that_is_not_finite_is_refused_at_the_start(tmp_path, monk
     monkeypatch.setattr("middeck.realtime.engine.process.supervisor.checked_waveform", lambda wave, _: wave)
     with pytest.raises(DataError, match="an excitation that is not finite"):
         Supervisor(plain_settings(), random_article(), waveform=np.full((5, OUTPUTS), np.nan))
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_a_rig_that_never_answers_is_told_as_the_rig_s(heard):
+    """Patience is spent once, not in every sample; the trip says what to try, whichever computer found it."""
+    settings = plain_settings(answer_s=1.0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind((LOOPBACK, 0))
+        rig = UdpRig(opened.getsockname()[1])
+        if not heard:
+            opened.close()
+        package, stages = random_package(input_range=10.0), (Stage("standby", 2.0),)
+        # A thousand samples: a second of patience in each would be a quarter of an hour.
+        trials = [run_trial(package, settings, rig, stages, computer=one) for one in ("engine", "reference")]
+    why = (
+        "the rig does not answer; start it first; its port, and how many sensors and outputs it has, "
+        "must be the engine's"
+    )
+    assert [trial.trip for trial in trials] == [f"rig dead at 0 s: {why}", why]
+    assert not any(trial.blamed or trial.refused for trial in trials)
+
+
+class TwoSensors(EngineRig):
+    def read(self):
+        return np.zeros(SENSORS - 1)
+
+    def write(self, u):
+        return None
+
+
+@pytest.mark.parametrize("computer", ["engine", "reference"])
+def test_a_rig_with_other_sensors_is_told_as_the_rig_s(computer):
+    package, stages = random_package(input_range=10.0), (Stage("standby", 0.1),)
+    settings = plain_settings(answer_s=0.5)
+    trial = run_trial(package, settings, TwoSensors(), stages, computer=computer)
+    assert trial.trip.endswith("how many sensors and outputs it has, must be the engine's")
+    assert not trial.blamed
+
+
+def test_a_rig_that_answers_again_is_heard_again():
+    """After it was lost, as soon as an answer comes at once."""
+    with (
+        answering(lambda magic, sample: [] if 5 <= sample < 50 else [sensors_of(magic, sample)]) as rig,
+        Supervisor(plain_settings(answer_s=0.2), rig) as engine,
+    ):
+        engine.reset()
+        stale = engine.run(50)["y"][-1, 0]
+        assert kinds(engine) == ["reset done", "rig dead"]
+        assert any((engine.run(20)["y"][:, 0] != stale).any() for _ in range(100))
+
+
+def test_a_slow_rig_is_no_engine_that_does_not_answer(monkeypatch):
+    """Patience begins anew with each sample."""
+    monkeypatch.setattr(commanded_engine, "PATIENCE_S", 0.5)
+
+    def slowly(magic, sample):
+        time.sleep(0.05)
+        return [sensors_of(magic, sample)]
+
+    with answering(slowly) as rig, Supervisor(plain_settings(answer_s=1.0), rig) as engine:
+        engine.reset()
+        assert len(engine.run(50)) == 50
+        assert kinds(engine) == ["reset done"]

@@ -13,7 +13,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.linear_law import limited_laws, linear_law
+from middeck.realtime.gate.linear_law import limited_law, linear_law
 from middeck.realtime.gate.steps_on_paper import FADES, GateMargins
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package_law import package_law
@@ -60,13 +60,20 @@ def package_of(rng, gain):
     return package_law(Compensator(quiet, law.inputs, law.outputs), "law", input_range=1.0, limit=1.0)
 
 
+def limited_to(package):
+    """The law while one output, the other, or both get none to nine tenths of what they are asked for."""
+    sets, limited = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), limited_law(package)
+    return [limited(np.ones(2), np.maximum(one, g)) for one in sets for g in FADES[:-1]]
+
+
 def test_no_destabilising_package_passes(campaign):
-    """The gate agrees with the poles of loops that are closed here, at every fade."""
+    """The gate agrees with the poles of loops that are closed here, at every fade and every limit."""
     passed = 0
     for seed in campaign(1000):
         rng = np.random.default_rng(seed)
         system, package = beam(rng), package_of(rng, 10.0 ** rng.uniform(-2.0, 1.0))
-        stable = max(closed_radius(system, linear_law(package, fade)) for fade in FADES) < 1.0
+        laws = (*(linear_law(package, fade) for fade in FADES), *limited_to(package))
+        stable = all(closed_radius(system, law) < 1.0 for law in laws)
         if not stable or passed < 3:  # those that pass take their time
             assert examine_package(package, {"beam": plant_of(system)}, ANY).passed == stable
             passed += stable
@@ -131,6 +138,14 @@ def test_a_loop_that_is_not_decided_is_not_passed():
     step = examine_package(gain_package(1.0), {"direct": one_port(direct)}, ANY).steps[-1]
     assert (step.name, step.passed) == ("model direct", False)
     assert step.said.startswith("not decided: ")
+    loop = between_fades(0.0025)
+    for overflows in (
+        dataclasses.replace(loop, B=1e300 * loop.B),
+        dataclasses.replace(loop, A=1e200 * loop.A),
+    ):
+        with np.errstate(all="ignore"):
+            step = examine_package(gain_package(-1.0), {"loud": one_port(overflows)}, ANY).steps[-1]
+        assert (step.passed, "must not contain infs" in step.said) == (False, True), step.said
 
 
 def test_the_linear_law_is_the_package_within_its_limits():
@@ -314,12 +329,43 @@ def test_an_unstable_compensator_recovers_from_each_limit_by_itself_too():
     steps = examine_package(package, {"modes": plant}, GateMargins(gain_db=3.0, phase_deg=3.0)).steps
     assert [step.name for step in steps if not step.passed] == ["recovery modes"]
     assert "of push 1 is applied" in steps[-1].said
-    alone = plant_of(beam())
-    assert "recovery beam" not in steps_of(package_of(np.random.default_rng(1), 1e-4), alone)
+
+
+def negative_pair():
+    """Two lags, each of whose outputs both motors move, paired so that their relative gain is negative.
+
+    Closed by -k, the loop is (s + 1) 1 + P K. Alone the first motor has 1 + k_1 < 0 (Bristol 1966, IEEE
+    Trans. Automatic Control 11): it needs the second, and without it grows by
+    log(1 + 0.2 (1 - exp(-T))) / T.
+    """
+    lags = StateSpace(-np.eye(2), [[1.0, 2.0], [2.0, 1.0]], np.eye(2), np.zeros((2, 2)))
+    y, u = ports(0, 2, 2)
+    none = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0))
+    return plant_of(lags), Compensator(SampledStateSpace(*none, np.diag([1.2, -2.0]), period_s=0.02), y, u)
+
+
+def last_of_lags(package, seconds=60.0):
+    law, hold, x = ReferenceLaw(package), np.exp(-package.period_s), np.array([3.0, -3.0])
+    for _ in range(round(seconds / package.period_s)):
+        x = hold * x + (1.0 - hold) * np.array([[1.0, 2.0], [2.0, 1.0]]) @ law.step(x)
+    return np.abs(x).max()
+
+
+def test_a_law_that_is_stable_by_itself_must_recover_from_limits_too():
+    """Ten decibels from instability, and with the second motor limited it never comes back."""
+    plant, law = negative_pair()
+    packages = {weak: package_law(law, "law", input_range=100.0, limit=[1.0, weak]) for weak in (1.0, 1e-3)}
+    assert last_of_lags(packages[1.0]) < 1e-6
+    assert last_of_lags(packages[1e-3]) > 0.5
+    steps = examine_package(packages[1.0], {"lags": plant}).steps
+    assert [step.name for step in steps if not step.passed] == ["recovery lags"]
+    assert steps[-1].said.startswith("while 0 of u1 is applied: a root at 0 Hz grows (0.198 1/s)")
+    alone = steps_of(package_of(np.random.default_rng(1), 1e-4))
+    assert alone["recovery beam"].said == "nothing grows at any of 30 limits of outputs"
 
 
 def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():
-    """Sample by sample with filters, an inner loop and outputs of which a share is applied."""
+    """Sample by sample with filters, an inner loop, and outputs and commands of which a share is applied."""
     rng = np.random.default_rng(3)
     for gains in ([0.0, 1.0], [0.3, 0.8], [1.0, 1.0], [0.0, 0.0]):
         section = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
@@ -328,14 +374,19 @@ def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():
         )
         paths = (LoopPath(0, 1, section), LoopPath(1, 0, section))
         package = add_test_vectors(dataclasses.replace(package, paths=paths, vectors=None))
-        (limited,) = (law.sampled for law in limited_laws(package, [np.array(gains)]))
+        drives, commands = np.array(gains), np.array([0.2, 1.0])
+        limited = limited_law(package)(commands, drives).sampled
+        silent = dataclasses.replace(package.core, C=0.0 * package.core.C, D=0.0 * package.core.D)
+        inner = ReferenceLaw(dataclasses.replace(package, core=silent, vectors=None))
         reference = ReferenceLaw(package)
         reference.level = package.ramp
         reference.engaged = True
         x = np.zeros(len(limited.A))
         for y in rng.standard_normal((60, 2)):
             reference.compute(y)
-            applied = np.array(gains) * reference.wanted
+            inner.compute(y)
+            applied = drives * (inner.wanted + commands * (reference.wanted - inner.wanted))
             reference.commit(applied)
+            inner.commit(inner.wanted)
             np.testing.assert_allclose(limited.C @ x + limited.D @ y, applied, rtol=1e-9, atol=1e-12)
             x = limited.A @ x + limited.B @ y

@@ -108,7 +108,17 @@ def test_a_hold_makes_a_package_pass_or_fail():
     assert [step.name for step in alone.steps if not step.passed] == ["model mass"]
     beside = examine_package(damper(), models, MARGINS, settings=engine)
     assert beside.passed, beside.steps
+    # Below a third of the motor's force the hold alone lets it fall too; the law's command may be missing.
+    found = "nothing grows at any of 20 limits of outputs, but at 4 what does so without the law too"
+    assert beside.steps[-1].said == found
     assert (beside.hold, alone.hold) == (hash_hold(engine), hash_hold(engine_of((WAY,), (PUSH,), ())))
+    none = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+    push = SampledStateSpace(*none, [[30.0]], period_s=PERIOD_S)
+    faster = package_law(Compensator(push, (WAY,), (PUSH,)), "faster", input_range=1.0, limit=2.0)
+    steps = examine_package(faster, models, MARGINS, settings=engine).steps
+    assert [step.name for step in steps if not step.passed] == ["recovery mass"]
+    # Of s^2 + 2.42 s - 20 + 0.3 (60 - 30), which without the law is 0.65 1/s.
+    assert steps[-1].said.startswith("while 0.3 of push is applied: a root at 0 Hz grows (2.3")
     outward = dataclasses.replace(engine, hold=(LoopPath(1, 0, static_gain(0.05)),))
     spoilt = examine_package(damper(), {"mass": mass(40.0)}, MARGINS, settings=outward)
     (step,) = [step for step in spoilt.steps if not step.passed]

@@ -81,9 +81,9 @@ def test_a_sound_package_passes_every_step(computer):
     assert verdict.passed, verdict.steps
     assert [step.name for step in verdict.steps] == [
         *("blacklist", "interface", "poles", "vectors", "error bound"),
-        *("model swing", "dry run swing", "shadow run", "engagement"),
+        *("model swing", "recovery swing", "dry run swing", "shadow run", "engagement"),
     ]
-    assert all(step.said.endswith(f"({computer})") for step in verdict.steps[6:])
+    assert all(step.said.endswith(f"({computer})") for step in verdict.steps[7:])
     assert (verdict.left_out, verdict.tripped) == ((), "")
 
 

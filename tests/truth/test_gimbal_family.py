@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, UnstableEquilibriumError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.plot.gimbal_family import draw_gimbal_family
 from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
 from middeck.structure.model.article import (

@@ -13,10 +13,10 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import jv
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.structure.gravity.gravity_levels import (
     DeviceRule,
-    Place,
+    GravityLevel,
     find_place,
     gravity_between,
     tilt_place,
@@ -49,11 +49,11 @@ X, Y, Z = np.eye(3)
 STIFF = 1e8
 
 
-def at(size: float) -> Place:
+def at(size: float) -> GravityLevel:
     return find_place(str(size), GRAVITY)
 
 
-EARTH, ORBIT = at(G), Place("orbit", np.zeros(3))
+EARTH, ORBIT = at(G), GravityLevel("orbit", np.zeros(3))
 
 
 # A base held as by the ground, and what it carries
@@ -236,11 +236,11 @@ def test_tilting_the_floor_swings_the_article_and_changes_nothing_else():
 
 
 def test_half_way_along_an_arc():
-    a, b = Place("a", np.array([0, -2.0, 0])), Place("b", np.array([-4.0, 0, 0]))
+    a, b = GravityLevel("a", np.array([0, -2.0, 0])), GravityLevel("b", np.array([-4.0, 0, 0]))
     half = gravity_between(a, b, 0.5)
     assert half == pytest.approx(-3.0 * np.sqrt(0.5) * np.array([1.0, 1.0, 0.0]), rel=1e-12)
     with pytest.raises(ConfigError, match="opposite"):
-        gravity_between(a, Place("up", np.array([0, 1.0, 0])), 0.5)
+        gravity_between(a, GravityLevel("up", np.array([0, 1.0, 0])), 0.5)
 
 
 # Crossing and veering in closed form
@@ -305,7 +305,7 @@ def told(path: GravityPath, station: int) -> list[tuple[float, str, tuple[int, .
     )
 
 
-def agree(structure: Structure, environment: Environment, ways: list[list[Place]], count: int):
+def agree(structure: Structure, environment: Environment, ways: list[list[GravityLevel]], count: int):
     """What the paths have to tell, after each was found to tell what the first does; and the paths."""
     first, paths = None, [follow_gravity(structure, environment, places, count=count) for places in ways]
     for places, path in zip(ways, paths, strict=True):
@@ -319,7 +319,7 @@ def agree(structure: Structure, environment: Environment, ways: list[list[Place]
     return first, paths
 
 
-def cuts(*sizes: float, end: Place) -> list[list[Place]]:
+def cuts(*sizes: float, end: GravityLevel) -> list[list[GravityLevel]]:
     """From Earth in one leg, back through ``sizes``, and the other way each."""
     whole, cut = [EARTH, end], [EARTH, *(at(g) for g in sizes), end]
     return repeats([whole, cut[::-1], cut, whole[::-1]], 2)
@@ -585,7 +585,7 @@ def test_a_cable_that_goes_slack_ends_the_path_and_keeps_its_stations(rule):
         springs=(below,),
     )
     path = follow_gravity(
-        parts, hung, [Place("earth", GRAVITY), Place("little", 0.1 * GRAVITY)], devices=rule
+        parts, hung, [GravityLevel("earth", GRAVITY), GravityLevel("little", 0.1 * GRAVITY)], devices=rule
     )
     assert not path.complete
     assert len(path.s) > 1

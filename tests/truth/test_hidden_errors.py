@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.files.documents import load_structure
+from middeck.files.setups import load_structure
 from middeck.files.studies.documents import load_study
 from middeck.laboratory.article import RigArticle, holding_torque, solve_rig_article
 from middeck.laboratory.article_rig import build_article_rig, rig_delay

@@ -12,7 +12,7 @@ import pytest
 from random_articles import draw_bus, environment_of, write_tables
 
 from middeck.errors import MiddeckError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.gravity.budget import build_budget

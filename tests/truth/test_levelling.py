@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import AttachPoint

@@ -12,7 +12,7 @@ import scipy.special as ss
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.budget import build_budget
-from middeck.structure.gravity.gravity_levels import Place, find_place
+from middeck.structure.gravity.gravity_levels import GravityLevel, find_place
 from middeck.structure.gravity.path import follow_gravity
 from middeck.structure.model.article import AddedMass, LoadCase, PointLoad, Structure
 from middeck.structure.model.clamps import Clamp
@@ -209,7 +209,7 @@ def test_a_path_of_gravities_and_a_budget_stand_under_a_load_case() -> None:
     aside = PointLoad(name="aside", frame="b", force=np.array([-5.0, 1.0, 8.0]))
     case = LoadCase(name="both", loads=(aside,), masses=(lump,))
     mars = find_place("mars", wall.gravity)
-    places = (Place("bench", wall.gravity), mars, Place("orbit", np.zeros(3)))
+    places = (GravityLevel("bench", wall.gravity), mars, GravityLevel("orbit", np.zeros(3)))
     path = follow_gravity(*apply_load_case(beam, wall, case), places, count=6)
     assert path.complete
     for station, place in zip(path.reached, places, strict=True):

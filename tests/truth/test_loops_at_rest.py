@@ -170,8 +170,8 @@ def test_allowed_shifts_of_a_plant_whose_states_have_no_names() -> None:
         0.01,
     )
     law = design_lqg(approximate_delays(plant, 3), weigh(plant), 30.0)
-    named = find_allowed_shifts(plant, law, most=0.04, step=0.02)
-    found = find_allowed_shifts(mixed(plant, np.random.default_rng(1)), law, most=0.04, step=0.02)
+    named = find_allowed_shifts(plant, law, most=0.04)
+    found = find_allowed_shifts(mixed(plant, np.random.default_rng(1)), law, most=0.04)
     assert [one.mode for one in found] == ["mode 1, 0.4775 Hz", "mode 2, 1.273 Hz"]
     for one, other in zip(named, found, strict=True):
         assert (other.down, other.up) == pytest.approx((one.down, one.up), abs=1e-5)

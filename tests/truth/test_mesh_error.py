@@ -10,7 +10,7 @@ import pytest
 from random_articles import draw_article, write_tables
 
 from middeck.errors import NumericalError
-from middeck.files.documents import load_setup, load_structure
+from middeck.files.setups import load_setup, load_structure
 from middeck.structure.model.article import Section, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment

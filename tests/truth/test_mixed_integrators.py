@@ -10,6 +10,7 @@ import middeck as md
 from middeck.control.analysis.loop.feedback_loop import At, evaluate_halves, form_loop, go_round
 from middeck.control.analysis.margins.shared_gain import closed_round
 from middeck.systems.poles.integrators import part_integrators
+from middeck.systems.poles.stability import growth_rates
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 
 
@@ -83,3 +84,17 @@ def test_the_closed_loop_gives_the_sensitivity_of_its_halves(period_s: float | N
     P = go_round(*evaluate_halves(loop)(s), at)
     one = np.eye(P.shape[1])
     assert closed_round(loop, at)(s) + one == pytest.approx(np.linalg.inv(one - P), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e5])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_slow_pole_of_mixed_states_is_no_integrator(seed: int, unit: float) -> None:
+    """A pole at 1e-6 of the fastest grows, known to 1e-4: sigma of A is 1e-12 of the largest."""
+    rng = np.random.default_rng([11, seed])
+    fast, slow = unit, 1e-6 * unit
+    A = np.diag([0.0, 0.0, -fast, -0.5 * fast, -0.2 * fast])
+    A[0, 1], A[1, 0] = fast, slow**2 / fast
+    turn, _ = np.linalg.qr(rng.standard_normal((5, 5)))
+    mixed = StateSpace(turn @ A @ turn.T, np.ones((5, 1)), np.ones((1, 5)), np.zeros((1, 1)))
+    assert growth_rates(mixed).real.max() == pytest.approx(slow, rel=1e-3)
+    assert not len(part_integrators(mixed).residues)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.linalg as sla
+from soft_and_stiff import draw
 
 from middeck.structure.model.article import AttachPoint, JointState, Section, Spring
 from middeck.structure.model.environment import AnchoredSpring, Environment, Suspension
@@ -199,6 +200,14 @@ def test_massless_torsion_is_left_out_not_called_unstable():
     assert len(modes.omega) == 30 - 3
     torsion = modes.omega[modes.name.index("first torsion")]
     assert torsion == pytest.approx(np.sqrt(2 * 80.0 / 0.1), rel=1e-10)
+
+
+def test_massless_soft_members_beside_stiff_ones_leave_six_rigid_modes(campaign):
+    """What has no mass rounds to a frequency without end, of either sign: it is none, and not rigid."""
+    for seed in campaign(400):
+        modes = modes_of(draw(np.random.default_rng([14, seed]), 1e-5))
+        assert modes.kind.count("rigid") == 6
+        assert modes.rigid_residual < 1e-6
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])

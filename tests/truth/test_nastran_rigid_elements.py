@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from middeck.files.articles.document import document_text
-from middeck.files.documents import load_structure
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
+from middeck.files.setups import load_structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium

@@ -9,7 +9,8 @@ import scipy.io
 import scipy.sparse as sp
 
 from middeck.errors import ConfigError
-from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, read_op4, write_op4
+from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, read_op4
+from op4_writer import write_op4
 
 DATA = Path("data/nastran-op4")
 LAYOUTS = ("dense", "bigmat", "nonbigmat")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.files.documents import load_environment, load_structure
+from middeck.files.setups import load_environment, load_structure
 from middeck.files.studies.documents import load_study
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.rig.linear_view import close_rig, linearise_rig

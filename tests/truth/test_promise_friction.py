@@ -27,7 +27,7 @@ from middeck.updating.promise.plan import Plan, group_loop, weights_of
 from middeck.updating.promise.promise import design_ladder, promise
 from middeck.updating.promise.slip import DrawnSlips, JointSlip, draw_slips
 from middeck.updating.promise.slip_loops import (
-    Wiring,
+    SlipPorts,
     around_sliders,
     evaluate_open,
     noise_response,
@@ -71,7 +71,7 @@ def test_sliders_are_those_of_a_rig():
     ]  # fmt: skip
     with_friction, without = (run.record.y[0, 0] for run in runs if run.record is not None)
     loop = around_sliders(
-        plant, None, Wiring(joints=("near", "far"), performance=("end",), disturbances=()), 1
+        plant, None, SlipPorts(joints=("near", "far"), performance=("end",), disturbances=()), 1
     )
     form = pole_form(loop)
     assert form is not None
@@ -171,7 +171,7 @@ def test_loops_around_sliders_are_the_linear_loops():
     """Noise to performance against the exact rms; sliders to angle and performance against the response."""
     plant, law = delayed_brake()
     plan = asked(performance=("turn",), noise={"": 1e-2})
-    wiring = Wiring(joints=("turn",), performance=("turn",), disturbances=("turn",))
+    wiring = SlipPorts(joints=("turn",), performance=("turn",), disturbances=("turn",))
     hz = (np.arange(40000) + 0.5) / 400.0
     G = evaluate_open(plant, hz)
     H = noise_response(plant, G, law, wiring, hz)
@@ -205,7 +205,7 @@ def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatc
         [None],
         slips,
         plan,
-        Wiring(joints=("turn",), performance=("rate",), disturbances=("turn",)),
+        SlipPorts(joints=("turn",), performance=("rate",), disturbances=("turn",)),
     )
 
     def db(**changes: float) -> np.ndarray:

@@ -7,6 +7,7 @@ from shaken_plant import POLES, pole_error, shaken
 
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.record_fit.record_spectra import driven_lines
 from middeck.identification.record_fit.sensor_or_force_noise import (
     covering_variance,
     denominator,
@@ -61,6 +62,20 @@ def test_noise_of_forces_is_smooth_once_their_poles_are_taken_out():
     v = noise_variance(r, denominator(s, poles, 1.0))
     # 40 experiments times 31 lines of a Hann window: the average scatters by 4 %.
     np.testing.assert_allclose(v[0, :, 0] * np.abs(A) ** 2 / 2.0, 1.0, atol=0.2)
+
+
+def test_lines_that_a_signal_drives_have_a_noise_of_their_own():
+    rng, lines = np.random.default_rng(1), np.arange(600)
+    driven = lines % 3 == 0
+    U = np.where(driven, 1.0, 0.02)[None, :, None] * np.exp(2j * np.pi * rng.random((1, 600, 1)))
+    np.testing.assert_array_equal(driven_lines(U), driven)
+    by_chance = rng.standard_normal((1, 600, 1)) + 1j * rng.standard_normal((1, 600, 1))
+    assert driven_lines(by_chance) is None
+    size = np.where(driven, 3.0, 0.01)[None, :, None]
+    r = size * (rng.standard_normal((1, 600, 40)) + 1j * rng.standard_normal((1, 600, 40)))
+    v = noise_variance(r, driven=driven)
+    # 40 columns times 31 lines of a Hann window: the average scatters by 4 %.
+    np.testing.assert_allclose(v / (2.0 * size**2), 1.0, atol=0.2)
 
 
 def test_forces_beside_the_noise_of_sensors_are_known_where_a_narrow_peak_is_followed():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_structure
+from middeck.files.setups import load_structure
 from middeck.files.studies.documents import load_study
 from middeck.laboratory.article import (
     holding_torque,

@@ -64,6 +64,11 @@ def tip_flexibility(C: np.ndarray) -> np.ndarray:
     return F
 
 
+def off_the_nodes(section: Section, shear=(0.0, 0.0), mass=(0.0, 0.0)) -> Section:
+    (y, z), (a, b) = shear, mass
+    return dataclasses.replace(section, shear_centre_y=y, shear_centre_z=z, mass_centre_y=a, mass_centre_z=b)
+
+
 def cantilever(section: Section, elements: int, **more: object) -> Structure:
     beam = straight_beam(section, L, elements)
     return dataclasses.replace(beam, members=(dataclasses.replace(beam.members[0], **more),))
@@ -73,7 +78,7 @@ def cantilever(section: Section, elements: int, **more: object) -> Structure:
 @pytest.mark.parametrize("seed", repeats(range(40), 3))
 def test_coupled_cantilever_under_tip_loads(size: int, seed: int):
     stiffness, centre = positive(seed, size), tuple(np.random.default_rng(seed).uniform(-0.1, 0.1, 2))
-    section = coupled_section(stiffness, shear_centre=centre, **BARE)
+    section = off_the_nodes(coupled_section(stiffness, **BARE), shear=centre)
     exact = tip_flexibility(compliance(stiffness, centre))
     scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
     for elements in (1, 3):
@@ -117,7 +122,7 @@ def test_coupled_frequencies(seed: int):
     """Bending, torsion and axial motion, coupled by stiffness and centres; one extrapolation of order two."""
     centre, mass = (0.03, -0.05), (-0.04, 0.06)
     stiffness = positive(seed, 6)
-    section = coupled_section(stiffness, shear_centre=centre, mass_centre=mass, **INERTIA)
+    section = off_the_nodes(coupled_section(stiffness, **INERTIA), shear=centre, mass=mass)
     C, M = compliance(stiffness, centre), section_mass(section)
     found = []
     for elements in (12, 24):
@@ -266,7 +271,7 @@ def test_summary_has_the_mass_where_it_is():
 
 
 def test_derivatives_by_couplings_and_centres():
-    section = coupled_section(positive(3, 6), mass_centre=(0.02, 0.01), shear_centre=(0.01, 0.03), **INERTIA)
+    section = off_the_nodes(coupled_section(positive(3, 6), **INERTIA), mass=(0.02, 0.01), shear=(0.01, 0.03))
     beam = cantilever(section, 3, tension=5.0)
     world = md.Environment.clamped("a", gravity=1.0)
     names = ("coupling.15", "coupling.24", "mass_centre_y", "shear_centre_z", "tension", "E", "rho")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.files.documents import load_structure
+from middeck.files.setups import load_structure
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import Loads, no_loads
 from middeck.structure.assembly.mass import mass_matrix

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from stiff_links import article_of, draw, solve
 
-from middeck.files.documents import load_structure
+from middeck.files.setups import load_structure
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import AttachPoint, Section
 from middeck.structure.model.environment import AnchoredSpring, Environment

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, EquilibriumError
-from middeck.files.documents import load_setup
+from middeck.files.setups import load_setup
 from middeck.joints.friction import Friction
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.mesh import mesh_structure

@@ -12,7 +12,7 @@ import pytest
 from random_articles import draw_article, write_tables
 
 from middeck.errors import ConfigError
-from middeck.files.documents import load_setup, load_structure
+from middeck.files.setups import load_setup, load_structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.environment import AnchoredSpring, Device
 from middeck.structure.summary.environment_plausibility import doubt_environment

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Iterable, Sequence
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 
@@ -46,6 +47,13 @@ class Verb(click.Command):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the verb, but not where it would write over what it reads, or twice over one file."""
+        try:
+            self._keep_apart(ctx)
+            return super().invoke(ctx)
+        finally:
+            _written.clear()
+
+    def _keep_apart(self, ctx: click.Context) -> None:
         taken: dict[str, str] = {}
         for param in sorted(self.params, key=lambda param: isinstance(param, Target)):
             for value in _texts(ctx.params.get(param.name or "")):
@@ -55,18 +63,39 @@ class Verb(click.Command):
                     _refuse_over(named, taken[file])
                 if os.path.isfile(file) or isinstance(param, Target):
                     taken[file] = named
-        return super().invoke(ctx)
+                if type(param) is Target:
+                    to_write(value, named)
 
 
 class Target(click.Option):
     """An option that names a file to write."""
 
 
-def require_apart(target: str | None, files: Iterable[Path]) -> None:
-    """Refuse to write ``target`` over one of ``files``, which documents name."""
-    for file in files:
-        if target is not None and os.path.realpath(target) == os.path.realpath(file):
-            _refuse_over(f"-o {target}", str(file))
+class Updated(Target):
+    """One whose file is read first."""
+
+
+_written: dict[str, str] = {}
+"""Files that the verb that runs is to write, as typed."""
+
+
+def _refuse_reading(event: str, args: tuple[Any, ...]) -> None:
+    """Refuse to read what is to be written, whichever document names it (an audit hook, PEP 578).
+
+    All writers write beside it and rename. HDF5 opens its files itself and is not seen.
+    """
+    if event == "open" and _written and isinstance(args[0], str):
+        named = _written.get(os.path.realpath(args[0]))
+        if named is not None and os.path.isfile(args[0]):
+            _refuse_over(named, args[0])
+
+
+sys.addaudithook(_refuse_reading)
+
+
+def to_write(file: str, named: str) -> None:
+    """Refuse from now on to read ``file``, which the verb will write beside what was typed."""
+    _written[os.path.realpath(file)] = named
 
 
 def _refuse_over(named: str, taken: str) -> NoReturn:
@@ -280,7 +309,9 @@ states = click.option(
 )
 
 
-def written(*flags: str, endings: Sequence[str], help: str, metavar: str = "") -> Callable[[F], F]:
+def written(
+    *flags: str, endings: Sequence[str], help: str, metavar: str = "", cls: type[Target] = Target
+) -> Callable[[F], F]:
     """An option for a file to write; see `require_writable`."""
 
     def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -289,7 +320,7 @@ def written(*flags: str, endings: Sequence[str], help: str, metavar: str = "") -
         return value
 
     named = metavar or f"FILE{'|'.join(endings)}"
-    return click.option(*flags, cls=Target, metavar=named, callback=check, help=help)
+    return click.option(*flags, cls=cls, metavar=named, callback=check, help=help)
 
 
 model_file = written(

@@ -20,6 +20,7 @@ from .measured.modes import write_measured_modes as write_measured_modes
 from .records import (
     load_campaign as load_campaign,
     load_response as load_response,
+    write_response as write_response,
 )
 from .records.columns import name_columns as name_columns
 from .records.together import split_periods as split_periods

@@ -4,6 +4,7 @@ from .fit.fit_response import FitResult as FitResult
 from .friction.find import find_friction as find_friction
 from .friction.remove import without_friction as without_friction
 from .impact.averaged_blows import average_blows as average_blows
+from .impact.fit_of_blows import without_window as without_window
 from .model.measurement_model import damping_ratio as damping_ratio
 from .model.channel_selection import select_channels as select_channels
 from .model.steady_simulation import nrmse as nrmse

@@ -54,10 +54,7 @@ class Balance:
                         settled = change <= 1e-14 * abs(new) + noise
             if settled or alone:
                 return torque
-        raise NumericalError(
-            UNSETTLED,
-            hint="more substeps in a tick",
-        )
+        raise NumericalError(UNSETTLED, hint="more substeps in a tick")
 
 
 def _only_friction(parts: tuple[JointElement, ...]) -> Callable[[float, float, float, float], float] | None:

@@ -4,6 +4,7 @@ from .article import (
     rig_article_plant as rig_article_plant,
     solve_rig_article as solve_rig_article,
 )
+from .article_rig import build_article_rig as build_article_rig
 from .rig.plant.drifting_modes import (
     Drift as Drift,
     age_plant as age_plant,

@@ -17,7 +17,7 @@ from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Sensor
 from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant
 from middeck.laboratory.rig.rig import Rig, build_rig
-from middeck.laboratory.settings import RigSettings
+from middeck.laboratory.rig_settings import RigSettings
 from middeck.structure.model.article import Actuator, JointState, SensorKind, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.plants.sensors_and_actuators import RATE

@@ -19,7 +19,7 @@ from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.rig.plant.drifting_modes import Drift, nearest_modes
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
-from middeck.laboratory.settings import LoopTest, RigSettings
+from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine, random_multisine
 from middeck.systems.plants.response import FrequencyResponse

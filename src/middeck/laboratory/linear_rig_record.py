@@ -7,7 +7,7 @@ import numpy as np
 from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
-from middeck.laboratory.settings import LoopTest, RigSettings
+from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.record import Record
 from middeck.structure.modes.solve import Modes

@@ -13,7 +13,7 @@ from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import run_open_loop
-from middeck.laboratory.settings import RigSettings
+from middeck.laboratory.rig_settings import RigSettings
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.record import Record

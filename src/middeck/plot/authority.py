@@ -13,7 +13,7 @@ MARKERS = "os^DvPX"
 
 
 @styled
-def authority(sweep: AuthoritySweep) -> Figure:
+def draw_authority(sweep: AuthoritySweep) -> Figure:
     """Improvement of each plant by authority; a cross below the curves where its loop is unstable."""
     figure = new_figure(3.6)
     axes = figure.subplots()

@@ -33,7 +33,7 @@ def draw_nichols(ratio: ReturnRatio, margins: Margins) -> Figure:
 def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool) -> None:
     _contours(axes)
     axes.plot(*_curve(L), color=COLOUR["orbit"], label="L")
-    phase = np.degrees(_late(-np.exp(1j * margins.phase_rad)))
+    phase = np.degrees(_lag(-np.exp(1j * margins.phase_rad)))
     axes.plot(phase, np.zeros(len(phase)), "o", color=COLOUR["prediction"], label="unit gain: phase margins")
     level = -20.0 * np.log10(margins.gain)
     axes.plot(np.full(len(level), -180.0), level, "s", color=COLOUR["low"], label="-180 deg: gain margins")
@@ -56,13 +56,13 @@ def _contours(axes: Axes) -> None:
     axes.plot([], [], color=COLOUR["ghost"], linewidth=0.8, label=f"|L/(1 + L)|: {words} dB")
 
 
-def _late(L: np.ndarray) -> np.ndarray:
+def _lag(L: np.ndarray) -> np.ndarray:
     """Phase from -2 pi to 0."""
     return np.mod(np.angle(L), 2.0 * np.pi) - 2.0 * np.pi
 
 
 def _curve(L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Phase and level, with a gap where the phase goes round."""
-    phase, level = np.degrees(_late(L)), decibels(L)
+    phase, level = np.degrees(_lag(L)), decibels(L)
     broken = np.append(np.abs(np.diff(phase)) > 180.0, False)
     return np.where(broken, np.nan, phase), level

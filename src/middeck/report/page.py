@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from middeck.report.summary import came_out, chapters_of, claim_rows, does_not_hold, warned
+from middeck.report.first_screen import came_out, chapters_of, claim_rows, does_not_hold, warned
 from middeck.study.words import Numbers
 
 

@@ -11,7 +11,7 @@ from middeck.cli.options import Case
 from middeck.cli.shown.blame import reading
 from middeck.errors import MiddeckError
 from middeck.files.disk.looks import ARTICLE
-from middeck.files.documents import BUILT_IN, find_document, load_setup
+from middeck.files.setups import BUILT_IN, find_document, load_setup
 from middeck.files.toml.source import read_source
 from middeck.structure.model.article import Structure
 from middeck.structure.model.connectivity import some_names

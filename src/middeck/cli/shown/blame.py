@@ -31,6 +31,6 @@ def reading(*files: str | Path) -> Generator[None]:
 
 def _called(file: str | Path) -> str:
     """The path, or the name of a built-in environment, whose file nobody wrote."""
-    from middeck.files.documents import BUILT_IN  # forms of articles, which a record is read without
+    from middeck.files.setups import BUILT_IN  # forms of articles, which a record is read without
 
     return next((f"environment {name!r}" for name, path in BUILT_IN.items() if path == file), str(file))

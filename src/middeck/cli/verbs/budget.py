@@ -25,12 +25,7 @@ Examples:
 @options.count
 @figures.figure
 @options.common
-def verb(
-    case: options.Case,
-    count: int,
-    figure_file: str | None,
-    as_json: bool,
-) -> None:
+def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool) -> None:
     """Effects of gravity on each mode of ARTICLE.
 
     Between orbit and an environment, three effects are switched on one at a time, in all six orders:

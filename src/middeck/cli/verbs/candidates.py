@@ -36,8 +36,8 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     is optimised.
     """
     from middeck.cli.shown.blame import reading
-    from middeck.files.documents import find_document
     from middeck.files.refinements.candidates import load_candidates
+    from middeck.files.setups import find_document
     from middeck.updating.candidates.candidates import rank_tests
     from middeck.updating.refinement.refine import refine
 
@@ -113,11 +113,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
             ["", "test", "widest, then +- [%]", "ratio", "median ratio", "the widest then"],
             tests,
         ),
-        Table(
-            f"promised, and after {best['name']}",
-            ["in", "of", "value", "+- [%]", "then +- [%]"],
-            rows,
-        ),
+        Table(f"promised, and after {best['name']}", ["in", "of", "value", "+- [%]", "then +- [%]"], rows),
     ]
 
 

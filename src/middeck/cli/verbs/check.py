@@ -46,8 +46,13 @@ def verb(
     """
     from middeck.cli.given.cases import apply_case, read_case
     from middeck.cli.shown.blame import reading
-    from middeck.cli.shown.summary import attitude_lines, measure_lines, summary_lines, summary_numbers
-    from middeck.files.documents import find_document, load_structure
+    from middeck.cli.shown.mass_and_attitude import (
+        attitude_lines,
+        measure_lines,
+        summary_lines,
+        summary_numbers,
+    )
+    from middeck.files.setups import find_document, load_structure
     from middeck.structure.assembly.linked import check_links
     from middeck.structure.assembly.mesh import mesh_structure
     from middeck.structure.model.environment import Environment
@@ -90,7 +95,7 @@ def _in_environment(
     """How the article hangs (None in orbit, clamped, or without a rest state), and the findings."""
     import numpy as np
 
-    from middeck.cli.shown.summary import attitude_numbers
+    from middeck.cli.shown.mass_and_attitude import attitude_numbers
     from middeck.errors import NumericalError
     from middeck.structure.modes.doubts.mesh_error import mesh_warnings
     from middeck.structure.modes.solve import solve_modes

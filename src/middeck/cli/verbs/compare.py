@@ -26,13 +26,7 @@ Examples:
 @figures.shapes
 @figures.up
 @options.common
-def verb(
-    case: options.Case,
-    count: int,
-    figure_file: str | None,
-    up: str | None,
-    as_json: bool,
-) -> None:
+def verb(case: options.Case, count: int, figure_file: str | None, up: str | None, as_json: bool) -> None:
     """Modes of ARTICLE in orbit beside those in an environment.
 
     Pairs of flexible modes with their frequency ratios, cross-orthogonality, MAC, and the angles between

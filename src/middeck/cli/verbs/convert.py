@@ -76,8 +76,8 @@ def verb(
     in NPZ files beside the article. Without --units their likeliest set is named, and nothing is written.
     --set takes units, mass_formulation and subcase.
     """
-    from middeck.cli.given.settings import ConvertSettings, settle
-    from middeck.cli.shown.summary import measure_lines, summary_lines, summary_numbers
+    from middeck.cli.given.option_settings import ConvertSettings, settle
+    from middeck.cli.shown.mass_and_attitude import measure_lines, summary_lines, summary_numbers
     from middeck.files.nastran.article.convert import convert_deck
 
     given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase}
@@ -190,7 +190,7 @@ def _written(
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import write_text
-    from middeck.files.documents import load_setup
+    from middeck.files.setups import load_setup
     from middeck.structure.assembly.mesh import mesh_structure
     from middeck.structure.summary.summary import summarise
 

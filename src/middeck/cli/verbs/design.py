@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.cli.given.design_plants import FittedPlant, Wanted
-    from middeck.cli.given.settings import LoopSettings
+    from middeck.cli.given.option_settings import LoopSettings
     from middeck.cli.work.design_loop import DesignedLoop
     from middeck.systems.plants.plant import Plant
 
@@ -86,7 +86,7 @@ def verb(
     disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
     from middeck.cli.given.design_plants import Wanted
-    from middeck.cli.given.settings import LoopSettings, settle
+    from middeck.cli.given.option_settings import LoopSettings, settle
     from middeck.cli.shown.blame import reading
     from middeck.cli.work.design_loop import design_loop
     from middeck.files.any_value import write
@@ -153,7 +153,7 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
     from middeck.cli.given.design_plants import model_plant
-    from middeck.cli.given.settings import FitSettings, settle
+    from middeck.cli.given.option_settings import FitSettings, settle
     from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import identify
     from middeck.files.measured.models import load_fitted

@@ -10,7 +10,7 @@ from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.cli.given.settings import FitSettings
+    from middeck.cli.given.option_settings import FitSettings
     from middeck.identification.model.measurement_model import MeasurementModel
     from middeck.identification.uncertainty.fit_drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
@@ -73,7 +73,7 @@ def verb(
     AFTER is then fitted as the model was; a model without the covariance of a fit is taken as exact. --set
     takes what it takes of identify.
     """
-    from middeck.cli.given.settings import FitSettings, settle
+    from middeck.cli.given.option_settings import FitSettings, settle
 
     given = {"states": states, "band_hz": band_hz, "sampled": sampled, "periods": periods}
     document = compare(before, after, settle(FitSettings, given, overrides), level)

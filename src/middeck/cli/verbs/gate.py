@@ -83,6 +83,7 @@ Examples:
 @options.written(
     "--blacklist",
     "blacklist_file",
+    cls=options.Updated,
     endings=(".json",),
     metavar="BLACKLIST.json",
     help="Laws that have tripped: consulted first; one that trips when engaged is added.",
@@ -102,11 +103,7 @@ Examples:
     help="Its rms below which the gain rises, and above which it falls.",
 )
 @click.option(
-    "--adaptive-least",
-    "least",
-    type=options.NOT_NEGATIVE,
-    metavar="GAIN",
-    help="Least gain.  [default: 0]",
+    "--adaptive-least", "least", type=options.NOT_NEGATIVE, metavar="GAIN", help="Least gain.  [default: 0]"
 )
 @options.written(
     "-o", "--output", "verdict_file", endings=(".json",), metavar="VERDICT.json", help="Write the verdict."
@@ -125,8 +122,9 @@ def verb(
 
     Blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each
     environment, or a fitted model.json, with and without shifted modes) stable with margin at eleven points
-    of the fade; with --engaged also while that package fades out and this one in; with --adaptive also a
-    proof that each loop decays at every gain and for every move within the rate. With --hold the engine's
+    of the fade, without growth while motors are limited; with --engaged also while that package fades out and
+    this one in; with --adaptive also a proof that each loop decays at every gain and for every move within
+    the rate. With --hold the engine's
     hold is closed beside the package. Then a dry run with noise on each PLANT, and on a rig, if one is given,
     a shadow run and engagement at a share and at full authority: by the engine, or by the reference law where
     no C compiler is at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and

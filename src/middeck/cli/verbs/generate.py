@@ -102,7 +102,7 @@ def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str,
         if path.suffix.lower() in (".c", ".h"):
             with reading(f"-o {path}"):
                 c_name(path.stem)
-            options.require_apart(str(path.with_suffix(".h")), [Path(law_file)])  # which a .c brings along
+            options.to_write(str(path.with_suffix(".h")), f"-o {path}")  # which a .c brings along
     if given["single"] and given["form"] == "dense":
         raise ConfigError("--single with --form dense", hint="single precision is modal where it can be")
 

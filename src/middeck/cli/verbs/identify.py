@@ -116,7 +116,7 @@ def verb(
     --set takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants,
     delay, rigid, integrators, residuals, full_rank, relative_degree, friction and periods.
     """
-    from middeck.cli.given.settings import FitSettings, settle
+    from middeck.cli.given.option_settings import FitSettings, settle
     from middeck.cli.shown.progress import status
     from middeck.cli.work.fit_records import identify
     from middeck.files.any_value import write

@@ -79,7 +79,7 @@ def verb(
     blows, blows cut short and those struck while the article still rings are listed with their reason and
     left out. --set takes states and band_hz.
     """
-    from middeck.cli.given.settings import ImpactSettings, settle
+    from middeck.cli.given.option_settings import ImpactSettings, settle
     from middeck.cli.shown.blame import reading
     from middeck.files.any_value import write
     from middeck.files.records import load_records, write_response

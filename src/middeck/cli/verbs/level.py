@@ -61,7 +61,7 @@ def verb(
     """
     from middeck.cli.given.cases import case_doubts, read_case
     from middeck.cli.shown.blame import reading
-    from middeck.files.documents import load_offset_keys
+    from middeck.files.setups import load_offset_keys
     from middeck.structure.suspension.levelling import level
 
     structure, surroundings, *files = read_case(case)
@@ -117,7 +117,7 @@ def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
     """The JSON document."""
     import numpy as np
 
-    from middeck.cli.shown.summary import attitude_numbers
+    from middeck.cli.shown.mass_and_attitude import attitude_numbers
 
     moved = {name for name, _ in found.moved}
     return {
@@ -133,7 +133,7 @@ def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
 
 
 def _blocks(document: dict[str, Any]) -> list[str | Table]:
-    from middeck.cli.shown.summary import attitude_lines
+    from middeck.cli.shown.mass_and_attitude import attitude_lines
 
     rows = [[name, f"{1e3 * by:+z.3f}"] for name, by in document["change_m"].items()]
     keys = [f"{key}={_toml(offset)}" for key, offset in document["offsets"].items()]

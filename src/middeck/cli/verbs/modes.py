@@ -60,7 +60,7 @@ def verb(
     """
     from middeck.cli.given.cases import read_case, solve_in
     from middeck.cli.shown.blame import reading
-    from middeck.cli.shown.summary import summary_lines, summary_numbers
+    from middeck.cli.shown.mass_and_attitude import summary_lines, summary_numbers
     from middeck.structure.summary.summary import summarise
 
     figures.check_up(up, figure_file)
@@ -101,7 +101,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     """The JSON document; keys as in numbers.json."""
     import numpy as np
 
-    from middeck.cli.shown.summary import summary_numbers
+    from middeck.cli.shown.mass_and_attitude import summary_numbers
     from middeck.files.json.results import mode_numbers, most_strained, rest_numbers
     from middeck.structure.modes.doubts.mesh_error import estimate_mesh_error
     from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance

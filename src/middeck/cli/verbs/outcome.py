@@ -27,12 +27,7 @@ Examples:
 @figures.figure
 @options.printing
 def verb(
-    promise: str,
-    outcome: str,
-    date: str | None,
-    target: str | None,
-    figure_file: str | None,
-    as_json: bool,
+    promise: str, outcome: str, date: str | None, target: str | None, figure_file: str | None, as_json: bool
 ) -> None:
     """Compare what came with a promise.
 
@@ -65,7 +60,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
 
     rows = [
         [
-            _called(v),
+            f"{v['name']}, {v['mode']}" if v["kind"] == "mode" else v["name"],
             _pairing(v),
             " to ".join(map(number, v["promised"])),
             number(v["value"]),
@@ -87,10 +82,6 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
         ["", "remarks", *(f"  {remark}" for remark in document["remarks"])] if document["remarks"] else []
     )
     return [*said, Table("outcomes", headers, rows), *remarks, *(["", f"wrote {target}"] if target else [])]
-
-
-def _called(verdict: dict[str, Any]) -> str:
-    return f"{verdict['name']}, {verdict['mode']}" if verdict["kind"] == "mode" else verdict["name"]
 
 
 def _pairing(verdict: dict[str, Any]) -> str:

@@ -10,7 +10,7 @@ from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
-    from middeck.structure.gravity.gravity_levels import Place
+    from middeck.structure.gravity.gravity_levels import GravityLevel
     from middeck.structure.gravity.path import GravityPath
     from middeck.structure.model.environment import Environment
 
@@ -95,16 +95,16 @@ def verb(
 
 def _places(
     environment: Environment, through: tuple[str, ...] | None, tilt: tuple[float, ...] | None
-) -> tuple[Place, ...] | None:
+) -> tuple[GravityLevel, ...] | None:
     import numpy as np
 
     from middeck.errors import ConfigError
-    from middeck.structure.gravity.gravity_levels import Place, find_place, tilt_place
+    from middeck.structure.gravity.gravity_levels import GravityLevel, find_place, tilt_place
 
     if through is not None and tilt is not None:
         raise ConfigError("--through or --tilt: one of them, not both")
     if tilt is not None:
-        start = Place(environment.title, environment.gravity)
+        start = GravityLevel(environment.title, environment.gravity)
         return start, tilt_place(start, float(np.radians(tilt[0])), np.array(tilt[1:]))
     if through is None:
         return None

@@ -51,8 +51,8 @@ def verb(
     carries the hash of its own content and of all files behind it. With --load-cases it says what gauges will
     read of the refined article at rest.
     """
-    from middeck.files.documents import find_document
     from middeck.files.json.output import write_json
+    from middeck.files.setups import find_document
 
     if (plan is None) == (load_cases is None):
         raise ConfigError(
@@ -61,9 +61,7 @@ def verb(
             hint="PLAN, or --load-cases FILE",
         )
     body, day = find_document(article, "article"), options.day(date)
-    document = (
-        _at_rest(body, str(load_cases), day, target) if plan is None else _of_loops(body, plan, day, target)
-    )
+    document = _at_rest(body, str(load_cases), day) if plan is None else _of_loops(body, plan, day)
     if target is not None:
         write_json(target, document)
     if figure_file is not None:
@@ -72,7 +70,7 @@ def verb(
     show(as_json, document if as_json else warnings, *_blocks(document, target))
 
 
-def _of_loops(body: Path, plan: str, day: str, target: str | None) -> dict[str, Any]:
+def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
     from middeck.cli.shown.blame import reading
     from middeck.files.promises.documents import hash_files, promise_document
     from middeck.files.promises.plans import load_plan
@@ -81,7 +79,6 @@ def _of_loops(body: Path, plan: str, day: str, target: str | None) -> dict[str, 
 
     with reading(plan):
         loaded = load_plan(plan, body)
-    options.require_apart(target, loaded.files)
     files = hash_files(loaded.files)
     with reading(body, plan):
         refined = refine(loaded.structure, *loaded.refinement.of_refine)
@@ -89,7 +86,7 @@ def _of_loops(body: Path, plan: str, day: str, target: str | None) -> dict[str, 
     return promise_document(refined, loaded.plan, promised, files=files, date=day)
 
 
-def _at_rest(body: Path, load_cases: str, day: str, target: str | None) -> dict[str, Any]:
+def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     from middeck.cli.shown.blame import reading
     from middeck.files.promises.documents import hash_files, loads_document
     from middeck.files.refinements.promised_loads import load_promised_loads
@@ -97,7 +94,6 @@ def _at_rest(body: Path, load_cases: str, day: str, target: str | None) -> dict[
     from middeck.updating.refinement.refine import refine
 
     asked = load_promised_loads(load_cases, body)
-    options.require_apart(target, asked.files)
     files = hash_files(asked.files)
     with reading(body, load_cases):
         refined = refine(asked.structure, *asked.refinement.of_refine)

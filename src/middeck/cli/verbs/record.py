@@ -62,7 +62,7 @@ def verb(
     the file lacks. -o converts to the kind that the ending names. --set takes sample_hz, variable and
     periods.
     """
-    from middeck.cli.given.settings import RecordSettings, settle
+    from middeck.cli.given.option_settings import RecordSettings, settle
 
     given = {"sample_hz": columns.sample_hz, "variable": columns.variable or None, "periods": periods}
     chosen = settle(RecordSettings, given, overrides)

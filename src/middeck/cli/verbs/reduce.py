@@ -64,10 +64,13 @@ def verb(
     from middeck.cli.shown.blame import reading
     from middeck.errors import ConfigError
     from middeck.files.articles.components import write_component
-    from middeck.files.documents import find_document, load_structure
     from middeck.files.nastran.components.external_write import write_external
+    from middeck.files.setups import find_document, load_structure
     from middeck.structure.modes.craig_bampton import reduce_structure
 
+    if target is not None:
+        for ending in (".op4", ".pch", ".asm"):
+            options.to_write(str(Path(target).with_suffix(ending)), f"-o {target}")
     path = find_document(article, "article")
     structure = load_structure(path, overrides)
     nodes = options.separate_names(boundary)

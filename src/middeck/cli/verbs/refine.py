@@ -37,11 +37,7 @@ Examples:
     help="Predict modes in this environment.",
 )
 @click.option(
-    "--count",
-    type=click.IntRange(min=1),
-    default=10,
-    show_default=True,
-    help="How many modes to predict.",
+    "--count", type=click.IntRange(min=1), default=10, show_default=True, help="How many modes to predict."
 )
 @click.option(
     "--choose", is_flag=True, help="Weigh the unknowns and stop: which the surveys see, which alike."
@@ -66,8 +62,8 @@ def verb(
     from middeck.cli.given.cases import find_case
     from middeck.cli.shown.blame import reading
     from middeck.files.disk.atomic import write_text
-    from middeck.files.documents import load_setup
     from middeck.files.refinements.documents import load_refinement, refined_text
+    from middeck.files.setups import load_setup
     from middeck.updating.orbit.frequencies import predict_modes
     from middeck.updating.refinement.findable_unknowns import weigh_unknowns
     from middeck.updating.refinement.refine import refine
@@ -75,7 +71,6 @@ def verb(
     files = find_case(article, environment)
     structure, there = load_setup(*files)
     asked = load_refinement(refinement, files[0])
-    options.require_apart(target, (*files, *asked.files))
     if choose:
         with reading(files[0], refinement):
             weighed = weigh_unknowns(structure, *asked.of_refine)

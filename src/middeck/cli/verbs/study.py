@@ -38,7 +38,7 @@ def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) 
 
     Files are written whole as soon as their stage is done; an interrupted run leaves whole files only.
     """
-    from middeck.files.documents import find_document
+    from middeck.files.setups import find_document
     from middeck.files.studies.documents import load_study
 
     path = find_document(study_file, "study")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from middeck.cli.given.settings import FitSettings
+from middeck.cli.given.option_settings import FitSettings
 from middeck.cli.shown.blame import reading
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods

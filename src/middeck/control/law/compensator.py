@@ -49,7 +49,7 @@ class Compensator:
         if self.dynamics.D.shape != (len(self.outputs), len(self.inputs)):
             raise ConfigError(
                 f"a compensator with {len(self.outputs)} outputs and {len(self.inputs)} inputs named; "
-                f"the law has {self.dynamics.D.shape}",
+                f"its dynamics has {self.dynamics.D.shape}",
                 hint="one output for each row of D, one input for each column",
             )
         for verb, ports in (("reads", self.inputs), ("drives", self.outputs)):
@@ -57,8 +57,7 @@ class Compensator:
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
                 raise ConfigError(
-                    f"the compensator {verb} {twice[0]!r} twice",
-                    hint="sum its columns (or rows) into one",
+                    f"the compensator {verb} {twice[0]!r} twice", hint="sum its columns (or rows) into one"
                 )
         paths = () if self.applied is None else (self.applied,)
         for path in paths:
@@ -77,7 +76,7 @@ class Compensator:
     @property
     def period_s(self) -> float | None:
         """Time from one sample to the next [s]; None for a continuous compensator."""
-        return self.dynamics.period_s if isinstance(self.dynamics, SampledStateSpace) else None
+        return self.dynamics.period_s
 
     @property
     def system(self) -> StateSpace:

@@ -18,6 +18,7 @@ from middeck.values import record
 
 Design = Callable[[float], Compensator]
 """From authority to compensator; e.g. ``functools.partial(design_lqg, plant, weights, kalman=kalman)``."""
+STEP, RESOLUTION = 0.25, 0.005  # of log10 authority, in the search for the first instability
 
 
 @record(kw_only=True)
@@ -86,17 +87,11 @@ def sweep_authority(
 
 
 def find_first_instability(
-    design: Design,
-    plant: Plant,
-    *,
-    first: float,
-    last: float = 7.0,
-    step: float = 0.25,
-    resolution: float = 0.005,
+    design: Design, plant: Plant, *, first: float, last: float = 7.0
 ) -> FirstInstability | None:
     """Search log10 authority upwards from ``first``; None if every level up to ``last`` is stable.
 
-    The first unstable level is bisected to ``resolution`` against the level before it; the unstable end is
+    The first unstable level is bisected to 0.005 against the level before it; the unstable end is
     reported. Stability may return above it.
     """
 
@@ -104,12 +99,12 @@ def find_first_instability(
         return not close_loop(plant, design(10.0**log10_authority)).stable
 
     # 1e-9: `last` itself is a level however the steps round.
-    levels = first + step * np.arange(int(np.floor((last - first) / step + 1e-9)) + 1)
+    levels = first + STEP * np.arange(int(np.floor((last - first) / STEP + 1e-9)) + 1)
     found = next((float(level) for level in levels if unstable(float(level))), None)
     if found is None:
         return None
-    high, low = found, found - step
-    while found > first and high - low > resolution:
+    high, low = found, found - STEP
+    while found > first and high - low > RESOLUTION:
         middle = (low + high) / 2.0
         low, high = (low, middle) if unstable(middle) else (middle, high)
     return _describe(design, plant, high)

@@ -25,13 +25,11 @@ class SpectrumFit:
     Attributes:
         filter: Stable, without zeros right of the axis, falling at high frequency; one input, one output.
         rms_error_db, worst_error_db: Errors of 10 log10 of the density over the frequencies of the table.
-        power_ratio: Power of the filter's output over that of the table, both by trapezia over its lines.
     """
 
     filter: StateSpace
     rms_error_db: float
     worst_error_db: float
-    power_ratio: float
 
 
 def line_filter(frequency_hz: float, width_hz: float, rms: float) -> StateSpace:
@@ -137,8 +135,7 @@ def _described(p: np.ndarray, f: np.ndarray, S: np.ndarray) -> SpectrumFit:
         system = series(system, _biquad(*np.exp(section)))
     fitted = np.abs(by_solving(system)(2j * np.pi * f)[:, 0, 0]) ** 2
     error = 10.0 * np.log10(fitted / S)
-    power = float(np.trapezoid(fitted, f) / np.trapezoid(S, f))
-    return SpectrumFit(system, float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), power)
+    return SpectrumFit(system, float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()))
 
 
 def _biquad(zero_hz: float, zero_damping: float, pole_hz: float, pole_damping: float) -> StateSpace:

@@ -19,7 +19,7 @@ Sizes = Float[np.ndarray, " port"]
 
 
 @record
-class Balance:
+class BalancedStates:
     """``left.T @ right`` is the identity; states in order of their singular values ``hankel``."""
 
     left: Float[np.ndarray, "state balanced"]
@@ -27,15 +27,15 @@ class Balance:
     hankel: Float[np.ndarray, " value"]
 
 
-def balance(factors: GramianFactors) -> Balance:
+def balance(factors: GramianFactors) -> BalancedStates:
     """Coordinates in which both Gramians are equal and diagonal; states of rounding size are left out."""
     U, s, Vt = np.linalg.svd(factors.see.T @ factors.reach)
     minimal = int(np.count_nonzero(s > len(s) * np.finfo(float).eps * s.max(initial=0.0)))
     root = np.sqrt(s[:minimal])
-    return Balance(factors.see @ U[:, :minimal] / root, factors.reach @ Vt[:minimal].T / root, s)
+    return BalancedStates(factors.see @ U[:, :minimal] / root, factors.reach @ Vt[:minimal].T / root, s)
 
 
-def project(system: StateSpace, coordinates: Balance, order: int) -> StateSpace:
+def project(system: StateSpace, coordinates: BalancedStates, order: int) -> StateSpace:
     """The first ``order`` states of the balanced system, the others truncated."""
     left, right = coordinates.left[:, :order], coordinates.right[:, :order]
     return StateSpace(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)

@@ -15,7 +15,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.reduction.balanced_projection import in_sizes
-from middeck.control.reduction.method_search import Best, Trial, search_law
+from middeck.control.reduction.method_search import Best, Tested, search_law
 from middeck.control.reduction.methods import Method
 from middeck.control.reduction.reduced_systems import ReducedCompensator
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
@@ -93,7 +93,11 @@ def _strictly_proper(compensator: Compensator) -> StateSpace:
 
 
 def _report(
-    compensator: Compensator, plants: Sequence[Plant], loops: Sequence[Loop], parts: Separation, found: Trial
+    compensator: Compensator,
+    plants: Sequence[Plant],
+    loops: Sequence[Loop],
+    parts: Separation,
+    found: Tested,
 ) -> ReducedCompensator:
     law, candidate = found.law, found.candidate
     cut = law is candidate.law

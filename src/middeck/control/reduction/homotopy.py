@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.reduction.methods import Candidate
+from middeck.control.reduction.methods import TruncatedLaw
 from middeck.control.reduction.weighted_loop import absorb, proper_law
 from middeck.control.robust.search.smooth_maximum import improve
 from middeck.control.robust.search.starting_laws import stabilises
@@ -38,7 +38,7 @@ class Withdrawal:
     stops: int
 
 
-def withdraw_remainder(models: Sequence[GeneralizedPlant], candidate: Candidate) -> Withdrawal:
+def withdraw_remainder(models: Sequence[GeneralizedPlant], candidate: TruncatedLaw) -> Withdrawal:
     """The law of the candidate's order at the end of the homotopy, or where it was blocked."""
     law, share, stops = proper_law(candidate.law), 0.0, 0
 

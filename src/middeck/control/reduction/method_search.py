@@ -10,7 +10,7 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.reduction.homotopy import Withdrawal, polish_law, withdraw_remainder
-from middeck.control.reduction.methods import Candidate, Method, find_candidate, find_start
+from middeck.control.reduction.methods import Method, TruncatedLaw, find_candidate, find_start
 from middeck.control.reduction.weighted_loop import Loop, proper_law
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.poles.stability import decays
@@ -22,12 +22,12 @@ ORDER_OF_TRIAL: tuple[Method, ...] = ("performance", "stability", "coprime", "ba
 
 
 @record(kw_only=True)
-class Trial:
+class Tested:
     """Result of one method: law, first truncation, whether it stabilises all plants, description."""
 
     law: StateSpace
     method: Method
-    candidate: Candidate
+    candidate: TruncatedLaw
     holds: bool
     steps: tuple[str, ...]
 
@@ -40,7 +40,7 @@ def search_law(
     *,
     homotopy: bool,
     polish: bool,
-) -> Trial:
+) -> Tested:
     """Result of the first method that stabilises, or of the one of least cost; of the first if none does."""
     asked: Method = "performance" if method == "best" else method
     trials = [_try(system, order, asked, loops, homotopy, polish)]
@@ -62,7 +62,7 @@ def search_law(
 
 def _try(
     system: StateSpace, order: int, method: Method, loops: Sequence[Loop], homotopy: bool, polish: bool
-) -> Trial:
+) -> Tested:
     candidate = find_candidate(system, order, method, loops)
     law = candidate.law
     holds = bool(np.isfinite(_mean_cost(law, loops)))
@@ -76,7 +76,7 @@ def _try(
         found = polish_law([loop.model for loop in loops], proper_law(law))
         law = law if found is None else _with_law(law, found)
         steps.append(f"{method}: the cost descended")
-    return Trial(law=law, method=method, candidate=candidate, holds=holds, steps=tuple(steps))
+    return Tested(law=law, method=method, candidate=candidate, holds=holds, steps=tuple(steps))
 
 
 def _words(end: Withdrawal) -> str:
@@ -85,7 +85,7 @@ def _words(end: Withdrawal) -> str:
     return f"remainder withdrawn by a homotopy of {end.stops} stops, then the cost descended"
 
 
-def _withdraw(system: StateSpace, order: int, candidate: Candidate, loops: Sequence[Loop]) -> Withdrawal:
+def _withdraw(system: StateSpace, order: int, candidate: TruncatedLaw, loops: Sequence[Loop]) -> Withdrawal:
     start = candidate if decays(candidate.remainder) else find_start(system, order, loops)
     if start is None:
         return Withdrawal(proper_law(candidate.law), 0.0, 0)

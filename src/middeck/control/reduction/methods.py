@@ -41,7 +41,7 @@ MIRROR = 1e-2
 
 
 @record
-class Candidate:
+class TruncatedLaw:
     """A law K_r of lower order, its ``remainder`` K - K_r, and the singular values of its choice."""
 
     law: StateSpace
@@ -50,7 +50,7 @@ class Candidate:
     bound: float | None
 
 
-def find_candidate(system: StateSpace, order: int, method: Method, loops: Sequence[Loop]) -> Candidate:
+def find_candidate(system: StateSpace, order: int, method: Method, loops: Sequence[Loop]) -> TruncatedLaw:
     """The strictly proper ``system`` with ``order`` states or, where singular values coincide, fewer."""
     if method == "performance":
         return _in_loop(system, order, loops)
@@ -59,7 +59,7 @@ def find_candidate(system: StateSpace, order: int, method: Method, loops: Sequen
     return _of_what_decays(system, order, loops, weighted=method == "stability")
 
 
-def find_start(system: StateSpace, order: int, loops: Sequence[Loop]) -> Candidate | None:
+def find_start(system: StateSpace, order: int, loops: Sequence[Loop]) -> TruncatedLaw | None:
     """A truncation with a decaying remainder for any K, the start of a homotopy; None where no state may go.
 
     Poles of K that do not decay are kept, the rest is balanced in the loop; poles made unstable are mirrored
@@ -76,7 +76,7 @@ def find_start(system: StateSpace, order: int, loops: Sequence[Loop]) -> Candida
     k = settle_order(coordinates.hankel, order - kept)
     reduced = _mirrored(project(parts.rest, coordinates, k))
     law = add(parts.kept, reduced)
-    return Candidate(law, subtract(parts.rest, reduced), coordinates.hankel, None)
+    return TruncatedLaw(law, subtract(parts.rest, reduced), coordinates.hankel, None)
 
 
 def _mirrored(system: StateSpace) -> StateSpace:
@@ -88,14 +88,14 @@ def _mirrored(system: StateSpace) -> StateSpace:
     return add(StateSpace(-grows.A - off_axis, grows.B, grows.C, grows.D), parts.rest)
 
 
-def _in_loop(system: StateSpace, order: int, loops: Sequence[Loop]) -> Candidate:
+def _in_loop(system: StateSpace, order: int, loops: Sequence[Loop]) -> TruncatedLaw:
     coordinates = balance(gramians_in_loop([loop.model for loop in loops], proper_law(system)))
     k = settle_order(coordinates.hankel, order)
     law = project(system, coordinates, k)
-    return Candidate(law, subtract(system, law), coordinates.hankel, None)
+    return TruncatedLaw(law, subtract(system, law), coordinates.hankel, None)
 
 
-def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, weighted: bool) -> Candidate:
+def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, weighted: bool) -> TruncatedLaw:
     sizes = loops[0].output_size, loops[0].input_size
     sized = in_sizes(system, *sizes)
     parts = separate_unstable(sized)
@@ -109,7 +109,7 @@ def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, we
     coordinates = balance(factors)
     reduced = project(parts.rest, coordinates, settle_order(coordinates.hankel, count))
     bound = None if weighted else bound_of(coordinates.hankel, len(reduced.A))
-    return Candidate(
+    return TruncatedLaw(
         out_of_sizes(add(parts.kept, reduced), *sizes),
         out_of_sizes(subtract(parts.rest, reduced), *sizes),
         coordinates.hankel,
@@ -117,7 +117,7 @@ def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, we
     )
 
 
-def _by_factors(system: StateSpace, order: int, loop: Loop) -> Candidate:
+def _by_factors(system: StateSpace, order: int, loop: Loop) -> TruncatedLaw:
     """Reduce the normalised coprime factors of K = N M^-1 together; both have the states of K."""
     sizes = loop.output_size, loop.input_size
     sized = in_sizes(system, *sizes)
@@ -131,4 +131,4 @@ def _by_factors(system: StateSpace, order: int, loop: Loop) -> Candidate:
     small = project(factors, coordinates, k)
     N, F = small.C[: len(sized.C)], small.C[len(sized.C) :]
     law = out_of_sizes(StateSpace(small.A - small.B @ F, small.B, N, sized.D), *sizes)
-    return Candidate(law, subtract(system, law), coordinates.hankel, None)
+    return TruncatedLaw(law, subtract(system, law), coordinates.hankel, None)

@@ -76,7 +76,7 @@ def _of_modal(
     static: bool,
 ) -> ReducedPlant:
     seen = select_channels(modal, *ports)
-    keep, shares = _most(_contributions(seen, band), modal.omega == 0.0, modes)
+    keep = _most(_contributions(seen, band), modal.omega == 0.0, modes)
     smaller = select_modes(modal, keep)
     gone = dataclasses.replace(select_modes(modal, ~keep), direct=None)
     limit = _limits(gone, band)
@@ -91,7 +91,6 @@ def _of_modal(
         order=2 * len(smaller.omega),
         kept=smaller.names,
         dropped=gone.names,
-        contribution=shares,
         error=peak_gain(left, band).gain,
     )
 
@@ -130,7 +129,7 @@ def _lines(omega: np.ndarray, rate: np.ndarray, band: tuple[float, float]) -> Fl
 
 def _most(
     share: Float[np.ndarray, " mode"], must: Bool[np.ndarray, " mode"], modes: int
-) -> tuple[Bool[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
+) -> Bool[np.ndarray, " mode"]:
     if not max(int(must.sum()), 1) <= modes <= len(share):
         raise ConfigError(
             f"cannot keep {modes} modes of {len(share)}: {int(must.sum())} do not decay and must be kept",
@@ -139,7 +138,7 @@ def _most(
     ranked = np.argsort(-np.where(must, np.inf, share), kind="stable")
     keep = np.zeros(len(share), dtype=bool)
     keep[ranked[:modes]] = True
-    return keep, np.sort(share)[::-1]
+    return keep
 
 
 def _of_statespace(
@@ -152,7 +151,7 @@ def _of_statespace(
 ) -> ReducedPlant:
     values, share = _pole_shares(_between(system, *ports), band)
     grows = np.real(values) > -AXIS * np.abs(values).max(initial=0.0)
-    keep, shares = _most(share, grows, modes)
+    keep = _most(share, grows, modes)
     parts = separate_poles(system, with_conjugates(values[keep]))
     gone = parts.rest
     limit = _static_limit(gone, values[~keep & (np.abs(values) >= band[0])]) if static else gone.D
@@ -164,7 +163,6 @@ def _of_statespace(
         order=len(smaller.A),
         kept=_pole_names(values[keep]),
         dropped=_pole_names(values[~keep]),
-        contribution=shares,
         error=peak_gain(left, band).gain,
     )
 

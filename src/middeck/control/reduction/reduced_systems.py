@@ -18,7 +18,6 @@ class ReducedPlant:
         plant: The reduced plant, modal if it was.
         order: Its states.
         kept, dropped: Names of the modes kept exactly, and of those left out.
-        contribution: Of each mode, largest first.
         error: The largest error within the band.
     """
 
@@ -26,7 +25,6 @@ class ReducedPlant:
     order: int
     kept: tuple[str, ...]
     dropped: tuple[str, ...]
-    contribution: Float[np.ndarray, " mode"]
     error: float
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Complex, Float
 
 from middeck.control.law.stabilisability import CANDIDATE, require_reachable
 from middeck.control.riccati.hamiltonian_units import fold_weights, unit_diagonal, unit_scales
-from middeck.control.riccati.newton import refine, residual, rounding
+from middeck.control.riccati.lyapunov import solve_lyapunov
 from middeck.control.riccati.stable_subspace import solve_by_subspace
 from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
@@ -124,12 +124,12 @@ def _solve_balanced(
     unit = unit_diagonal(found)
     fine = t * unit
     units = A * fine / fine[:, None], B / fine[:, None], Q * np.outer(fine, fine)
-    refined = refine(found * np.outer(unit, unit), *units) / np.outer(unit * t, unit * t)
+    refined = _refine(found * np.outer(unit, unit), *units) / np.outer(unit * t, unit * t)
     remains = residual(refined, A, B, Q)[1]
-    if remains <= SPOILT * rounding(A):
+    if remains <= SPOILT * _rounding(A):
         return refined, remains
     # The diagonal of a state without cost is rounding, and a unit derived from it spoils the others.
-    coarse = refine(found, *scaled) / np.outer(t, t)
+    coarse = _refine(found, *scaled) / np.outer(t, t)
     other = residual(coarse, A, B, Q)[1]
     return (refined, remains) if remains <= other else (coarse, other)
 
@@ -139,3 +139,48 @@ def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
         return np.asarray(sla.solve_continuous_are(A, B, Q, np.eye(B.shape[1])))
     except (np.linalg.LinAlgError, ValueError):
         return None
+
+
+def _refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
+    """Newton steps as long as each halves the residual and that is above rounding."""
+    best, (defect, size) = X, residual(X, A, B, Q)
+    halved = size > 0.0
+    while halved:
+        step = _step(best, defect, A, B)
+        if step is None:
+            return best
+        candidate = best + step
+        defect, now = residual(candidate, A, B, Q)
+        halved = _rounding(A) < now < size / 2.0
+        best, size = (candidate, now) if now < size else (best, size)
+    return best
+
+
+def _rounding(A: np.ndarray) -> float:
+    """Relative residual attributable to rounding."""
+    return 0.1 * len(A) * float(np.finfo(float).eps)
+
+
+def residual(
+    X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray
+) -> tuple[Float[np.ndarray, "state state"], float]:
+    """A'X + XA - (XB)(XB)' + Q, and its Frobenius norm relative to the sum of those of its terms.
+
+    ``inf`` for an X whose terms are beyond numbers, as after a Newton step from far away.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        linear, factor = A.T @ X, X @ B
+        quadratic = factor @ factor.T
+        defect = linear + linear.T - quadratic + Q
+        terms = 2.0 * np.linalg.norm(linear) + np.linalg.norm(quadratic) + np.linalg.norm(Q)
+    if not np.isfinite(terms):
+        return defect, np.inf
+    return defect, float(np.linalg.norm(defect) / terms) if terms > 0.0 else 0.0
+
+
+def _step(X: np.ndarray, defect: np.ndarray, A: np.ndarray, B: np.ndarray) -> np.ndarray | None:
+    try:
+        step = solve_lyapunov(A - B @ (X @ B).T, defect)
+    except np.linalg.LinAlgError:
+        return None
+    return step if np.all(np.isfinite(step)) else None

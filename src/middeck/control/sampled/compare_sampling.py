@@ -108,12 +108,12 @@ def compare_sampling(
     rows: list[SamplingRow] = []
     for rate in rates_hz:
         period = 1.0 / float(rate)
-        late = approximate_delays(_later(plant, period / 2.0), PADE_ORDER)
+        delayed = approximate_delays(_later(plant, period / 2.0), PADE_ORDER)
         laws: list[Compensator] = [
             design_sampled_lqg(plant, weights, authority, period, form) for form in FORMS
         ]
         names = [law.method for law in laws]
-        for design, suffix in ((continuous, ""), (design_lqg(late, weights, authority), ", hold known")):
+        for design, suffix in ((continuous, ""), (design_lqg(delayed, weights, authority), ", hold known")):
             rules: tuple[Rule, ...] = ("hold", "tustin", *(("matched",) if design.system.D.size == 1 else ()))
             laws += [emulate(design, period, rule, match_hz=match_hz) for rule in rules]
             names += [rule + suffix for rule in rules]

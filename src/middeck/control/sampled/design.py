@@ -154,11 +154,7 @@ def _require_no_loop(system: SampledStateSpace, form: Form) -> None:
 
 
 def _join(
-    plant: SampledStateSpace,
-    K: np.ndarray,
-    estimator: RiccatiSolution,
-    sensor: np.ndarray,
-    form: Form,
+    plant: SampledStateSpace, K: np.ndarray, estimator: RiccatiSolution, sensor: np.ndarray, form: Form
 ) -> tuple[SampledStateSpace, Float[np.ndarray, "state state"]]:
     """The law, and the covariance of what it does not know of the state when it issues u."""
     A, B, C, D = plant.A, plant.B, plant.C, plant.D

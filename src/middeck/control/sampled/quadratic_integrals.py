@@ -18,7 +18,7 @@ NODES = 10
 
 
 @record
-class Spread:
+class NoiseSpread:
     """Effect of white noise of intensity V on x' = A x + w over a time h.
 
     Attributes:
@@ -34,7 +34,7 @@ class Spread:
 
 def spread_noise(
     A: Float[np.ndarray, "state state"], V: Float[np.ndarray, "state state"], duration_s: float
-) -> Spread:
+) -> NoiseSpread:
     """The covariance of x' = A x + w, from rest, after ``duration_s``, and its integral until then.
 
     >>> walk = spread_noise(np.zeros((1, 1)), np.eye(1), 3.0)                # variances t, and t^2 / 2
@@ -42,7 +42,7 @@ def spread_noise(
     (3.0, 4.5)
     """
     if not len(A):
-        return Spread(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)))
+        return NoiseSpread(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)))
     size = float(np.linalg.norm(A, 2)) * duration_s
     halvings = max(0, int(np.ceil(np.log2(size)))) if size > 0.0 else 0
     h = duration_s / 2.0**halvings
@@ -57,7 +57,7 @@ def spread_noise(
         dwell = dwell + h * covariance + step @ dwell @ step.T
         covariance = covariance + step @ covariance @ step.T
         step, h = step @ step, 2.0 * h
-    return Spread(step, (covariance + covariance.T) / 2.0, (dwell + dwell.T) / 2.0)
+    return NoiseSpread(step, (covariance + covariance.T) / 2.0, (dwell + dwell.T) / 2.0)
 
 
 def integrate_along(

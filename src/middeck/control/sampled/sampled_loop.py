@@ -91,7 +91,7 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
     if not same_period(law.period_s, held.system.period_s):
         raise ConfigError(
             f"the compensator's period is {law.period_s} s, the plant is held over {held.system.period_s} s",
-            hint="emulate(law, period_s), or hold the plant over the law's period",
+            hint="emulate(law, period_s), or hold the plant over the compensator's period",
         )
     if np.any(held.system.D) and np.any(law.D):
         raise ConfigError(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from middeck.errors import ConfigError, DataError
+from middeck.errors import ConfigError, DataError, MiddeckError
 from middeck.files.articles.component_form import ComponentForm
 from middeck.files.disk.atomic import replacing
 from middeck.structure.model.component import Component, require_component
@@ -110,7 +110,7 @@ def _arrays(path: Path) -> dict[str, Any]:
             return mat_arrays(path)
     except FileNotFoundError:
         raise DataError("cannot be read: no such file", where=str(path), hint="check the path") from None
-    except DataError:
+    except MiddeckError:
         raise
     except Exception as error:
         raise DataError(f"truncated or no {path.suffix} file: {error}", where=str(path), hint=HINT) from None

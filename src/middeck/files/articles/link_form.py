@@ -94,13 +94,7 @@ def build_link(form: LinkForm | InterpolationForm | EquationForm) -> AnyLink:
         about=form.about,
         axes=form.axes(f"link {name!r}"),
         shares=tuple(
-            Share(
-                frame=s.frame,
-                weight=s.weight,
-                along=s.along,
-                about=s.about,
-                axes=s.axes(f"link {name!r}"),
-            )
+            Share(frame=s.frame, weight=s.weight, along=s.along, about=s.about, axes=s.axes(f"link {name!r}"))
             for s in form.follows
         ),
     )

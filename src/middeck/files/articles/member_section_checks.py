@@ -38,9 +38,7 @@ def _sections(data: Table) -> Iterator[Finding]:
         tube, general = "material" in section, any(k in section for k in GENERAL_KEYS)
         if not tube and not general:
             yield finding(
-                (*path, "material"),
-                "missing",
-                hint="a material and diameters, stiffness, or EA_n ...",
+                (*path, "material"), "missing", hint="a material and diameters, stiffness, or EA_n ..."
             )
         for key in (k for k in (GENERAL_KEYS if tube else TUBE_KEYS if general else ()) if k in section):
             kind = "material and diameters" if tube else "stiffnesses"

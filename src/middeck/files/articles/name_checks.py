@@ -124,11 +124,7 @@ def _case_references(
 
 
 def unknown_name(
-    path: Path,
-    name: Any,
-    known: Collection[str],
-    kind: str,
-    carriers: Mapping[str, Any] | None = None,
+    path: Path, name: Any, known: Collection[str], kind: str, carriers: Mapping[str, Any] | None = None
 ) -> Iterator[Finding]:
     """A name that is not ``known``; ``carriers`` are the frames of attach points, which may be meant."""
     if isinstance(name, str) and name not in known:

@@ -185,17 +185,17 @@ def _build(
     outputs = _ports(found, "Output", name_ports("y", len(D)), where)
     system = build_system(matrices, period, (len(inputs), len(outputs)), where)
     plant = Plant(dynamics=system, inputs=inputs, outputs=outputs, state_names=_texts(found, "StateName"))
-    kind, late = _text(found, "Kind"), [name for name in DELAYS if np.any(found.get(name, 0.0))]
-    if late and (kind == "compensator" or period is not None):
+    kind, delays = _text(found, "Kind"), [name for name in DELAYS if np.any(found.get(name, 0.0))]
+    if delays and (kind == "compensator" or period is not None):
         raise DataError(
             f"a delay of a {kind or 'sampled system'}",
-            where=f"{where}, {late[0]}",
+            where=f"{where}, {delays[0]}",
             hint="delays as states: pade(s, 3), or absorbDelay(s) of a sampled system",
         )
     if kind == "compensator":
         return _compensator(found, plant, where)
     rows, columns = system.D.shape
-    plant = delay_plant(plant, _delays(found, where, (rows, columns))) if late else plant
+    plant = delay_plant(plant, _delays(found, where, (rows, columns))) if delays else plant
     return group_ports(plant, **{group: _texts(found, group) for group in GROUPS})
 
 

@@ -15,7 +15,7 @@ from middeck.files.exchange.named import Exchangeable, exchanged, known_ports, m
 from middeck.files.exchange.transfer_functions import build_foreign, realise_ratio, settle_period, with_delay
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace
+from middeck.systems.state_space.statespace import LinearSystem
 
 # python-control keeps the dot for "system.signal".
 DOT, INSTEAD = ".", "·"
@@ -41,7 +41,7 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
         "outputs": _port_labels(named.outputs, "output"),
         "states": _numbered(named.state_names) or None,
     }
-    dt = system.period_s if isinstance(system, SampledStateSpace) else 0
+    dt = system.period_s or 0
     return control.StateSpace(
         system.A, system.B, system.C, system.D, dt, **labels, name=name, remove_useless_states=False
     )

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from middeck.errors import DataError
 from middeck.files.disk.looks import SCHEMAS, looks_like
-from middeck.files.documents import load_structure
 from middeck.files.measured.models import load_fitted, load_standing
 from middeck.files.measured.modes import load_measured_modes
+from middeck.files.setups import load_structure
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.residuals.fitted_survey import survey_from_fit
 

@@ -24,10 +24,7 @@ CHOICES = {(nodes, shapes) for nodes in (2411, 15) for shapes in (55, 2414)}
 
 
 def write_uff(
-    path: Path,
-    measured: MeasuredModes,
-    structure: Structure | None = None,
-    sets: tuple[int, int] = SETS,
+    path: Path, measured: MeasuredModes, structure: Structure | None = None, sets: tuple[int, int] = SETS
 ) -> None:
     """Write shapes in SI and global axes, whole or not at all; members of ``structure`` as trace lines.
 

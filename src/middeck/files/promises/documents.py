@@ -20,7 +20,7 @@ from middeck.updating.orbit.shapes import promised_shapes
 from middeck.updating.promise.confidence import draws_needed, level
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
-from middeck.updating.promise.performance_bound import Bound
+from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise
 from middeck.updating.promise.robustness_sweep import Swept
@@ -242,7 +242,7 @@ def _modes(modes: Prediction, unseen_damping: float) -> list[dict[str, Any]]:
     ]
 
 
-def _loop_row(outlook: Outlook, bound: Bound, plan: Plan) -> dict[str, Any]:
+def _loop_row(outlook: Outlook, bound: RobustBound, plan: Plan) -> dict[str, Any]:
     risk, correlation = outlook.risk
     effort = float(np.median(outlook.control_rms))
     return {
@@ -266,11 +266,7 @@ def _loop_row(outlook: Outlook, bound: Bound, plan: Plan) -> dict[str, Any]:
 
 def _swept(swept: Swept) -> dict[str, Any]:
     """In how many cases of the sweep the loop is stable, and in which it is not."""
-    return {
-        "cases": len(swept.cases),
-        "stable": int(np.count_nonzero(swept.stable)),
-        "lost": swept.lost,
-    }
+    return {"cases": len(swept.cases), "stable": int(np.count_nonzero(swept.stable)), "lost": swept.lost}
 
 
 def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:

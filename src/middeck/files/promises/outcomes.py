@@ -27,7 +27,7 @@ from middeck.updating.promise.outcome_pairs import (
     pair_by_words,
     remarks_on,
 )
-from middeck.updating.promise.score import Outcome, Statement, Verdict, judge, score
+from middeck.updating.promise.score import Scored, Statement, Verdict, judge, score
 from middeck.values import record
 
 COMPARISON = "middeck.comparison/1"
@@ -89,7 +89,7 @@ class Came:
 
     modes: tuple[MeasuredMode, ...]
     surveys: tuple[tuple[str, MeasuredModes], ...]
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[Scored, ...]
     files: tuple[Path, ...]
 
 
@@ -114,11 +114,11 @@ def load_outcomes(path: str | Path) -> Came:
         surveys=tuple((s.environment, measured) for s, measured in zip(form.survey, surveys, strict=True)),
         outcomes=(
             *(
-                Outcome(kind="reading", name=name_of(r.environment, r.load_case, r.gauge), value=r.value)
+                Scored(kind="reading", name=name_of(r.environment, r.load_case, r.gauge), value=r.value)
                 for r in form.reading
             ),
             *(
-                Outcome(
+                Scored(
                     kind="compensator", name=name_of(c.environment, c.name), value=c.rms_db, stable=c.stable
                 )
                 for c in form.compensator
@@ -145,10 +145,7 @@ def comparison_document(promise: Mapping[str, Any], came: Came, *, date: str) ->
     statements = statements_of(promise)
     paired, remarks = _pair(promised_modes_of(promise), came)
     named = [(name_of_mode(p.environment, p.index + 1), p) for p in paired]
-    outcomes = (
-        *(Outcome(kind="mode", name=name, value=p.frequency_hz) for name, p in named),
-        *came.outcomes,
-    )
+    outcomes = (*(Scored(kind="mode", name=name, value=p.frequency_hz) for name, p in named), *came.outcomes)
     verdicts = judge(statements, outcomes)
     said = {(s.kind, s.name): s for s in statements}
     first, *others = ({"name": file.name, "sha256": sha256_of(file)} for file in came.files)
@@ -257,7 +254,7 @@ def _place(promised: Mapping[str, PromisedModes], environment: str) -> PromisedM
     return promised[environment]
 
 
-def _row(verdict: Verdict, said: Statement, came: Outcome) -> dict[str, Any]:
+def _row(verdict: Verdict, said: Statement, came: Scored) -> dict[str, Any]:
     return {
         "kind": verdict.kind,
         "name": verdict.name,

@@ -11,9 +11,9 @@ from pydantic import Field
 from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
 from middeck.files.disk.looks import PLAN
-from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
+from middeck.files.setups import find_document, load_setup, load_structure
 from middeck.files.toml.form import Form, Log10Authority, NotNegative, Positive, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure
@@ -81,7 +81,7 @@ class LadderForm(Form):
     log10_authority: Annotated[tuple[Log10Authority, ...], Field(strict=False, min_length=1)]
 
 
-class LawForm(Form):
+class LawFile(Form):
     """A compensator in a file beside the plan."""
 
     name: str
@@ -122,7 +122,7 @@ class PlanForm(Form):
     loop: LoopForm = LoopForm()
     inner: InnerForm | None = None
     ladder: LadderForm | None = None
-    law: Annotated[tuple[LawForm, ...], Field(strict=False)] = ()
+    law: Annotated[tuple[LawFile, ...], Field(strict=False)] = ()
     joint: Annotated[tuple[JointForm, ...], Field(strict=False)] = ()
     sweep: SweepForm = SweepForm()
 

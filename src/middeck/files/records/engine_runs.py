@@ -10,7 +10,6 @@ from middeck.errors import DataError
 from middeck.files.records.raw import Head, Raw, channel_fault
 from middeck.realtime.engine.recording.run_file import Run, RunFault, read_run
 from middeck.signals.fault import Fault
-from middeck.signals.ports import Port
 
 
 def read_run_file(file: Path, variable: str) -> Raw:
@@ -25,14 +24,10 @@ def read_run_file(file: Path, variable: str) -> Raw:
         for k, port in enumerate(ports):
             samples = np.full(int(place[-1]) + 1, np.nan)
             samples[place] = run.records[field][:, k]
-            heads.append(_head(port, side))
+            heads.append(Head(port.name, port.unit, "input" if side == "input" else "output"))
             x.append(samples[None, None])
     faults = tuple(fault for one in run.faults for fault in _faults(run, one, heads, first))
     return Raw(sample_hz=1.0 / run.period_s, heads=tuple(heads), x=tuple(x), faults=faults, held=True)
-
-
-def _head(port: Port, side: str) -> Head:
-    return Head(port.name, port.unit, "input" if side == "input" else "output")
 
 
 def _faults(run: Run, one: RunFault, heads: list[Head], first: int) -> list[Fault]:

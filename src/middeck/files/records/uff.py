@@ -38,7 +38,7 @@ EVEN = 1e-12
 
 
 @record(kw_only=True)
-class Run:
+class Experiment:
     """One experiment: a data set for each channel, the samples that they share, and their rate [Hz]."""
 
     heads: tuple[Head, ...]
@@ -65,7 +65,7 @@ def read_uff(file: Path, variable: str) -> Raw:
     return dataclasses.replace(raws[0], x=x, faults=sum((r.faults for r in raws), ()))
 
 
-def raw_run(file: Path, run: Run) -> Raw:
+def raw_run(file: Path, run: Experiment) -> Raw:
     """One experiment of a file."""
     columns = [np.concatenate(list(pieces_channel(file, run, k, WHOLE))) for k in range(len(run.sets))]
     periods = run.periods or 1
@@ -80,7 +80,7 @@ def raw_run(file: Path, run: Run) -> Raw:
     )
 
 
-def pieces_channel(file: Path, run: Run, channel: int, size: int) -> Iterator[np.ndarray]:
+def pieces_channel(file: Path, run: Experiment, channel: int, size: int) -> Iterator[np.ndarray]:
     """Samples of one channel that all channels share, ``size`` at a time; the last piece may be shorter."""
     skip, left, held = run.skips[channel], run.samples, np.empty(0)
     for values in read_values(file, run.sets[channel], size):
@@ -94,7 +94,7 @@ def pieces_channel(file: Path, run: Run, channel: int, size: int) -> Iterator[np
         yield held
 
 
-def read_runs(file: Path) -> list[Run]:
+def read_runs(file: Path) -> list[Experiment]:
     """The experiments of a file: the n-th time that a channel comes, it belongs to the n-th.
 
     Raises `DataError`, naming the channel, for unlike rates, starts that are not whole samples apart, and
@@ -179,7 +179,7 @@ def _place_name(place: Place) -> str:
     return f"{_node(place) or '0'}{_direction(place)}"
 
 
-def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Run:
+def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Experiment:
     rates = [_sample_hz(d) for d in sets]
     for head, data, rate in zip(heads, sets, rates, strict=True):
         if abs(rate - rates[0]) > SAME_RATE * rates[0]:
@@ -204,7 +204,7 @@ def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Run:
         raise DataError(what, where=str(file), hint="the channels were not recorded together")
     faults = _cut_faults(heads, sets, whole, samples)
     count, held = None if periods is None else int(periods), _told(sets[0], "held")
-    return Run(
+    return Experiment(
         heads=heads,
         sets=sets,
         skips=whole,

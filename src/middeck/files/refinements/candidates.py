@@ -10,10 +10,10 @@ from pydantic import Field
 
 from middeck.errors import ConfigError
 from middeck.files.disk.looks import CANDIDATES
-from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
 from middeck.files.refinements.promised_loads import PromisedLoads, load_promised_loads
+from middeck.files.setups import find_document, load_setup, load_structure
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, whole
 from middeck.files.toml.source import read_form
@@ -53,7 +53,7 @@ class CandidatesForm(Form):
 
 
 @record(kw_only=True)
-class Candidates:
+class RankedTests:
     """What `middeck.updating.candidates.candidates.rank_tests` needs, and an article with its refinement.
 
     Attributes:
@@ -70,7 +70,7 @@ class Candidates:
     tests: tuple[CandidateSurvey | StaticTest, ...]
 
 
-def load_candidates(path: str | Path, article: str | Path) -> Candidates:
+def load_candidates(path: str | Path, article: str | Path) -> RankedTests:
     """The candidates in file ``path`` for the article in file ``article``.
 
     The refinement is sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
@@ -87,7 +87,7 @@ def load_candidates(path: str | Path, article: str | Path) -> Candidates:
     def there(name: str) -> Environment:
         return load_setup(article, find_document(name, "environment", beside=path))[1]
 
-    return Candidates(
+    return RankedTests(
         structure=load_structure(article),
         refinement=load_refinement(refined_on, article),
         environments={name: there(name) for name in form.environments},

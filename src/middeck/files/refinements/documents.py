@@ -10,11 +10,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.files.disk.looks import ARTICLE, REFINEMENT
-from middeck.files.documents import find_document, load_setup
 from middeck.files.measured.survey_files import load_survey_modes
 from middeck.files.refinements.gauge_form import StaticForm, build_static, static_findings, value_of
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
+from middeck.files.setups import find_document, load_setup
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
 from middeck.updating.refinement.posterior import USUAL

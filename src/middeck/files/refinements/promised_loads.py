@@ -9,9 +9,9 @@ from pydantic import Field
 
 from middeck.files.articles.boundary_form import LoadCaseForm, build_load_cases
 from middeck.files.disk.looks import LOADS
-from middeck.files.documents import find_document, load_setup, load_structure
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import GaugeForm, build_gauge
+from middeck.files.setups import find_document, load_setup, load_structure
 from middeck.files.toml.form import Form, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import LoadCase, Structure

@@ -13,9 +13,9 @@ from middeck.files.articles.form import ArticleForm
 from middeck.files.articles.names import attach_names
 from middeck.files.disk.digest import sha256_of
 from middeck.files.disk.looks import STUDY
-from middeck.files.documents import build_article, join_findings
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment
+from middeck.files.setups import build_article, join_findings
 from middeck.files.studies import form as study_form
 from middeck.files.studies.checks import fixed_axes, signal_findings
 from middeck.files.studies.promise import PromiseForm
@@ -24,7 +24,7 @@ from middeck.files.toml.faults import Fault, Finding, finding, raise_faults
 from middeck.files.toml.lines import Path as KeyPath
 from middeck.files.toml.overrides import Target, apply_overrides
 from middeck.files.toml.source import Checked, Kind, Source, check, place_in, read_source, read_sources
-from middeck.laboratory.settings import LoopTest, RigSettings
+from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.values import record
@@ -33,7 +33,7 @@ F = TypeVar("F")
 
 
 @record
-class Case:
+class StudyCase:
     """An article in an environment, both by their names in the study."""
 
     article: str
@@ -57,7 +57,7 @@ class Study:
 
     form: study_form.StudyForm
     folder: Path
-    cases: tuple[Case, ...]
+    cases: tuple[StudyCase, ...]
     inputs: tuple[tuple[str, str], ...]
     overrides: tuple[str, ...]
 
@@ -147,7 +147,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     built = {name: build_article(c) for name, c in structures.items()}
     attach = {name: attach_names(c.data) for name, c in structures.items()}
     cases = tuple(
-        Case(a, e, built[a], build_environment(cast("EnvironmentForm", c.form), attach[a]))
+        StudyCase(a, e, built[a], build_environment(cast("EnvironmentForm", c.form), attach[a]))
         for (a, e), c in surroundings.items()
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)

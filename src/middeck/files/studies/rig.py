@@ -10,7 +10,7 @@ from middeck.joints.element import JointElement
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.parts.motors import Motor, Rotor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
-from middeck.laboratory.settings import LoopTest, RigSettings
+from middeck.laboratory.rig_settings import LoopTest, RigSettings
 
 
 def build_rig_settings(form: RigForm) -> RigSettings:

@@ -38,7 +38,7 @@ class Override:
     article: str = ""
 
 
-class Reach(Enum):
+class KeyState(Enum):
     """The part of a document at the path of an override."""
 
     UNKNOWN = 0  # its form has no such key
@@ -82,29 +82,29 @@ def _fault(key: str, message: str, hint: str) -> Fault:
     return Fault(file="--set", line=0, key=key, message=message, hint=hint)
 
 
-def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[Reach, Path]:
+def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[KeyState, Path]:
     """How far ``segments`` lead in ``data``, a document of the form ``annotation``, and the path in it."""
     path: list[str | int] = []
     for depth, segment in enumerate(segments):
         annotation = bare(annotation)
         if is_form(annotation) and not isinstance(data, dict):  # a table that another override has replaced
-            return Reach.UNKNOWN, tuple(path)
+            return KeyState.UNKNOWN, tuple(path)
         last = depth == len(segments) - 1
         key = _match(segment, data, annotation)
         if key is None:
-            return Reach.UNKNOWN, tuple(path)
+            return KeyState.UNKNOWN, tuple(path)
         annotation = child(annotation, key)
         path.append(key)
         if _has(data, key):
             data = data[key]
         elif last:
-            return Reach.SETTABLE, tuple(path)
+            return KeyState.SETTABLE, tuple(path)
         else:
             return _reach_unset(annotation, segments[depth + 1 :], path)
-    return Reach.PRESENT, tuple(path)
+    return KeyState.PRESENT, tuple(path)
 
 
-def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]) -> tuple[Reach, Path]:
+def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]) -> tuple[KeyState, Path]:
     """The same below a table that the document leaves out: settable if no other key of it is required.
 
     Of a table of values by name none is.
@@ -116,11 +116,11 @@ def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]
         annotation = bare(annotation)
         key = _match(segment, None, annotation)
         if key is None:
-            return Reach.UNKNOWN, tuple(path)
+            return KeyState.UNKNOWN, tuple(path)
         annotation = child(annotation, key)
         path.append(key)
     whole = of_values or needed <= {path[-1]}
-    return (Reach.SETTABLE if whole and len(segments) == 1 else Reach.ABSENT), tuple(path)
+    return (KeyState.SETTABLE if whole and len(segments) == 1 else KeyState.ABSENT), tuple(path)
 
 
 def _match(segment: str, data: Any, annotation: Any) -> str | int | None:
@@ -179,18 +179,18 @@ def apply_overrides(
         found = [
             reach(data, target.form, override.segments)
             if not override.article or override.article == target.article
-            else (Reach.UNKNOWN, ())
+            else (KeyState.UNKNOWN, ())
             for data, target in zip(documents, targets, strict=True)
         ]
         best = max((r.value for r, _ in found), default=0)
-        if best == Reach.UNKNOWN.value:
+        if best == KeyState.UNKNOWN.value:
             faults.append(_unknown(override, documents, targets))
-        if best == Reach.ABSENT.value and turn < again:
+        if best == KeyState.ABSENT.value and turn < again:
             waiting.append(override)
-        elif best == Reach.ABSENT.value:
+        elif best == KeyState.ABSENT.value:
             warnings.warn(_no_effect(override, targets, found), stacklevel=2)
         for data, marks, (how, path) in zip(documents, changed, found, strict=True):
-            if how.value == best and how in (Reach.SETTABLE, Reach.PRESENT):
+            if how.value == best and how in (KeyState.SETTABLE, KeyState.PRESENT):
                 _put(data, path, override.value)
                 marks[path] = override.text.partition("=")[0].strip()
     raise_faults(faults)
@@ -203,8 +203,8 @@ def _put(data: Any, path: Path, value: Any) -> None:
     data[path[-1]] = copy.deepcopy(value)
 
 
-def _no_effect(override: Override, targets: Sequence[Target], found: Sequence[tuple[Reach, Path]]) -> str:
-    files = ", ".join(t.name for t, (how, _) in zip(targets, found, strict=True) if how is Reach.ABSENT)
+def _no_effect(override: Override, targets: Sequence[Target], found: Sequence[tuple[KeyState, Path]]) -> str:
+    files = ", ".join(t.name for t, (how, _) in zip(targets, found, strict=True) if how is KeyState.ABSENT)
     return (
         f"--set {override.text} has no effect: its table is not in {files}; write the table there to set it"
     )

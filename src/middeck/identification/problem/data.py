@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.spectra.excess_variance import Spread, by_output
 from middeck.systems.plants.response import FrequencyResponse
@@ -42,6 +42,7 @@ class Data:
             experiment.
         weight: One over the standard deviation of H.
         drive: Spectra of the inputs in each experiment; None for a response.
+        driven: Lines of a record that its inputs drive, beside silent ones; None where all are driven.
         transient: Whether each column has a free transient with the poles of the model (`transient`).
         mix: How outputs that err together are combined before they are weighed; not with a transient.
     """
@@ -50,6 +51,7 @@ class Data:
     H: Complex[np.ndarray, "output line column"]
     weight: Float[np.ndarray, "output line column"]
     drive: Complex[np.ndarray, "line input column"] | None = None
+    driven: Bool[np.ndarray, " line"] | None = None
     transient: Transient | None = None
     mix: Complex[np.ndarray, "line output output"] | None = None
 

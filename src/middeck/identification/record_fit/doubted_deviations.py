@@ -88,7 +88,7 @@ def causes_of(
     ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
     ``left`` is what the fit leaves, over the output, in rms.
     """
-    size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data)))
+    size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data), driven=data.driven))
     white, response = run.residual(data) / size, (data.H - run.residual(data)) / size
     noise = _left_of(heard, data, run, size)
     each = list(zip(white, response, noise, strict=True))
@@ -228,7 +228,7 @@ def signals(data: Data, spectra: Complex[np.ndarray, "line column"]) -> Float[np
 def growth_score(data: Data, run: RecordRun, heard: Heard) -> Float[np.ndarray, " output"]:
     """Of each output, a number that is normal with unit variance for noise of constant size and ``heard``."""
     r = run.residual(data)
-    size = np.sqrt(noise_variance(r))
+    size = np.sqrt(noise_variance(r, driven=data.driven))
     noise = _left_of(heard, data, run, size)
     return np.array([_score(r[o] / size[o], data.H[o] - r[o], noise[o], data) for o in range(len(r))])
 

@@ -288,7 +288,7 @@ def _result(
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = model_of(run, record.inputs, record.outputs)
-    noise = _input_variance(record)
+    noise = _input_variance(measured)
     found_covariance, moves = record_covariance(run, data, fitted, input_noise, noise)
     covariance = checked_covariance(found_covariance)
     uncertainty = uncertainty_of(covariance)
@@ -370,7 +370,8 @@ def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
     """Of noise of the measured inputs: what does not repeat in them, or the floor of their spectra."""
     periods = record.u.shape[1]
     if record.periodic and periods > 1:
-        scatter = record.u - record.u.mean(axis=1, keepdims=True)
+        level = record.u - record.u.mean(axis=2, keepdims=True)  # drift moves all periods alike
+        scatter = level - level.mean(axis=1, keepdims=True)
         return np.mean(scatter**2, axis=(0, 1, 2)) * periods / (periods - 1)
     return floor_variance(record.u.reshape(len(record.u), -1, record.u.shape[3]))
 
@@ -392,10 +393,10 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
 
     Description lengths 2 L + k ln n (Rissanen 1978), the noise smooth over lines in both.
     """
-    v = noise_variance(data.H)
+    v = noise_variance(data.H, driven=data.driven)
     alone = 2.0 * negative_log_likelihood(data.H, v)
     r = run.residual(data)
-    v = noise_variance(r)
+    v = noise_variance(r, driven=data.driven)
     unknowns = run.layout.size + run.refined.step.linear.size
     model = 2.0 * negative_log_likelihood(r, v) + unknowns * np.log(2.0 * data.H.size)
     if model >= alone:

@@ -146,7 +146,7 @@ def _scores_spread(
         rows = R @ own.removed(J[at])
         followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
-        v = covering_variance(residual[o, None], shape, left.T[None])[0]
+        v = covering_variance(residual[o, None], shape, left.T[None], data.driven)[0]
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
         heard = np.sum(H[:, o] * N, axis=2) / np.sqrt(run.variance[o].T[:, None])
         scores += (

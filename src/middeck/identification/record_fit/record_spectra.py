@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+import scipy.ndimage
+from jaxtyping import Bool, Complex, Float
 
 from middeck.errors import FitError
 from middeck.identification.model.measurement_model import MeasurementModel
@@ -16,6 +17,9 @@ from middeck.signals.record import Record
 FAINTEST = 1e-6
 # Lines over which the power of an input is averaged for that.
 NEIGHBOURS = 10
+# Power of a silent line over that of the strongest within as many, and the share of driven lines below which
+# the others are silent on purpose: of noise a line in thirty is so faint by chance.
+SILENT, MOST_DRIVEN = 1e-2, 0.8
 # Share of a channel's power from which on a ramp is drift.
 DRIFT = 0.1
 
@@ -47,6 +51,7 @@ def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: b
         H=np.moveaxis(Y[:, keep], (0, 1, 2), (2, 1, 0)),
         weight=weight,
         drive=np.moveaxis(U[:, keep], 0, 2),
+        driven=driven_lines(U[:, keep]),
         transient=Transient(1.0 / record.sample_hz),
     )
 
@@ -60,6 +65,16 @@ def _driven(U: np.ndarray) -> np.ndarray:
     )
     strong = np.flatnonzero(smooth > FAINTEST * smooth.max())
     return (np.arange(len(power)) >= strong[0]) & (np.arange(len(power)) <= strong[-1])
+
+
+def driven_lines(U: Complex[np.ndarray, "experiment line input"]) -> Bool[np.ndarray, " line"] | None:
+    """Lines on which the inputs are not much fainter than on the strongest nearby; None where few are.
+
+    A signal that repeats within the record, or that leaves lines out, drives some lines only.
+    """
+    power = np.sum(np.abs(U) ** 2 / np.mean(np.abs(U) ** 2, axis=(0, 1)), axis=(0, 2))
+    driven = power > SILENT * scipy.ndimage.maximum_filter1d(power, 2 * NEIGHBOURS + 1)
+    return driven if np.mean(driven) < MOST_DRIVEN else None
 
 
 def without_drift(record: Record) -> Record:

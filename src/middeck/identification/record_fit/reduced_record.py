@@ -64,7 +64,8 @@ def with_few_lines(data: Data) -> Data:
 
 def _on_lines(data: Data, kept: np.ndarray) -> Data:
     H, weight = data.H[:, kept], data.weight[:, kept]
-    return dataclasses.replace(data, s=data.s[kept], H=H, weight=weight, drive=data.U[kept])
+    driven = None if data.driven is None or data.driven[kept].all() else data.driven[kept]
+    return dataclasses.replace(data, s=data.s[kept], H=H, weight=weight, drive=data.U[kept], driven=driven)
 
 
 def _principal(record: Record) -> Record:

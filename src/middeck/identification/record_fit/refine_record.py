@@ -16,6 +16,7 @@ from middeck.identification.problem.unknowns_layout import Layout, Start
 from middeck.identification.record_fit.sensor_or_force_noise import (
     Noise,
     denominator,
+    lines_alike,
     negative_log_likelihood,
     noise_variance,
 )
@@ -23,7 +24,8 @@ from middeck.identification.search.least_squares_costs import weighted
 from middeck.identification.search.refine_and_reweigh import Run
 from middeck.values import record
 
-# "flat": one variance for each output, so that what is least is the error of the simulation itself.
+# "flat": one variance for each output, of driven and of silent lines, so that the least is the error of the
+# simulation itself.
 Weighting = Literal["flat"] | Noise
 WEIGHTINGS: tuple[Weighting, ...] = ("output", "motion", "flat")
 # A decay rate times the record's length below which free motion is no different from a steady one, and times
@@ -97,9 +99,12 @@ def _variance_of(
 ) -> Float[np.ndarray, "output line column"]:
     """Variance of each output on each line from what a model leaves."""
     if weighting == "flat":
-        v = np.mean(np.abs(r) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
-        return np.broadcast_to(v, r.shape)
-    return noise_variance(r, _denominator(data, Start(layout, theta)) if weighting == "motion" else None)
+        v = np.empty(r.shape)
+        for at in lines_alike(data.driven, r.shape[1]):
+            v[:, at] = np.mean(np.abs(r[:, at]) ** 2, axis=(1, 2), keepdims=True) + np.finfo(float).tiny
+        return v
+    shape = _denominator(data, Start(layout, theta)) if weighting == "motion" else None
+    return noise_variance(r, shape, driven=data.driven)
 
 
 def _denominator(data: Data, start: Start) -> Float[np.ndarray, " line"]:

@@ -10,6 +10,10 @@ smooth, and by nothing else. Two kinds are smooth in different ways:
 A peak of a lightly damped mode is narrower than a line of a short record: the second kind knows its shape all
 the same. (A is the denominator of an ARMAX or innovations model, Ljung 1999, sec. 4.2; the average stands for
 its numerator.) Which of them a record has is what makes it likelier.
+
+What an article that is not linear adds to a signal that repeats, repeats with it: it lies on lines that the
+inputs drive (or between them, for even powers), and far above the noise beside them. So lines that are driven
+and lines that are silent are averaged apart.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 Noise = Literal["output", "motion"]
 # Lines to either side in the average, and as a share of all.
@@ -32,13 +36,20 @@ def noise_variance(
     residual: Complex[np.ndarray, "output line column"],
     shape: Float[np.ndarray, " line"] | None = None,
     left: Float[np.ndarray, "output line column"] | None = None,
+    driven: Bool[np.ndarray, " line"] | None = None,
 ) -> Float[np.ndarray, "output line column"]:
     """Variance of each output on each line, common to all experiments: of sensors, or of forces (``shape``).
 
     ``shape`` is the model's `denominator`; ``left`` the share of noise that the fit leaves on each line, one
-    less its leverage: without it the power is taken as it is.
+    less its leverage: without it the power is taken as it is. ``driven`` tells the lines that inputs drive
+    from silent ones (`driven_lines`).
     """
     shape = np.ones(residual.shape[1]) if shape is None else shape
+    if driven is not None:
+        v = np.empty(residual.shape)
+        for at, kind in ((driven, noise_variance), (~driven, likelier_variance)):
+            v[:, at] = kind(residual[:, at], shape[at], None if left is None else left[:, at])
+        return v
     power = np.mean(np.abs(residual) ** 2, axis=2) * shape
     half = max(1, min(HALF, int(SHARE * len(shape))))
     smooth = np.array([_average(row, half) for row in power])
@@ -54,9 +65,10 @@ def likelier_variance(
     residual: Complex[np.ndarray, "output line column"],
     shape: Float[np.ndarray, " line"],
     left: Float[np.ndarray, "output line column"] | None = None,
+    driven: Bool[np.ndarray, " line"] | None = None,
 ) -> Float[np.ndarray, "output line column"]:
     """By the kind of noise that makes the residual likelier."""
-    both = noise_variance(residual, None, left), noise_variance(residual, shape, left)
+    both = (noise_variance(residual, by, left, driven) for by in (None, shape))
     return min(both, key=lambda v: negative_log_likelihood(residual, v))
 
 
@@ -64,14 +76,23 @@ def covering_variance(
     residual: Complex[np.ndarray, "output line column"],
     shape: Float[np.ndarray, " line"],
     left: Float[np.ndarray, "output line column"],
+    driven: Bool[np.ndarray, " line"] | None = None,
 ) -> Float[np.ndarray, "output line column"]:
     """The likelier, or on each line that of sensors and forces together where it is more.
 
     A fit follows the few lines of a narrow peak, so that what is left there does not tell how strong the
     forces are; the flanks of the peak above the noise of sensors do.
     """
-    found = likelier_variance(residual, shape, left)
-    return np.maximum(found, _variance_of_both(residual, shape, left))
+    found = likelier_variance(residual, shape, left, driven)
+    for at in lines_alike(driven, len(shape)):
+        both = _variance_of_both(residual[:, at], shape[at], left[:, at])
+        found[:, at] = np.maximum(found[:, at], both)
+    return found
+
+
+def lines_alike(driven: Bool[np.ndarray, " line"] | None, lines: int) -> list[Bool[np.ndarray, " line"]]:
+    """All lines, or those that are driven and those that are silent."""
+    return [np.ones(lines, bool)] if driven is None else [driven, ~driven]
 
 
 def _variance_of_both(

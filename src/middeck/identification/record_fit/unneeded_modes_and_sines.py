@@ -22,6 +22,8 @@ from middeck.identification.faults.hum import name_line
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.mode_trust import SteadyLine
 from middeck.identification.fit.unneeded_modes import (
+    CLEARLY,
+    DOUBTFUL,
     mode_significance,
     own_lines,
     pairs_of,
@@ -75,7 +77,7 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     state = _without_sines(record, Tidied(data, run, ()))
     if not sampled:
         state = shed(state, functools.partial(_significance, record), _without)
-        state = split(state, lambda found: pairs_of(found.run), _in_two)
+        state = split(state, lambda found: pairs_of(found.run), functools.partial(_in_two, record))
     return _with_hidden_lines(state)
 
 
@@ -128,11 +130,14 @@ def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None
     return _better(state, with_free_motion(state.data, poles), start, state.lines)
 
 
-def _in_two(state: Tidied, m: int) -> Tidied | None:
+def _in_two(record: Record, state: Tidied, m: int) -> Tidied | None:
+    """With two modes in the place of one, where that is clearly shorter and neither may be noise."""
     start = with_split(state.run.start, m)
     if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
         return None
-    return _better(state, state.data, start, state.lines)
+    found = _better(state, state.data, start, state.lines, by=CLEARLY)
+    both = None if found is None else _significance(record, found)[m : m + 2]
+    return found if both is not None and both.min() >= DOUBTFUL else None
 
 
 def _leaves_more(state: Tidied, m: int) -> bool:
@@ -215,11 +220,13 @@ def _among(frequency: float, tried: list[float], length_s: float) -> bool:
     return any(abs(frequency - omega) < 0.5 * np.pi / length_s for omega in tried)
 
 
-def _better(state: Tidied, data: Data, start: Start, lines: tuple[SteadyLine, ...]) -> Tidied | None:
-    """A model refined from ``start``, if its description is no longer."""
+def _better(
+    state: Tidied, data: Data, start: Start, lines: tuple[SteadyLine, ...], *, by: float = 0.0
+) -> Tidied | None:
+    """A model refined from ``start``, if its description is no longer, or shorter ``by`` so much."""
     weighting = state.run.weighting
     other = refine_record(data, start, weighting, rounds=ROUNDS, steps=STEPS)
-    if other is None or record_length(data, other) > record_length(state.data, state.run):
+    if other is None or record_length(data, other) + by > record_length(state.data, state.run):
         return None
     return Tidied(data, other, lines)
 

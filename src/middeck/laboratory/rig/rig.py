@@ -99,8 +99,7 @@ def build_rig(
         raise ConfigError(f"{substeps} substeps in a tick", hint="a whole number from one")
     if not (0.0 < sample_hz < np.inf and 0.0 <= delay_s < np.inf):
         raise ConfigError(
-            f"{sample_hz} samples a second, a delay of {delay_s} s",
-            hint="a positive rate, a delay from zero",
+            f"{sample_hz} samples a second, a delay of {delay_s} s", hint="a positive rate, a delay from zero"
         )
     motors = {p.name: Motor() for p in plant.inputs} if motors is None else motors
     sensors = {p.name: Sampler() for p in plant.outputs} if sensors is None else sensors

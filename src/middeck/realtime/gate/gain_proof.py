@@ -30,7 +30,7 @@ from middeck.realtime.gate.gain_plan import (
     scan_gains,
     whole_disc,
 )
-from middeck.realtime.gate.growth_proof import is_proved_to_grow
+from middeck.realtime.gate.norm_bound import is_proved_to_grow
 from middeck.values import record
 
 SLACK = 1.0 + 1e-6

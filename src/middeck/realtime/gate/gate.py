@@ -98,8 +98,6 @@ def examine_package(
 ) -> GateVerdict:
     """Blacklist, interface, poles, test vectors, bound of the error; the loop with each model; then runs.
 
-    A law that is unstable by itself must recover from limits on each model too (`check_recovery`).
-
     What is not known of a loop is not passed.
 
     Args:
@@ -131,7 +129,7 @@ def examine_package(
     if _good(steps):
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
-        if held.unstable and _good(steps):
+        if _good(steps):
             steps += [check_recovery(held, name, plant) for name, plant in models.items()]
         if engaged is not None and _good(steps):
             share = 1.0 if trials is None else trials.share

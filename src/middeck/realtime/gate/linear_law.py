@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.linalg as sla
@@ -36,21 +36,25 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     return sum_of_laws([package], [fade])
 
 
-def limited_laws(
-    package: ControllerPackage, gains: Iterable[Float[np.ndarray, " output"]]
-) -> Iterator[Compensator]:
-    """u = g (p + c) for each of ``gains``: of what outputs are asked for only a share is applied.
+def limited_law(
+    package: ControllerPackage,
+) -> Callable[[Float[np.ndarray, " output"], Float[np.ndarray, " output"]], Compensator]:
+    """u = g (p + f c) of f and g: f is what the law's own limits let through, g what of outputs is applied.
 
-    The compensator learns of it. At a gain of zero an output stands still at its limit.
+    The compensator learns of both. At g = 0 an output stands still at its limit, at f = 0 the law is off.
     """
-    whole, m = linear_law(package), len(package.inputs)
-    law, E = whole.sampled, unfold_law(package, single=False).G[:, m : m + len(package.outputs)]
-    for gain in gains:
-        lost, K = E * (gain - 1.0), gain[:, None]
-        limited = SampledStateSpace(
-            law.A + lost @ law.C, law.B + lost @ law.D, K * law.C, K * law.D, period_s=law.period_s
-        )
-        yield dataclasses.replace(whole, dynamics=limited)
+    whole, law, m = linear_law(package), unfold_law(package, single=False), len(package.inputs)
+    own, loop, E = list(law.law), list(law.loop), law.G[:, m : m + len(package.outputs)]
+    C, D, P, Q = law.H[own], law.J[own, :m], law.H[loop], law.J[loop, :m]
+
+    def limited(commands: np.ndarray, drives: np.ndarray) -> Compensator:
+        f, g = commands[:, None], drives[:, None]
+        u_x, u_y = g * (P + f * C), g * (Q + f * D)
+        A, B = law.F + E @ (u_x - P - C), law.G[:, :m] + E @ (u_y - Q - D)
+        made = SampledStateSpace(A, B, u_x, u_y, period_s=package.period_s)
+        return dataclasses.replace(whole, dynamics=made)
+
+    return limited
 
 
 def sum_of_laws(packages: Sequence[ControllerPackage], fades: Sequence[float]) -> Compensator:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, form_loop
 from middeck.control.analysis.margins.margins import measure_margins
-from middeck.control.analysis.stability.stability import LoopStability, decide_stability
+from middeck.control.analysis.stability.stability import LoopStability, decide_loop, decide_stability
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.gate.linear_law import limited_laws, linear_law
+from middeck.realtime.gate.linear_law import limited_law, linear_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single_precision import bound_error
 from middeck.realtime.package.vectors import run_vectors
@@ -22,6 +24,10 @@ from middeck.systems.state_space.statespace import same_period
 from middeck.values import record
 
 FADES = tuple(k / 10.0 for k in range(11))
+NOT_DECIDED = (NumericalError, ConfigError, ValueError)
+"""ValueError: of NumPy and SciPy, where numbers overflow."""
+FASTER = 2.0
+"""How much faster than without the law what is not held may grow."""
 ALL_TOGETHER = 6
 """Most outputs of which all sets are tried."""
 
@@ -149,24 +155,53 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
 def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateStep:
     """Nothing grows on ``plant`` while some outputs are limited, from none of what they are asked for to 0.9.
 
-    Of up to `ALL_TOGETHER` outputs all that may be limited at once are tried; of more each alone, all but
-    each, and all. These are loops that stay so: it is no proof for limits that come and go.
+    Limited are motors, u = g (p + c), and beside an inner loop or a hold the law's commands too, u = p + g c.
+    What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
+    by itself. These are loops that stay so: it is no proof for limits that come and go.
     """
-    step, count = f"recovery {name}", len(package.outputs)
-    few = [np.eye(count, dtype=bool), ~np.eye(count, dtype=bool), np.ones((1, count), dtype=bool)]
-    every = (np.arange(1, 1 << min(count, ALL_TOGETHER))[:, None] >> np.arange(count)) % 2 == 1
-    limited = np.vstack(few) if count > ALL_TOGETHER else every
+    step, core = f"recovery {name}", package.core
+    moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
+    whole, off = np.ones(len(moved)), np.zeros(len(moved))
+    limits = [("", whole, drives) for drives in _limits(np.ones_like(moved))]
+    limits += [("the law's ", shares, whole) for shares in _limits(moved) if package.paths]
+    unheld = 0
     try:
-        aligned = align_plant(plant, linear_law(package))
-        gains = np.array([np.where(places, share, 1.0) for places in limited for share in FADES[:-1]])
-        for gain, law in zip(gains, limited_laws(package, gains), strict=True):
-            fault = _unstable(decide_stability(aligned, law), off=True)
-            if fault:
-                names = [port.name for port, g in zip(package.outputs, gain, strict=True) if g < 1.0]
-                return _step(step, [f"while {gain.min():g} of {', '.join(names)} is applied: {fault}"], "")
-    except (NumericalError, ConfigError) as error:
-        return _step(step, [f"not decided: {error.what}"], "")
-    return _step(step, [], f"nothing grows while any of {len(limited)} sets of outputs are limited")
+        limited = limited_law(package)
+        loop = form_loop(align_plant(plant, limited(whole, whole)), limited(whole, whole))
+        for whose, commands, drives in limits:
+            found = _decide(loop, limited(commands, drives))
+            fault = _unstable(found, off=True)
+            without = _decide(loop, limited(off, drives)) if fault and not package.unstable else found
+            if without.growing and found is not without and found.margin >= FASTER * without.margin:
+                unheld += 1
+            elif fault:
+                least = commands * drives
+                names = [port.name for port, g in zip(package.outputs, least, strict=True) if g < 1.0]
+                where = f"while {least.min():g} of {whose}{', '.join(names)} is applied"
+                return _step(step, [f"{where}: {fault}"], "")
+    except NOT_DECIDED as error:
+        return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
+    said = f"nothing grows at any of {len(limits)} limits of outputs"
+    return _step(step, [], said + (f", but at {unheld} what does so without the law too" if unheld else ""))
+
+
+def _limits(places: np.ndarray) -> np.ndarray:
+    """Shares of outputs: each set of ``places`` at each; of more than `ALL_TOGETHER` each, all but each, all.
+
+    Of 654 random laws of seven motors, stable by themselves, these few find all but three of those 654 that
+    all sets find to grow.
+    """
+    at = np.flatnonzero(places)
+    few = [np.eye(len(at)), 1.0 - np.eye(len(at)), np.ones((1, len(at)))]
+    every = (np.arange(1, 1 << min(len(at), ALL_TOGETHER))[:, None] >> np.arange(len(at))) % 2
+    sets = np.vstack(few) if len(at) > ALL_TOGETHER else every
+    shares = np.ones((len(sets) * (len(FADES) - 1), len(places)))
+    shares[:, at] = np.vstack([1.0 - (1.0 - share) * sets for share in FADES[:-1]])
+    return shares
+
+
+def _decide(loop: FeedbackLoop, law: Compensator) -> LoopStability:
+    return decide_loop(dataclasses.replace(loop, law=law.sampled))
 
 
 def check_loops(step: str, plant: Plant, tried: Sequence[Tried], least: GateMargins) -> GateStep:
@@ -186,8 +221,8 @@ def check_loops(step: str, plant: Plant, tried: Sequence[Tried], least: GateMarg
             if gain < least.gain_db or phase < least.phase_deg:
                 fault = f"{one.where}: margins of {gain:.2f} dB and {phase:.1f} degrees"
                 return _step(step, [fault], "")
-    except (NumericalError, ConfigError) as error:
-        return _step(step, [f"not decided: {error.what}"], "")
+    except NOT_DECIDED as error:
+        return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
     said = f"least gain margin {weakest:.1f} dB" if math.isfinite(weakest) else "no gain makes it unstable"
     return _step(step, [], f"stable at {len(tried)} fades, {said}")
 

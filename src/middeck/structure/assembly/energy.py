@@ -79,10 +79,7 @@ class TangentParts(NamedTuple):
 
 
 def assemble(
-    model: Model,
-    config: Configuration,
-    loads: Loads,
-    point_load: Inexact[np.ndarray, "pose 6"] | None = None,
+    model: Model, config: Configuration, loads: Loads, point_load: Inexact[np.ndarray, "pose 6"] | None = None
 ) -> Assembly:
     """Energy and two derivatives at ``config``; ``point_load`` is a further energy gradient at the poses."""
     at = poses_at(model, config)
@@ -132,11 +129,7 @@ def assemble_carried(
         parts += lever_stiffness(links, _by_ends(state.gradient), state.material + state.geometric)
     tangent = back @ outside.tangent @ T + summed(parts, model.tree.size)
     bare = dataclasses.replace(
-        outside,
-        energy=energy,
-        gradient=gradient,
-        tangent=symmetric(tangent),
-        jacobian=outside.jacobian @ T,
+        outside, energy=energy, gradient=gradient, tangent=symmetric(tangent), jacobian=outside.jacobian @ T
     )
     return _with_links(model, config, bare, in_world=False)
 

@@ -155,7 +155,6 @@ def lay_out(structure: Structure) -> Model:
         (index[f], at) for p in structure.components for f, at in zip(p.frames, p.fixed_at, strict=True)
     ]
     linked = link_points(structure.links)
-    first = ends + len(places)
     places += [(index[frame], offset) for frame, offset in linked]
     spring_ends, bushing_ends = (
         np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
@@ -195,7 +194,7 @@ def lay_out(structure: Structure) -> Model:
             structure.links,
             {frame: place[index[frame]] for frame, _ in linked},
             {joint.name: tree.size - len(structure.joints) + k for k, joint in enumerate(structure.joints)},
-            first,
+            ends + len(places) - len(linked),
             tree.size,
         ),
     )

@@ -80,10 +80,7 @@ def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element
         special[points.special.point] = True
         bent = np.any(special[poses], axis=1)
         plain, others = np.flatnonzero(~bent), np.flatnonzero(bent)
-        found[name] = [
-            _plain(points, poses, plain),
-            _bent(points, poses, others),
-        ]
+        found[name] = [_plain(points, poses, plain), _bent(points, poses, others)]
     found["turning"] = [_direct(points.special.moves)]
     size = points.tree.size
     keys = [row * size + column for parts in found.values() for *_, row, column in parts]

@@ -19,9 +19,9 @@ from middeck.structure.elements.frames import (
     points_in_world,
 )
 from middeck.structure.elements.since_drawn import (
-    Entries,
     Lever,
     SinceDrawn,
+    Triplets,
     chain_within,
     lever_jacobian,
     lever_stiffness,
@@ -82,7 +82,7 @@ def root_levers(config: Configuration) -> list[Lever]:
     return levers((link[:, None] for link in chain), config.x, config.x[:, None])
 
 
-def carried_turning(links: list[Lever], gradient: Inexact[np.ndarray, " coordinate"]) -> list[Entries]:
+def carried_turning(links: list[Lever], gradient: Inexact[np.ndarray, " coordinate"]) -> list[Triplets]:
     """Second-order motion of the roots in W by carried coordinates, weighted by the ``gradient`` in W."""
     roots = len(links[0].root)
     return lever_stiffness(links, gradient[: 6 * roots].reshape(-1, 1, 6))

@@ -86,11 +86,7 @@ def strain_pull(
 
 
 def predict_forces(
-    model: Model,
-    config: Configuration,
-    loads: Loads,
-    q: Inexact[np.ndarray, " coordinate"],
-    before: Assembly,
+    model: Model, config: Configuration, loads: Loads, q: Inexact[np.ndarray, " coordinate"], before: Assembly
 ) -> Inner:
     """Forces after a step ``q`` in carried coordinates from ``config``, of the assembly ``before``.
 

@@ -16,7 +16,7 @@ from middeck.structure.correlation.assurance import (
     modal_assurance,
     orthogonality,
 )
-from middeck.structure.correlation.review_criteria import Criterion, Group, Quantity
+from middeck.structure.correlation.review_criteria import Criterion, Quantity, Scope
 from middeck.values import record
 
 # Modes are one pair only if neither frequency is more than this times the other: a few sensors may see
@@ -114,12 +114,12 @@ def _of_pairs(found: Evaluation, quantity: Quantity) -> np.ndarray:
             return largest_other(found.self_orthogonality)[theirs]
 
 
-def _members(model: Candidates, ours: np.ndarray, group: Group) -> np.ndarray:
-    if group is Group.ALL:
+def _members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
+    if group is Scope.ALL:
         return np.ones(len(ours), dtype=bool)
     flexible = np.where(model.flexible[ours], model.frequency_hz[ours], np.inf)
     fundamental = np.isfinite(flexible) & (flexible == flexible.min(initial=np.inf))
-    if group is Group.FUNDAMENTAL:
+    if group is Scope.FUNDAMENTAL:
         return fundamental
     significant = model.significant[ours] & ~fundamental
-    return significant if group is Group.SIGNIFICANT else ~significant & ~fundamental
+    return significant if group is Scope.SIGNIFICANT else ~significant & ~fundamental

@@ -30,14 +30,10 @@ class Quantity(Enum):
     @property
     def has_upper_limit(self) -> bool:
         """Whether small is good."""
-        return self in (
-            Quantity.FREQUENCY_ERROR,
-            Quantity.CROSS_OFF_DIAGONAL,
-            Quantity.SELF_OFF_DIAGONAL,
-        )
+        return self in (Quantity.FREQUENCY_ERROR, Quantity.CROSS_OFF_DIAGONAL, Quantity.SELF_OFF_DIAGONAL)
 
 
-class Group(Enum):
+class Scope(Enum):
     """Which of the paired modes a criterion is about."""
 
     ALL = "all modes"
@@ -57,7 +53,7 @@ class Criterion:
     """
 
     quantity: Quantity
-    group: Group
+    group: Scope
     limit: float
     source: str
     recalled: bool
@@ -95,7 +91,7 @@ class Profile:
         return any(c.recalled for c in self.criteria)
 
 
-def _profile(name: str, title: str, recalled: bool, *rows: tuple[Quantity, Group, float]) -> Profile:
+def _profile(name: str, title: str, recalled: bool, *rows: tuple[Quantity, Scope, float]) -> Profile:
     criteria = (
         Criterion(quantity=quantity, group=group, limit=limit, source=title, recalled=recalled)
         for quantity, group, limit in rows
@@ -103,7 +99,7 @@ def _profile(name: str, title: str, recalled: bool, *rows: tuple[Quantity, Group
     return Profile(name, title, tuple(criteria))
 
 
-_Q, _G = Quantity, Group
+_Q, _G = Quantity, Scope
 
 ECSS = _profile(
     "ecss-e-st-32-11c",

@@ -18,9 +18,7 @@ GAUSS, WEIGHT = (
 
 
 def beam_mass(
-    beams: BeamProperties,
-    x: Inexact[np.ndarray, "element 2 3"],
-    T: Inexact[np.ndarray, "element 2 3 3"],
+    beams: BeamProperties, x: Inexact[np.ndarray, "element 2 3"], T: Inexact[np.ndarray, "element 2 3 3"]
 ) -> Inexact[np.ndarray, "element 12 12"]:
     """Mass of each element, rotary and polar inertia included, on the current chord.
 

@@ -58,6 +58,17 @@ def whole_motion(at: SinceDrawn) -> tuple[np.ndarray, np.ndarray]:
     return seen_from(at, roots, np.zeros((len(roots), 3)), np.full(len(roots), -1))
 
 
+def carried_by(at: SinceDrawn, carrier: Int[np.ndarray, " root"]) -> SinceDrawn:
+    """The same motion with other carriers."""
+    shift, turn = (part.copy() for part in whole_motion(at))
+    own, up = np.flatnonzero(carrier >= 0), carrier[carrier >= 0]
+    back = np.swapaxes(turn[up], 1, 2) + np.eye(3)
+    arm = _apply(turn[up], at.drawn[own] - at.drawn[up])
+    inner = _apply(back, shift[own] - shift[up] - arm), back @ (turn[own] - turn[up])
+    shift[own], turn[own] = inner
+    return SinceDrawn(at.drawn, carrier, shift, turn)
+
+
 def seen_from(
     at: SinceDrawn, root: np.ndarray, offset: np.ndarray, outer: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -155,7 +166,7 @@ class Lever(NamedTuple):
         return (6 * self.root[:, :, None] + np.arange(6)).reshape(len(self.root), -1)
 
 
-class Entries(NamedTuple):
+class Triplets(NamedTuple):
     """Entries of a sparse matrix, to be summed."""
 
     row: Int[np.ndarray, " entry"]
@@ -204,12 +215,12 @@ def lever_stiffness(
     links: list[Lever],
     load: Inexact[np.ndarray, "element end 6"],
     hessian: Inexact[np.ndarray, "element 6*end 6*end"] | None = None,
-) -> list[Entries]:
+) -> list[Triplets]:
     """Tangent in carried coordinates of elements of the energy gradient ``load``, (F, M) at each end.
 
     It is the ``hessian`` at the ends, and ``load`` times the second-order motion of the ends.
     """
-    out: list[Entries] = []
+    out: list[Triplets] = []
     F, M = load[..., :3], load[..., 3:]
     width = 6 * load.shape[1]
     end = np.arange(load.shape[1])
@@ -230,18 +241,18 @@ def lever_stiffness(
             else:
                 turned[:, end, 3:, end] += np.swapaxes(there * pull, 0, 1)
             found = _entries(outer.coordinates, inner.coordinates, block)
-            out += [found] if outer is inner else [found, Entries(found.column, found.row, found.value)]
+            out += [found] if outer is inner else [found, Triplets(found.column, found.row, found.value)]
     return out
 
 
-def _entries(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> Entries:
+def _entries(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> Triplets:
     shape = blocks.shape
     row, column = np.broadcast_to(rows[:, :, None], shape), np.broadcast_to(columns[:, None], shape)
     there = blocks != 0.0
-    return Entries(row[there], column[there], blocks[there])
+    return Triplets(row[there], column[there], blocks[there])
 
 
-def summed(parts: Iterable[Entries], size: int) -> sp.csr_array:
+def summed(parts: Iterable[Triplets], size: int) -> sp.csr_array:
     """The square matrix of all the entries."""
     row, column, value = (np.concatenate(some) for some in zip(*parts, strict=True))
     return sp.coo_array((value, (row, column)), shape=(size, size)).tocsr()
@@ -252,7 +263,7 @@ def lever_jacobian(links: list[Lever], size: int) -> sp.csr_array:
     own = np.arange(links[0].root.size * 6).reshape(-1, 6)
     last = np.arange(own.size, size)
     moved = [_entries(own, link.coordinates, link.motion) for link in links]
-    return summed([*moved, Entries(last, last, np.ones(len(last)))], size)
+    return summed([*moved, Triplets(last, last, np.ones(len(last)))], size)
 
 
 def uncarried(at: SinceDrawn | None, size: int) -> Bool[np.ndarray, " coordinate"]:

@@ -125,11 +125,7 @@ def _stops(system: JointSystem, arc: np.ndarray, start: int, way: int) -> list[i
 
 
 def _step(
-    system: JointSystem,
-    here: Damped,
-    start: tuple[complex, float],
-    end: tuple[complex, float],
-    halvings: int,
+    system: JointSystem, here: Damped, start: tuple[complex, float], end: tuple[complex, float], halvings: int
 ) -> Damped:
     """The modes ``here``, at stiffness and drag ``start``, at ``end``; by way of the middle if need be."""
     every = _solve(system, *end)

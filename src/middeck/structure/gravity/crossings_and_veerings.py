@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.structure.gravity.path_events import EventKind, GravityEvent, Station
+from middeck.structure.gravity.path_events import EventKind, GravityEvent, PathState
 from middeck.structure.gravity.tracking import Spectrum, track
 from middeck.structure.modes.eigenproblem.repeated import REPEATED
 
@@ -43,7 +43,7 @@ INSIDE = 1e-3
 STEPPED_OVER = 200
 
 # From a station to a near place on the same branch; None where there is none.
-Advance = Callable[[Station, float], Station | None]
+Advance = Callable[[PathState, float], PathState | None]
 
 
 class Course(NamedTuple):
@@ -56,7 +56,7 @@ class Course(NamedTuple):
         """Distance along the straight line, independent of the places that cut it."""
         return float(np.interp(s, np.arange(len(self.come)), self.come))
 
-    def to(self, near: Station, x: float) -> Station | None:
+    def to(self, near: PathState, x: float) -> PathState | None:
         """The station at the distance ``x``, from a near one."""
         inside = self.come[0] <= x <= self.come[-1]
         s = float(np.interp(x, self.come, np.arange(len(self.come))))
@@ -69,9 +69,9 @@ class Approach(NamedTuple):
     ``rank`` is how many of those followed are below them.
     """
 
-    at: Station
-    before: Station
-    after: Station
+    at: PathState
+    before: PathState
+    after: PathState
     gap: float
     exchanged: bool
     rank: int
@@ -88,19 +88,19 @@ class Resolved(NamedTuple):
     ``unexplained`` are pairs of branches whose order changes without a crossing of these two alone.
     """
 
-    stations: list[Station]
+    stations: list[PathState]
     events: list[GravityEvent]
     order: Int[np.ndarray, " branch"]
     unexplained: list[tuple[int, int]]
 
 
-def reorder(station: Station, order: Int[np.ndarray, " branch"]) -> Station:
+def reorder(station: PathState, order: Int[np.ndarray, " branch"]) -> PathState:
     """Its branches in another order."""
     lam, shapes, M = station.spectrum
     return station._replace(spectrum=Spectrum(lam[order], shapes[:, order], M), match=station.match[order])
 
 
-def resolve_exchanges(stations: Sequence[Station], course: Course, names: tuple[str, ...]) -> Resolved:
+def resolve_exchanges(stations: Sequence[PathState], course: Course, names: tuple[str, ...]) -> Resolved:
     """Crossings and veerings of all pairs of modes over a run of stations on one continuous branch."""
     run, order = list(stations), np.arange(stations[0].spectrum.lam.size)
     found: list[Approach] = []
@@ -127,7 +127,7 @@ def resolve_exchanges(stations: Sequence[Station], course: Course, names: tuple[
     return Resolved(run, sorted(events, key=lambda e: e.s), order, _unexplained(run, events))
 
 
-def _unexplained(run: Sequence[Station], events: Sequence[GravityEvent]) -> list[tuple[int, int]]:
+def _unexplained(run: Sequence[PathState], events: Sequence[GravityEvent]) -> list[tuple[int, int]]:
     """Pairs that change their order without an odd number of crossings, as a group of three modes may."""
     first, last = run[0].spectrum.lam, run[-1].spectrum.lam
     count = Counter(tuple(sorted(e.branch)) for e in events if e.kind is EventKind.CROSSING)
@@ -148,7 +148,7 @@ def _known(new: Approach, found: Sequence[Approach]) -> bool:
 # Closest approaches that the stations show
 
 
-def _flips(run: Sequence[Station]) -> list[tuple[float, float, tuple[int, int]]]:
+def _flips(run: Sequence[PathState]) -> list[tuple[float, float, tuple[int, int]]]:
     """Where, between which s, two branches change their order; one repeated frequency has none."""
     lam = np.array([x.spectrum.lam for x in run])
     found: list[tuple[float, float, tuple[int, int]]] = []
@@ -162,8 +162,8 @@ def _flips(run: Sequence[Station]) -> list[tuple[float, float, tuple[int, int]]]
 
 
 def _bracket_flip(
-    run: Sequence[Station], pair: tuple[int, int], course: Course
-) -> tuple[Station, Station, Station] | None:
+    run: Sequence[PathState], pair: tuple[int, int], course: Course
+) -> tuple[PathState, PathState, PathState] | None:
     """Three stations, the middle one the nearest, between two on either side of a change of order."""
     a, b = run[0], run[-1]
     for k in range(HALVINGS):
@@ -178,7 +178,7 @@ def _bracket_flip(
     return None
 
 
-def _resolved_already(run: Sequence[Station], known: Sequence[Approach], course: Course) -> list[Approach]:
+def _resolved_already(run: Sequence[PathState], known: Sequence[Approach], course: Course) -> list[Approach]:
     """Approaches in which the stations followed both branches: minima of a gap that no flip explains."""
     run = _look_inside(run, course)
     lam = np.array([x.spectrum.lam for x in run])
@@ -207,7 +207,7 @@ def _opens(gap: np.ndarray, p: int) -> bool:
     return min(gap[:p].max(), gap[p + 1 :].max()) >= WIDENED * max(gap[p] - fall, 0.0)
 
 
-def _look_inside(run: Sequence[Station], course: Course) -> list[Station]:
+def _look_inside(run: Sequence[PathState], course: Course) -> list[PathState]:
     """The run with a station just inside each end, which shows approaches next to the ends."""
     if len(run) < 2:
         return list(run)
@@ -221,7 +221,7 @@ def _look_inside(run: Sequence[Station], course: Course) -> list[Station]:
 
 
 def _nearest(
-    near: tuple[Station, Station, Station], pair: tuple[int, int], course: Course
+    near: tuple[PathState, PathState, PathState], pair: tuple[int, int], course: Course
 ) -> Approach | None:
     """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity.
 
@@ -257,7 +257,7 @@ def _nearest(
     return _compare_sides(near[1], curved, pair, course)
 
 
-def _compare_sides(at: Station, curved: float, pair: tuple[int, int], course: Course) -> Approach | None:
+def _compare_sides(at: PathState, curved: float, pair: tuple[int, int], course: Course) -> Approach | None:
     size, gap = _size(at, pair), _gap(at, pair)
     if size == 0.0 or not _neighbours(at, pair):
         return None
@@ -271,7 +271,7 @@ def _compare_sides(at: Station, curved: float, pair: tuple[int, int], course: Co
 
 
 def _squares(
-    three: Sequence[Station], pair: tuple[int, int], course: Course
+    three: Sequence[PathState], pair: tuple[int, int], course: Course
 ) -> tuple[np.ndarray, np.ndarray]:
     at = sorted(three, key=lambda p: p.s)
     return np.array([course.distance(p.s) for p in at]), np.array([_gap(p, pair) ** 2 for p in at])
@@ -284,25 +284,25 @@ def _parabola(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return (x[1] if curved <= 0.0 else 0.5 * (x[0] + x[1] - rise / curved)), curved
 
 
-def _signed(x: Station, pair: tuple[int, int]) -> float:
+def _signed(x: PathState, pair: tuple[int, int]) -> float:
     return float(x.spectrum.lam[pair[0]] - x.spectrum.lam[pair[1]])
 
 
-def _gap(x: Station, pair: tuple[int, int]) -> float:
+def _gap(x: PathState, pair: tuple[int, int]) -> float:
     return abs(_signed(x, pair))
 
 
-def _size(x: Station, pair: tuple[int, int]) -> float:
+def _size(x: PathState, pair: tuple[int, int]) -> float:
     return float(np.abs(x.spectrum.lam[list(pair)]).max())
 
 
-def _neighbours(x: Station, pair: tuple[int, int]) -> bool:
+def _neighbours(x: PathState, pair: tuple[int, int]) -> bool:
     """Whether no third mode stands between the two."""
     low, high = sorted(x.spectrum.lam[list(pair)])
     return not np.any((x.spectrum.lam > low) & (x.spectrum.lam < high))
 
 
-def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
+def _exchanged(before: PathState, after: PathState, pair: tuple[int, int]) -> bool:
     """Whether the lower shape is, on the other side, more of the upper than of itself, and the reverse."""
     lower, upper = (
         x.spectrum.shapes[:, sorted(pair, key=lambda b: float(x.spectrum.lam[b]))] for x in (before, after)
@@ -311,7 +311,7 @@ def _exchanged(before: Station, after: Station, pair: tuple[int, int]) -> bool:
     return bool(min(cross[0, 1], cross[1, 0]) > max(cross[0, 0], cross[1, 1]))
 
 
-def _put_right(run: Sequence[Station], found: Approach) -> tuple[list[Station], np.ndarray]:
+def _put_right(run: Sequence[PathState], found: Approach) -> tuple[list[PathState], np.ndarray]:
     """The run with branches that turn through a veering, by its three stations, or straight on, by two.
 
     Also the new order of branches behind it. Stations within a crossing are left out but for places.
@@ -333,13 +333,13 @@ def _put_right(run: Sequence[Station], found: Approach) -> tuple[list[Station], 
     return [*done, first, *(reorder(x, turn) for x in behind[1:])], turn
 
 
-def _follow(here: Station, there: Station) -> tuple[Station, np.ndarray]:
+def _follow(here: PathState, there: PathState) -> tuple[PathState, np.ndarray]:
     """``there`` with its branches in the order of ``here``."""
     tracked = track(here.spectrum, there.spectrum)
     return there._replace(spectrum=tracked.spectrum, match=tracked.match), tracked.found
 
 
-def _event(found: Approach, run: Sequence[Station], names: tuple[str, ...]) -> GravityEvent:
+def _event(found: Approach, run: Sequence[PathState], names: tuple[str, ...]) -> GravityEvent:
     """The event, with the names that branches have after all corrections."""
     here = [x for x in run if x.s <= found.at.s][-1]
     at, _ = _follow(here, found.at)

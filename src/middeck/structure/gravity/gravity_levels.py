@@ -24,7 +24,7 @@ PARALLEL = 1e-12
 
 
 @record
-class Place:
+class GravityLevel:
     """A name and the gravity vector in W [m/s^2]; where that is zero, the article is free."""
 
     name: str
@@ -46,7 +46,7 @@ class DeviceRule(Enum):
     RETUNED = "retuned"  # tuned and anchored anew, as if each gravity were an environment of its own
 
 
-def find_place(name: str, down: Float[np.ndarray, "3"] | None = None) -> Place:
+def find_place(name: str, down: Float[np.ndarray, "3"] | None = None) -> GravityLevel:
     """A place of `GRAVITIES`, or a number of m/s^2, with gravity along ``down``.
 
     By default against y, which is up in the articles and environments that come along. Raises `ConfigError`
@@ -70,10 +70,10 @@ def find_place(name: str, down: Float[np.ndarray, "3"] | None = None) -> Place:
     if not 0.0 <= size < np.inf:
         known = ", ".join(GRAVITIES)
         raise ConfigError(f"no place {name!r}", where="place", hint=f"{known}, or a gravity in m/s^2 from 0")
-    return Place(name if name in GRAVITIES else f"{size:g} m/s^2", size * down / length + 0.0)
+    return GravityLevel(name if name in GRAVITIES else f"{size:g} m/s^2", size * down / length + 0.0)
 
 
-def tilt_place(place: Place, angle: float, axis: Float[np.ndarray, "3"]) -> Place:
+def tilt_place(place: GravityLevel, angle: float, axis: Float[np.ndarray, "3"]) -> GravityLevel:
     """The same place with its floor, anchors and article tilted by ``angle`` [rad] about ``axis``.
 
     W is fixed to the floor, so that in W gravity turns by the opposite angle.
@@ -82,10 +82,10 @@ def tilt_place(place: Place, angle: float, axis: Float[np.ndarray, "3"]) -> Plac
     if length == 0.0:
         raise ConfigError("an axis to tilt about must not be the zero vector", where="tilt")
     turned = rotation_exp(-angle * axis / length) @ place.gravity
-    return Place(f"{place.name} tilted {np.degrees(angle):g} deg", turned)
+    return GravityLevel(f"{place.name} tilted {np.degrees(angle):g} deg", turned)
 
 
-def gravity_between(a: Place, b: Place, t: float) -> Float[np.ndarray, "3"]:
+def gravity_between(a: GravityLevel, b: GravityLevel, t: float) -> Float[np.ndarray, "3"]:
     """Gravity at the fraction ``t`` of the way: its size linear, its direction along the great circle.
 
     Raises `ConfigError` for opposite directions, between which there is no one way.

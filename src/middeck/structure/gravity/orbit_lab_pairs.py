@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.structure.assembly.mass import mass_matrix
-from middeck.structure.gravity.tracking import Spectrum, Tracked, align_repeated, spectrum_of, track
+from middeck.structure.gravity.tracking import Spectrum, TrackedShapes, align_repeated, spectrum_of, track
 from middeck.structure.gravity.undeformed import carry_along, turn_shapes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 
 
-class Paired(NamedTuple):
+class PairedModes(NamedTuple):
     """The lowest modes in orbit, and where each of them is in the laboratory.
 
     ``carried`` is the rest state in orbit moved to where the laboratory has the article, ``start`` its modes,
@@ -23,10 +23,10 @@ class Paired(NamedTuple):
 
     carried: Equilibrium
     start: Spectrum
-    end: Tracked
+    end: TrackedShapes
 
 
-def pair_modes(orbit: Modes, lab: Modes, count: int) -> Paired:
+def pair_modes(orbit: Modes, lab: Modes, count: int) -> PairedModes:
     """The ``count`` lowest of ``orbit`` with all of ``lab``, one to one, by the largest cross-orthogonality.
 
     All modes of the laboratory are candidates, suspension modes too. The article is first turned to its
@@ -40,7 +40,7 @@ def pair_modes(orbit: Modes, lab: Modes, count: int) -> Paired:
     hung = spectrum_of(lab)
     start = align_repeated(free, hung.shapes)
     start = Spectrum(start.lam[:count], start.shapes[:, :count], start.mass)
-    return Paired(carried, start, track(start, hung))
+    return PairedModes(carried, start, track(start, hung))
 
 
 def shares_of(start: Spectrum, lab: Modes) -> np.ndarray:

@@ -24,8 +24,8 @@ from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.crossings_and_veerings import Advance, Course, reorder, resolve_exchanges
-from middeck.structure.gravity.gravity_levels import DeviceRule, Place, gravity_between, loads_in
-from middeck.structure.gravity.path_events import EventKind, GravityEvent, Station
+from middeck.structure.gravity.gravity_levels import DeviceRule, GravityLevel, gravity_between, loads_in
+from middeck.structure.gravity.path_events import EventKind, GravityEvent, PathState
 from middeck.structure.gravity.tracking import HALF_SHAPE, spectrum_at, spectrum_of, track
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -67,7 +67,7 @@ class GravityPath:
     structure: Structure
     environment: Environment
     rule: DeviceRule
-    places: tuple[Place, ...]
+    places: tuple[GravityLevel, ...]
     reached: tuple[int, ...]
     name: tuple[str, ...]
     kind: tuple[str, ...]
@@ -115,8 +115,8 @@ class _Leg(NamedTuple):
     free: Equilibrium
     mass: sp.csr_array
     loads_at: Callable[[np.ndarray], Loads]
-    a: Place
-    b: Place
+    a: GravityLevel
+    b: GravityLevel
     k: int
 
     def loads(self, s: float) -> Loads:
@@ -133,14 +133,14 @@ class _Leg(NamedTuple):
 class _Stop(NamedTuple):
     """Why a path ends: the last good station, and the first bad one, if there is a state at all."""
 
-    good: Station
-    bad: Station | None
+    good: PathState
+    bad: PathState | None
 
 
 def follow_gravity(
     structure: Structure,
     environment: Environment,
-    places: Sequence[Place] | None = None,
+    places: Sequence[GravityLevel] | None = None,
     *,
     devices: DeviceRule = DeviceRule.KEPT,
     count: int = 26,
@@ -156,7 +156,9 @@ def follow_gravity(
     `ConfigError` for places that do not differ and `EquilibriumError` where ``environment`` cannot hold the
     article, or the first place has no rest state.
     """
-    places = tuple(places or (Place(environment.title, environment.gravity), Place("orbit", np.zeros(3))))
+    places = tuple(
+        places or (GravityLevel(environment.title, environment.gravity), GravityLevel("orbit", np.zeros(3)))
+    )
     _check(environment, places)
     _check_moments(structure)
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
@@ -212,7 +214,7 @@ def _no_path(
     structure: Structure,
     environment: Environment,
     devices: DeviceRule,
-    places: tuple[Place, ...],
+    places: tuple[GravityLevel, ...],
     start: GravityEvent,
 ) -> GravityPath:
     """One that ends where it begins."""
@@ -234,16 +236,16 @@ def _no_path(
 
 
 def _resolve_runs(
-    stations: Sequence[Station], legs: Sequence[_Leg], names: tuple[str, ...]
-) -> tuple[list[Station], list[GravityEvent], np.ndarray, list[str]]:
+    stations: Sequence[PathState], legs: Sequence[_Leg], names: tuple[str, ...]
+) -> tuple[list[PathState], list[GravityEvent], np.ndarray, list[str]]:
     """Exchanges between one visit to orbit and the next; branches renamed in one run stay so in all."""
     steps = [np.linalg.norm(leg.b.gravity - leg.a.gravity) for leg in legs]
     come = np.concatenate([[0.0], np.cumsum(steps)])
 
-    def advance(before: Station, s: float) -> Station | None:
+    def advance(before: PathState, s: float) -> PathState | None:
         return _advance(legs[min(int(s), len(legs) - 1)], before, s)
 
-    done: list[Station] = []
+    done: list[PathState] = []
     events: list[GravityEvent] = []
     order, said = np.arange(len(names)), list[str]()
     for heavy, group in itertools.groupby(stations, key=lambda x: bool(np.any(x.gravity))):
@@ -268,7 +270,7 @@ def _reorder_stop(stop: _Stop, order: np.ndarray) -> _Stop:
     return _Stop(reorder(stop.good, order), None if stop.bad is None else reorder(stop.bad, order))
 
 
-def _check(environment: Environment, places: tuple[Place, ...]) -> None:
+def _check(environment: Environment, places: tuple[GravityLevel, ...]) -> None:
     if not np.any(environment.gravity):
         raise ConfigError(
             "a path of gravities needs an environment with gravity, for which its devices are tuned",
@@ -305,7 +307,7 @@ def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
     )
 
 
-def _unstable_start(error: UnstableEquilibriumError, place: Place) -> GravityEvent:
+def _unstable_start(error: UnstableEquilibriumError, place: GravityLevel) -> GravityEvent:
     grows = -float(error.data["growth"]) / (2.0 * np.pi)
     return GravityEvent(
         kind=EventKind.UNSTABLE_START,
@@ -318,12 +320,12 @@ def _unstable_start(error: UnstableEquilibriumError, place: Place) -> GravityEve
     )
 
 
-def _first_station(modes: Modes) -> Station:
+def _first_station(modes: Modes) -> PathState:
     rest, match = modes.equilibrium, np.ones(len(modes.omega))
-    return Station(0.0, rest.environment.gravity, rest.config, spectrum_of(modes), match, rest.tension, 0.0)
+    return PathState(0.0, rest.environment.gravity, rest.config, spectrum_of(modes), match, rest.tension, 0.0)
 
 
-def _advance(leg: _Leg, before: Station, s: float) -> Station | None:
+def _advance(leg: _Leg, before: PathState, s: float) -> PathState | None:
     """From a station to a near ``s`` along the branch; None where there is no rest state to hang in."""
     try:
         loads = leg.loads(s)
@@ -334,16 +336,16 @@ def _advance(leg: _Leg, before: Station, s: float) -> Station | None:
 
 
 def _station(
-    leg: _Leg, before: Station, s: float, loads: Loads, config: Configuration, at: Assembly
-) -> Station:
+    leg: _Leg, before: PathState, s: float, loads: Loads, config: Configuration, at: Assembly
+) -> PathState:
     model = leg.full.model
     spectrum = spectrum_at(model, config, loads, len(before.match), at)
     found = track(before.spectrum, spectrum)
     least = float(spectrum.lam.min(initial=0.0))
-    return Station(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)
+    return PathState(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)
 
 
-def _follow_leg(leg: _Leg, start: Station) -> tuple[list[Station], _Stop | None]:
+def _follow_leg(leg: _Leg, start: PathState) -> tuple[list[PathState], _Stop | None]:
     """The stations after ``start``, and why they end early, if they do."""
     stations = [start]
     hung = len(leg.full.suspension.name)
@@ -360,7 +362,7 @@ def _follow_leg(leg: _Leg, start: Station) -> tuple[list[Station], _Stop | None]
     return stations[1:], stop
 
 
-def _take_hold(leg: _Leg, start: Station, s: float) -> Station | None:
+def _take_hold(leg: _Leg, start: PathState, s: float) -> PathState | None:
     """The article as it first hangs on its devices: a descent, as it may turn far in the least gravity."""
     loads = leg.loads(s)
     found = settle(leg.full.model, loads)
@@ -369,15 +371,15 @@ def _take_hold(leg: _Leg, start: Station, s: float) -> Station | None:
     return _station(leg, start, s, loads, found.config, found.assembly)
 
 
-def _release(leg: _Leg, before: Station) -> Station:
+def _release(leg: _Leg, before: PathState) -> PathState:
     """The station in orbit, without devices."""
     loads, config = leg.free.loads, leg.free.config
     return _station(leg, before, leg.k + 1.0, loads, config, assemble_carried(leg.full.model, config, loads))
 
 
 def _follow_ramp(
-    start: Station, advance: Advance, end: float, hung: int
-) -> tuple[list[Station], _Stop | None]:
+    start: PathState, advance: Advance, end: float, hung: int
+) -> tuple[list[PathState], _Stop | None]:
     """Stations up to ``end`` in steps short enough for each mode to be clearly the same."""
     stations, step = [start], LONGEST_STEP
     while stations[-1].s < end:
@@ -397,12 +399,12 @@ def _follow_ramp(
     return stations[1:], None
 
 
-def _is_bad(station: Station, hung: int) -> bool:
+def _is_bad(station: PathState, hung: int) -> bool:
     """Unstable, or with a device that would have to push."""
     return station.least < 0.0 or bool(np.any(station.tension[:hung] <= 0.0))
 
 
-def _bisect(good: Station, bad: Station, advance: Advance, hung: int) -> _Stop:
+def _bisect(good: PathState, bad: PathState, advance: Advance, hung: int) -> _Stop:
     while bad.s - good.s > FINEST:
         middle = advance(good, 0.5 * (good.s + bad.s))
         if middle is None:

@@ -68,7 +68,7 @@ class GravityEvent:
                 return f"the device {names} goes slack {at}"
 
 
-class Station(NamedTuple):
+class PathState(NamedTuple):
     """A rest state on a path, the modes that are followed, and the least omega^2 of all."""
 
     s: float

@@ -38,7 +38,7 @@ class Spectrum(NamedTuple):
     mass: sp.csr_array
 
 
-class Tracked(NamedTuple):
+class TrackedShapes(NamedTuple):
     """Tracked reference shapes: the spectrum, where each was found, and the overlap, at most one."""
 
     spectrum: Spectrum
@@ -122,7 +122,7 @@ def align_repeated(spectrum: Spectrum, reference: Float[np.ndarray, "coordinate 
     return Spectrum(lam, shapes, spectrum.mass)
 
 
-def track(reference: Spectrum, spectrum: Spectrum) -> Tracked:
+def track(reference: Spectrum, spectrum: Spectrum) -> TrackedShapes:
     """Each mode of ``reference`` in ``spectrum``, one to one, with the largest sum of overlaps.
 
     The overlap is |Phi_0' M_0 Phi_1| with both shapes normalised in M_0; its square is the part of the one
@@ -134,4 +134,4 @@ def track(reference: Spectrum, spectrum: Spectrum) -> Tracked:
     cross = np.abs(reference.shapes.T @ weighted) / size
     _, index = linear_sum_assignment(cross, maximize=True)
     theirs = Spectrum(turned.lam[index], turned.shapes[:, index], turned.mass)
-    return Tracked(theirs, np.array(index, dtype=int), cross[np.arange(len(index)), index])
+    return TrackedShapes(theirs, np.array(index, dtype=int), cross[np.arange(len(index)), index])

@@ -23,6 +23,8 @@ RESISTS = 1e-6
 RESISTS_WHOLE = 1e-8
 # The same of what rounding leaves.
 ROUNDING = 1e-12
+# Of the terms of an energy: what is left of it where they cancel. Sums of hundreds of terms leave 1e-15.
+CANCELS = 1e-14
 # Of the lowest elastic omega^2, and of the largest share of mass: negative by more is not rounding.
 NEGATIVE, NEGATIVE_MASS = 1e-6, 1e-7
 # Of the inertia: rounding of it is below `NEGATIVE_MASS`, and it below that of the whole.
@@ -307,8 +309,14 @@ def _indefinite(component: Component) -> Iterator[str]:
         squared = np.where(share > NEGATIVE_MASS * share[-1], 1.0 / share - shift, np.inf)
     elastic = squared[squared > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
     lowest = float(elastic.min(initial=np.inf)) if np.isfinite(elastic.min(initial=np.inf)) else shift
-    if squared.min() < -NEGATIVE * lowest:
-        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, np.argmin(squared)]))]))
+    # Where a soft motion moves stiff parts as one, the terms that cancel in it have a rounding of their own.
+    moved = np.abs(shapes / size[:, None])
+    terms = np.einsum("im,im->m", moved, np.abs(K) @ moved)
+    beyond = (
+        squared + NEGATIVE * lowest + np.divide(CANCELS * terms, share, out=0.0 * share, where=share > 0.0)
+    )
+    if beyond.min() < 0.0:
+        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, np.argmin(beyond)]))]))
         yield f"its stiffness is indefinite: a motion, most of it {worst}, has a negative stiffness"
         return
     yield from _resists(component, K, M, there, lowest)
@@ -325,10 +333,13 @@ def _resists(
     held = K + lowest * M
     size = np.sqrt(np.abs(np.diagonal(held)))
     own = left / size[:, None]
-    cost = np.diagonal(own.T @ np.linalg.solve(held / np.outer(size, size), own))
+    held = held / np.outer(size, size)
+    cost = np.diagonal(own.T @ np.linalg.solve(held, own))
     moved = lowest * np.diagonal(R.T @ M @ R)
     # About a line of grids without rotary inertia nothing moves: there any stiffness resists.
-    rounding = np.sum((ROUNDING * terms / size[:, None]) ** 2, axis=0)
+    # Rounding of stiff terms may push any motion, the softest most.
+    softest = max(float(np.linalg.eigvalsh(held)[0]), CANCELS)
+    rounding = max(ROUNDING, CANCELS / softest**0.5) ** 2 * np.sum((terms / size[:, None]) ** 2, axis=0)
     worst = np.divide(cost, moved, out=np.full(6, np.inf), where=moved > 0.0)
     worst[cost <= rounding] = 0.0
     if worst.max() > RESISTS_WHOLE:

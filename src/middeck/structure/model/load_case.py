@@ -29,9 +29,7 @@ def apply_load_case(
                 )
             taken.add(part.name)
     loaded = dataclasses.replace(
-        structure,
-        loads=(*structure.loads, *case.loads),
-        masses=(*structure.masses, *case.masses),
+        structure, loads=(*structure.loads, *case.loads), masses=(*structure.masses, *case.masses)
     )
     if not case.prescribed:
         return loaded, environment

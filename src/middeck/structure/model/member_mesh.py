@@ -67,11 +67,7 @@ def cut_members(structure: Structure, geometry: MemberGeometry) -> CutMembers:
     along = triad[member, :, 0]
     number = len(structure.nodes) + np.arange(len(member)) - member  # of the inner node at an element's end
     frame = np.stack(
-        [
-            np.where(first, nodes[member, 0], number - 1),
-            np.where(last, nodes[member, 1], number),
-        ],
-        axis=1,
+        [np.where(first, nodes[member, 0], number - 1), np.where(last, nodes[member, 1], number)], axis=1
     )
     offset = np.zeros((len(member), 2, 3), dtype=reach.dtype)
     offset[first, 0] = reach[member[first], 0]

@@ -167,8 +167,6 @@ def coupled_section(
     rho_A: float,
     rho_I_y: float,
     rho_I_z: float,
-    mass_centre: tuple[float, float] = (0.0, 0.0),
-    shear_centre: tuple[float, float] = (0.0, 0.0),
 ) -> Section:
     """A section by its whole 6x6 stiffness, or by the 4x4 of one that is rigid in shear.
 
@@ -200,10 +198,6 @@ def coupled_section(
         rho_I_y=rho_I_y,
         rho_I_z=rho_I_z,
         coupling=np.where(np.eye(6, dtype=bool), 0.0, whole),
-        mass_centre_y=mass_centre[0],
-        mass_centre_z=mass_centre[1],
-        shear_centre_y=shear_centre[0],
-        shear_centre_z=shear_centre[1],
     )
 
 

@@ -14,6 +14,7 @@ form, so that K_qq is diagonal and M_qq one.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -23,16 +24,22 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.assembly.energy import assemble
+from middeck.structure.assembly.energy import assemble, assemble_carried, geometric_tangent
+from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.factorisation import Factor, order, positive_factor
-from middeck.structure.assembly.linked import close_links, dynamic_coordinates
-from middeck.structure.assembly.mass import mass_matrix
-from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import Configuration
+from middeck.structure.assembly.linked import dynamic_coordinates, dynamic_freedom, static_closing
+from middeck.structure.assembly.mass import carried_mass
+from middeck.structure.assembly.mesh import Model, mesh_structure
+from middeck.structure.assembly.places import transport
+from middeck.structure.assembly.strain import strain_energies
+from middeck.structure.elements.frames import Configuration, placed, rigid_columns
+from middeck.structure.elements.since_drawn import carried_by, carried_step
 from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.eigen import all_cost_less, solve_pairs
+from middeck.structure.modes.eigenproblem.eigen import ROUNDING, Eigenpairs, all_cost_less, solve_pairs
+from middeck.structure.modes.eigenproblem.rigid_or_rounding import separate_rigid
 from middeck.structure.rest.equilibrium import solve_equilibrium
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
@@ -87,28 +94,24 @@ def reduce_structure(
     def of_nodes(names: Sequence[str]) -> np.ndarray:
         return (6 * np.array([nodes.index(n) for n in names], dtype=int)[:, None] + np.arange(6)).ravel()
 
-    at = solve_equilibrium(structure, Environment.orbit())
-    model = at.model
-    free = [i for i, joint in enumerate(model.structure.joints) if joint.state is JointState.FREE]
-    rows = np.concatenate([of_nodes(boundary), 6 * model.tree.roots + np.array(free, dtype=int)])
-    inside = dynamic_coordinates(model)
-    inside[rows] = False
-    motions = _independent(model, at.config, rows, inside)
-    whole = assemble(model, at.config, at.loads).tangent, mass_matrix(model, at.config, at.loads)
-    K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
-    basis = _basis(K, M, len(rows), motions[of_nodes(residual)], count, upto_hz)
-    inner = np.eye(len(basis.static) + len(rows), len(rows) + basis.vectors.shape[1])
-    inner[len(rows) :, : len(rows)], inner[len(rows) :, len(rows) :] = basis.static, basis.vectors
-    mass = inner.T @ (M @ inner)
+    held = _held(structure, boundary)
+    free = [i for i, joint in enumerate(structure.joints) if joint.state is JointState.FREE]
+    rows = np.concatenate([of_nodes(boundary), 6 * held.model.tree.roots + np.array(free, dtype=int)])
+    motions, own = _independent(held, rows)
+    in_world = transport(held.config, held.model.tree)
+    loaded = (in_world @ motions)[of_nodes(residual)]
+    basis = _basis(held, motions, _as_body(held)[own], len(rows), loaded, count, upto_hz)
+    inner = motions @ basis.columns
+    mass = inner.T @ (carried_mass(*held) @ inner)
     component = Component(
         name=name or "component",
         grids=tuple(boundary),
         frames=tuple(boundary),
-        positions=at.config.x[[nodes.index(b) for b in boundary]],
-        stiffness=_stiffness(K, inner, len(rows)),
+        positions=held.config.x[[nodes.index(b) for b in boundary]],
+        stiffness=_stiffness(held, inner, len(rows)),
         mass=0.5 * (mass + mass.T),
         outputs=tuple(f"{node} {way}" for node in recover for way in WAYS),
-        recovery=(motions @ inner)[of_nodes(recover)] if recover else None,
+        recovery=(in_world @ inner)[of_nodes(recover)] if recover else None,
     )
     return Reduced(require_component(component), basis.fixed_hz, basis.added, basis.next_hz)
 
@@ -129,22 +132,62 @@ def _check_asked(structure: Structure, count: int | None, upto_hz: float | None)
         )
 
 
-def _stiffness(K: sp.csr_array, inner: np.ndarray, boundary: int) -> np.ndarray:
-    """Stiffness on the motions ``inner``, the first of them static ones of the ``boundary``."""
-    stiffness = inner.T @ (K @ inner)
+class _Held(NamedTuple):
+    """The article at rest with its boundary and its free joints held, in carried coordinates.
+
+    The boundary is carried by nothing, so that its coordinates are those of W, and what is soft keeps its
+    digits beside what is stiff.
+    """
+
+    model: Model
+    config: Configuration
+    loads: Loads
+
+    def work(self, motions: np.ndarray) -> np.ndarray:
+        """Stiffness on a few ``motions``: strains are squared, so that it rounds by the square of theirs."""
+        return strain_energies(*self, motions) + motions.T @ (geometric_tangent(*self) @ motions)
+
+
+def _held(structure: Structure, boundary: Sequence[str]) -> _Held:
+    at = solve_equilibrium(structure, Environment.orbit())
+    locked = [
+        dataclasses.replace(joint, state=JointState.LOCKED) if joint.state is JointState.FREE else joint
+        for joint in structure.joints
+    ]
+    model = mesh_structure(
+        dataclasses.replace(structure, joints=tuple(locked)), [Clamp(node=name) for name in boundary]
+    )
+    since, drawn = at.config.since_drawn, model.rest.since_drawn
+    assert since is not None
+    assert drawn is not None
+    return _Held(model, placed(carried_by(since, drawn.carrier), at.config.angle), at.loads)
+
+
+def _as_body(held: _Held) -> np.ndarray:
+    """Motions as one body in carried coordinates."""
+    roots, at = held.model.tree.roots, held.config
+    assert at.since_drawn is not None
+    columns = rigid_columns(held.model.tree, at, at.x.mean(axis=0))
+    for k in range(6):
+        step = columns[: 6 * roots, k].reshape(roots, 6)
+        columns[: 6 * roots, k] = carried_step(at.since_drawn, at.x, step).ravel()
+    return columns
+
+
+def _stiffness(held: _Held, motions: np.ndarray, boundary: int) -> np.ndarray:
+    """Stiffness on the ``motions``, the first of them static ones of the ``boundary``."""
+    stiffness, size = held.work(motions), np.abs(transport(held.config, held.model.tree) @ motions)
     # Static motions of the boundary do no work on motions of the interior alone: what is left is rounding.
     stiffness[:boundary, boundary:] = stiffness[boundary:, :boundary] = 0.0
     # One boundary node holds nothing: its stiffness is what cancels there, and would be neither sign.
-    held, static = stiffness[:boundary, :boundary], np.abs(inner[:, :boundary])
-    held[np.abs(held) < order(K) * np.finfo(float).eps * (static.T @ (abs(K) @ static))] = 0.0
+    terms = ROUNDING * np.sqrt(np.einsum("im,im->m", size, abs(assemble(*held).tangent) @ size))
+    cancels = ROUNDING * (size.T @ (abs(geometric_tangent(*held)) @ size))
+    stiffness[np.abs(stiffness) < np.outer(terms, terms) + cancels] = 0.0
     return 0.5 * (stiffness + stiffness.T)
 
 
 def _check_nodes(
-    nodes: Sequence[str],
-    boundary: Sequence[str],
-    residual: Sequence[str],
-    recover: Sequence[str],
+    nodes: Sequence[str], boundary: Sequence[str], residual: Sequence[str], recover: Sequence[str]
 ) -> None:
     if not boundary or len(set(boundary)) < len(boundary):
         raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
@@ -154,13 +197,15 @@ def _check_nodes(
             raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
 
 
-def _independent(model: Model, config: Configuration, rows: np.ndarray, inside: np.ndarray) -> sp.csr_array:
-    """How all coordinates follow ``rows``, those of the boundary, and those ``inside`` that links leave."""
+def _independent(held: _Held, rows: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
+    """How all coordinates follow ``rows``, those of the boundary, and others inside; and which these are."""
+    model, config = held.model, held.config
     unit = sp.csr_array(sp.eye_array(model.tree.size))
     if model.links is None:
-        return sp.csr_array(unit[:, np.concatenate([rows, np.flatnonzero(inside)])])
-    state, close = close_links(model, config, inside)
-    C = state.jacobian
+        own = np.concatenate([rows, np.flatnonzero(dynamic_coordinates(model))])
+        return sp.csr_array(unit[:, own]), own
+    state, close = static_closing(model, config)
+    C = state.jacobian @ transport(config, model.tree)
     boundary = sp.csr_array(unit[:, rows] + sp.csr_array(close.follow(C[:, rows].toarray())))
     # And of a row that the boundary has no part in, which is rounding there.
     left, scale = abs(C @ boundary).sum(axis=1), abs(C) @ (1.0 + abs(boundary).sum(axis=1))
@@ -172,66 +217,103 @@ def _independent(model: Model, config: Configuration, rows: np.ndarray, inside: 
             where="boundary",
             hint="leave out what follows others, and give the link to the article that takes the component",
         )
-    return sp.csr_array(sp.hstack([boundary, close.basis]))
+    own = np.concatenate([rows, np.flatnonzero(close.independent)])
+    return sp.csr_array(sp.hstack([boundary, close.basis])), own
 
 
 class _Basis(NamedTuple):
-    """Static motions, interior vectors, fixed frequencies, how many residuals, and the next frequency."""
+    """Static motions and interior vectors, fixed frequencies, how many residuals, and the next frequency."""
 
-    static: np.ndarray
-    vectors: np.ndarray
+    columns: np.ndarray
     fixed_hz: np.ndarray
     added: int
     next_hz: float
 
 
 def _basis(
-    K: sp.csr_array,
-    M: sp.csr_array,
+    held: _Held,
+    motions: sp.csr_array,
+    as_body: np.ndarray,
     boundary: int,
     loaded: sp.csr_array,
     count: int | None,
     upto_hz: float | None,
 ) -> _Basis:
-    """The first coordinates are those of the ``boundary``; ``loaded`` has the motions that residuals load."""
+    """Columns in the coordinates of ``motions``, those of the ``boundary`` first.
+
+    ``as_body`` are motions as one body in these, ``loaded`` what residuals load.
+    """
+    whole = assemble_carried(*held).tangent, carried_mass(*held)
+    K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
     if order(K) == boundary:
-        return _Basis(np.zeros((0, boundary)), np.zeros((0, 0)), np.zeros(0), 0, np.inf)
+        return _Basis(np.eye(boundary), np.zeros(0), 0, np.inf)
     Kii, Mii = (sp.csr_array(A[boundary:][:, boundary:]) for A in (K, M))
+    pairs, kept, above = _fixed_modes(held, Kii, Mii, count, upto_hz)
     factor = positive_factor(Kii)
     if factor is None:
-        raise _loose()
+        raise NumericalError(
+            "with its boundary held the softest motion of the article is rounding beside its stiffest member",
+            where="boundary",
+            hint="rigid links in place of the stiffest members, or more boundary nodes",
+        )
     psi = -factor.solve(K[boundary:][:, :boundary].toarray())
-    lam, shapes, above = _fixed_modes(Kii, Mii, count, upto_hz)
+    psi += (as_body[boundary:] - psi @ as_body[:boundary]) @ np.linalg.pinv(as_body[:boundary])
+    psi = _orthogonal(held, motions, psi, pairs.shapes)
+    lam, shapes = pairs.lam[:kept], pairs.shapes[:, :kept]
     chi = _residuals(factor, lam, shapes, loaded[:, boundary:].toarray().T)
     vectors, added = _modal_form(Kii, Mii, shapes, chi)
-    return _Basis(psi, vectors, np.sqrt(lam) / (2.0 * np.pi), added, above)
+    return _Basis(_columns(psi, vectors), np.sqrt(lam) / (2.0 * np.pi), added, above)
 
 
-def _loose() -> NumericalError:
-    return NumericalError(
-        "with its boundary held the article is still loose, or unstable",
-        where="boundary",
-        hint="more boundary nodes, or springs at its joints",
-    )
+def _columns(psi: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    boundary = psi.shape[1]
+    out = np.eye(boundary + len(psi), boundary + vectors.shape[1])
+    out[boundary:, :boundary], out[boundary:, boundary:] = psi, vectors
+    return out
+
+
+def _orthogonal(held: _Held, motions: sp.csr_array, psi: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Static motions without what rounding of their solution left in them of the softest modes."""
+    work, first = held.work(motions @ _columns(psi, shapes)), psi.shape[1]
+    return psi - shapes @ np.linalg.solve(work[first:, first:], work[first:, :first])
 
 
 def _fixed_modes(
-    K: sp.csr_array, M: sp.csr_array, count: int | None, upto_hz: float | None
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """The lowest modes with the boundary held, and the frequency [Hz] of the one after them."""
-    wanted = FIRST if count is None else count + 1
+    held: _Held, K: sp.csr_array, M: sp.csr_array, count: int | None, upto_hz: float | None
+) -> tuple[Eigenpairs, int, float]:
+    """Modes with the boundary held, how many are kept, and the frequency [Hz] of the one after them."""
+    if not M.data.any():
+        return Eigenpairs(np.zeros(0), np.zeros((order(K), 0)), np.zeros(0)), 0, np.inf
+    wanted = max(FIRST, 0 if count is None else count + 1)
     while True:
         pairs = solve_pairs(K, M, wanted)
         if pairs is None:
             raise NumericalError("a motion inside has neither mass nor stiffness", where="reduction")
-        if np.any(pairs.lam <= pairs.noise):  # the pivots of what is loose may round to either sign
-            raise _loose()
-        hz = np.sqrt(np.maximum(pairs.lam, 0.0)) / (2.0 * np.pi)
+        pairs = separate_rigid(*held, pairs)
+        _check_held(held, pairs)
+        hz = np.sqrt(pairs.lam) / (2.0 * np.pi)
         kept = count if count is not None else int(np.sum(hz <= (upto_hz or 0.0)))
         if all_cost_less(K, wanted) or kept < len(hz):
             kept = min(kept, len(hz))
-            return pairs.lam[:kept], pairs.shapes[:, :kept], float(hz[kept]) if kept < len(hz) else np.inf
+            return pairs, kept, float(hz[kept]) if kept < len(hz) else np.inf
         wanted *= 2
+
+
+def _check_held(held: _Held, pairs: Eigenpairs) -> None:
+    """Refuse what moves, or grows, with the boundary held: energies are compared with their own rounding."""
+    if np.all(pairs.lam > pairs.noise):
+        return
+    m = int(np.argmin(pairs.lam - pairs.noise))
+    model, free = held.model, dynamic_freedom(held.model, held.config)
+    shape = transport(held.config, model.tree) @ free.spread(pairs.shapes[:, m])
+    moved = np.linalg.norm(shape[: 6 * model.tree.roots].reshape(-1, 6)[:, :3], axis=1)
+    grows = pairs.lam[m] < -pairs.noise[m]
+    raise NumericalError(
+        f"with its boundary held the article is still {'unstable' if grows else 'loose'}, most at "
+        f"{model.frames[int(np.argmax(moved))]!r}",
+        where="boundary",
+        hint="more boundary nodes, or springs at its joints",
+    )
 
 
 def _residuals(factor: Factor, lam: np.ndarray, shapes: np.ndarray, loads: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ class InputRows:
 
 
 @record
-class OutputRows:
+class ReadingRows:
     """Reading per unit coordinate, per unit rate and per unit acceleration of it, and the ports."""
 
     position: Inexact[np.ndarray, "output coordinate"]
@@ -70,7 +70,7 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
     return InputRows(rows, ports)
 
 
-def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
+def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> ReadingRows:
     """Rows of the sensors ``names``: angles [rad], travels and displacements [m], accelerations; and rates of
     all but these, ``<name>_rate``.
 
@@ -94,7 +94,7 @@ def output_rows(equilibrium: Equilibrium, names: Sequence[str]) -> OutputRows:
         (rate if is_rate else position)[i] = row
         units.append(_unit(equilibrium, sensor) + ("/s" if is_rate else ""))
     ports = tuple(Port(n, unit) for n, unit in zip(names, units, strict=True))
-    return OutputRows(position, rate, acceleration, ports)
+    return ReadingRows(position, rate, acceleration, ports)
 
 
 def _unit(equilibrium: Equilibrium, sensor: Sensor) -> str:

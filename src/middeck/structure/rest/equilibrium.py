@@ -24,7 +24,6 @@ from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
-from middeck.structure.model.travel import check_travel
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
@@ -119,7 +118,7 @@ def solve_equilibrium(
     refuse_slack_cables(tuned.name, settled.assembly.tension)
     _check_turns(model, environment, settled.config, loads)
     if settled.residual < settled.enough:
-        check_travel(model.structure, settled.config.angle)
+        _check_travel(model.structure, settled.config.angle)
     # At rest dE/d(angle) is the moment that the motor has to balance.
     holding = settled.assembly.gradient[6 * model.tree.roots :] + _spring_torque(model, settled.config)
     return Equilibrium(
@@ -307,3 +306,20 @@ def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
         degrees = np.degrees(turned[name])
         found.append(f"the article turned by {degrees:.0f} deg from its drawn attitude (node {name!r})")
     return tuple(found)
+
+
+def _check_travel(structure: Structure, angle: Float[np.ndarray, " joint"]) -> None:
+    """Raise `EquilibriumError` where a sprung joint would rest beyond its stops.
+
+    Held joints are checked with the structure; a sprung one goes where its load puts it.
+    """
+    for joint, at in zip(structure.joints, angle, strict=True):
+        low, high = joint.travel
+        if not low <= at <= high:
+            unit = "m" if joint.slides else "rad"
+            raise EquilibriumError(
+                f"joint {joint.name!r} would rest at {at:.4g} {unit}, beyond its travel {low:g} to {high:g}",
+                where=f"joint {joint.name!r}",
+                hint="a stiffer spring, or one that is unstressed on the other side (rest), centres it",
+                angle=float(at),
+            )

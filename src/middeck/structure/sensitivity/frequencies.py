@@ -27,7 +27,7 @@ from middeck.structure.sensitivity.links_and_components import Tied
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.repeated_modes import group_modes
-from middeck.structure.sensitivity.rest import Moved, move_rest
+from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.softened import soften_modes
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
 from middeck.values import record
@@ -120,12 +120,12 @@ def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
     return _Pairs(left, right, 0.5 * (modes.omega[left] ** 2 + modes.omega[right] ** 2))
 
 
-def _whole(modes: Modes, moved: Moved, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
+def _whole(modes: Modes, moved: MovedRest, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
     return _pair_derivatives(modes.equilibrium, moved, modes.shapes, pairs) + _of_ties(modes, moved, pairs)
 
 
 def _pair_derivatives(
-    rest: Equilibrium, moved: Moved, shapes: np.ndarray, pairs: _Pairs
+    rest: Equilibrium, moved: MovedRest, shapes: np.ndarray, pairs: _Pairs
 ) -> Float[np.ndarray, "parameter pair"]:
     """phi_i'(dK - lambda dM) phi_j: by the parameters themselves, and by the way the rest state moves."""
     out = _explicit(moved, shapes, pairs)
@@ -145,7 +145,7 @@ def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:
     return links.multipliers(load)
 
 
-def _of_ties(modes: Modes, moved: Moved, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
+def _of_ties(modes: Modes, moved: MovedRest, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
     """What links and components add, explicitly and by the way that the rest state moves."""
     model = modes.equilibrium.model
     if model.links is None and not model.components:
@@ -161,7 +161,7 @@ def _of_ties(modes: Modes, moved: Moved, pairs: _Pairs) -> Float[np.ndarray, "pa
     return np.array(out).reshape(len(moved.ties), len(pairs.lam))
 
 
-def _explicit(moved: Moved, shapes: np.ndarray, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
+def _explicit(moved: MovedRest, shapes: np.ndarray, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
     out = np.zeros((len(moved.patches), len(pairs.lam)))
     for at, potential in moved.still:
         own = np.concatenate(at.raft.coordinates)

@@ -81,7 +81,7 @@ class RestSensitivities(RestMotion):
     holding_torque: Float[np.ndarray, "joint parameter"]
 
 
-class Moved(NamedTuple):
+class MovedRest(NamedTuple):
     """Patches under their own loads, ``still`` where the frames are, and how these move, a column each."""
 
     patches: tuple[Patch, ...]
@@ -131,7 +131,7 @@ def _differentiated(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestS
     )
 
 
-def _supports(rest: Equilibrium, moved: Moved, along: Sequence[Configuration]) -> np.ndarray:
+def _supports(rest: Equilibrium, moved: MovedRest, along: Sequence[Configuration]) -> np.ndarray:
     pushed = [
         derivative(-bushing_states(patch.model, at, loads)[1].gradient[:, 6:])
         for patch, at, loads in zip(moved.patches, along, moved.loads, strict=True)
@@ -166,7 +166,7 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
     return derivative(np.array(torque, dtype=complex))
 
 
-def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
+def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     """The derivative of the rest state, with the patches that it came from."""
     check_beside_devices(rest, "derivatives of the rest state")
     if np.any(rest.loads.push[:, 3:]):
@@ -204,6 +204,6 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Moved:
     )
     for parameter, tie in zip(parameters, ties, strict=True):
         links.check_repeated(parameter, tie)
-    return Moved(
+    return MovedRest(
         patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties, drawn
     )

@@ -36,7 +36,7 @@ from middeck.structure.sensitivity.links_and_components import TieChange, Tied
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
 from middeck.structure.sensitivity.repeated_modes import group_modes
-from middeck.structure.sensitivity.rest import Moved, move_rest
+from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.softened import soften_modes
 from middeck.values import record
 
@@ -75,7 +75,7 @@ def differentiate_modes(
     )
 
 
-def perturbed_rest(rest: Equilibrium, moved: Moved, number: int) -> Equilibrium:
+def perturbed_rest(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
     """The rest state with the derivatives in one parameter in its imaginary parts.
 
     Its residual, holding torques and tensions are not perturbed.

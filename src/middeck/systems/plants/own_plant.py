@@ -72,8 +72,8 @@ def make_plant(
         y=_names("y", y),
         state_names=_names("state_names", state_names),
     )
-    late = _delays(delay_s, shape)
-    return delay_plant(plant, late) if np.any(late) else plant
+    delays = _delays(delay_s, shape)
+    return delay_plant(plant, delays) if np.any(delays) else plant
 
 
 def _numbers(name: str, value: Any) -> np.ndarray:
@@ -99,13 +99,13 @@ def _matrix(name: str, value: Any) -> np.ndarray:
 
 
 def _delays(delay_s: Any, shape: tuple[int, int]) -> np.ndarray:
-    late = _numbers("delay_s", delay_s)
-    if late.ndim and late.shape != shape:
+    delays = _numbers("delay_s", delay_s)
+    if delays.ndim and delays.shape != shape:
         raise ConfigError(
-            f"delay_s has shape {late.shape}", where="make_plant",
+            f"delay_s has shape {delays.shape}", where="make_plant",
             hint=f"one number, or {shape[0]} rows of outputs with {shape[1]} columns of inputs",
         )  # fmt: skip
-    return late
+    return delays
 
 
 def _period(period_s: Any) -> float:

@@ -73,7 +73,7 @@ class Plant:
     @property
     def period_s(self) -> float | None:
         """Time from one sample to the next [s]; None for a continuous plant."""
-        return self.dynamics.period_s if isinstance(self.dynamics, SampledStateSpace) else None
+        return self.dynamics.period_s
 
     @property
     def delayed(self) -> bool:

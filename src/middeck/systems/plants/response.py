@@ -55,7 +55,7 @@ def statespace_response(
     Many lines of a large system cost little more than its poles, see `middeck.systems.poles.resolvent`.
     """
     omega = np.asarray(omega, dtype=float)
-    p = np.exp(1j * omega * system.period_s) if isinstance(system, SampledStateSpace) else 1j * omega
+    p = 1j * omega if system.period_s is None else np.exp(1j * omega * system.period_s)
     return evaluate_transfer(system, p)
 
 

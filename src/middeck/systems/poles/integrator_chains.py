@@ -10,24 +10,27 @@ from __future__ import annotations
 
 import numpy as np
 
-REST = 1e-11
-"""Singular values below this fraction of A (balanced) count as zero: rounding of a plant transformed by a
-matrix of condition 1e4. Poles slower than this fraction of the fastest count as integrators."""
+REST, NONE = 1e-11, 3e-14
+"""Singular values below the first fraction of A (balanced) count as zero, rounding of a plant transformed by
+a matrix of condition 1e4, but none if all exceed the second: the least of a plant with integrators is below
+2e-16. Beside integrators, slow poles of mixed states count as such too."""
 
 
-def integrating_chains(A: np.ndarray, share: float = REST) -> tuple[np.ndarray, list[int]]:
+def integrating_chains(
+    A: np.ndarray, share: float = REST, least: float = NONE
+) -> tuple[np.ndarray, list[int]]:
     """Orthogonal matrix that puts the integrators first (null space of A, then of A^2, ...), and their
     numbers.
 
     In these coordinates the first columns of A are strictly upper triangular.
     """
     turn, sizes, left = np.eye(len(A)), [], A
-    floor = share * (np.linalg.norm(A, 2) if len(A) else 0.0)
+    size = np.linalg.norm(A, 2) if len(A) else 0.0
     while len(left):
         _, value, right = np.linalg.svd(left)
-        count = int(np.sum(value <= floor))
-        if not count:
+        if value[-1] > (share if sizes else least) * size:
             break
+        count = int(np.sum(value <= share * size))
         own = np.vstack([right[len(left) - count :], right[: len(left) - count]]).T
         done = sum(sizes)
         turn[:, done:] = turn[:, done:] @ own

@@ -167,7 +167,7 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
     root = np.sqrt(value[:rank])
     left, right = left[:, :rank] / root, right[:rank].T / root
     A = left.T @ later @ right
-    turn, sizes = integrating_chains(A, RANK)
+    turn, sizes = integrating_chains(A, RANK, RANK)
     if sum(sizes) < rank:
         # What rounding does not let vanish: the nearest that does.
         sizes = [*sizes, rank - sum(sizes)]

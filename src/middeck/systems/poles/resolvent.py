@@ -42,7 +42,7 @@ def evaluate_transfer(
     form = refine_poles(balanced.A, balanced.B, balanced.C)
     if form is None:
         return by_schur_form(balanced)(points)
-    if isinstance(system, SampledStateSpace):
+    if system.period_s is not None:
         return by_poles(form)(points) + system.D
     return on_axis(form, np.imag(points)) + system.D
 

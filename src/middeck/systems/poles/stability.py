@@ -57,7 +57,7 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     >>> growth_rates(StateSpace([[-2.0]], [[1.0]], [[1.0]], [[0.0]])).real
     array([-2.])
     """
-    period_s = system.period_s if isinstance(system, SampledStateSpace) else None
+    period_s = system.period_s
     rates = _rates(system, _joined(system.A, poles(system), sampled=period_s is not None))
     if none_grows(rates, period_s):
         return rates
@@ -68,7 +68,7 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
 
 
 def _rates(system: StateSpace | SampledStateSpace, p: np.ndarray) -> Complex[np.ndarray, " state"]:
-    if not isinstance(system, SampledStateSpace):
+    if system.period_s is None:
         return p
     size = np.abs(p)
     rate = np.full(len(p), -np.inf)
@@ -114,8 +114,7 @@ def is_stable(system: StateSpace | SampledStateSpace) -> bool:
     >>> is_stable(StateSpace([[0.1]], [[1.0]], [[1.0]], [[0.0]]))
     False
     """
-    period_s = system.period_s if isinstance(system, SampledStateSpace) else None
-    return none_grows(growth_rates(system), period_s)
+    return none_grows(growth_rates(system), system.period_s)
 
 
 def decays(system: StateSpace) -> bool:

@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.systems.state_space.statespace import SampledStateSpace, System, same_period
+from middeck.systems.state_space.statespace import System, same_period
 
 AMPLIFIED = 1e12
 """Componentwise condition number beyond which an algebraic loop is refused: rounding would reach 1e-3."""
@@ -77,7 +77,7 @@ def beside(first: System, second: System) -> System:
 
     Raises `ConfigError` for a continuous system beside a sampled one, and for two periods.
     """
-    one, other = (each.period_s if isinstance(each, SampledStateSpace) else 0.0 for each in (first, second))
+    one, other = (each.period_s or 0.0 for each in (first, second))
     if not same_period(one, other):
         raise ConfigError(
             f"systems of periods {one:g} and {other:g} s in one loop (0: continuous)",

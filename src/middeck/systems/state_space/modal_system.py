@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -32,6 +33,7 @@ class ModalSystem:
         direct: Output per unit input that goes through no mode; None for nothing.
     """
 
+    period_s: ClassVar[None] = None
     omega: Float[np.ndarray, " mode"]
     zeta: Float[np.ndarray, " mode"]
     psi: Float[np.ndarray, "mode input"]

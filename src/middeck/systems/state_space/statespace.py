@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -17,6 +17,7 @@ from middeck.values import record
 class StateSpace:
     """Continuous system x' = A x + B u, y = C x + D u."""
 
+    period_s: ClassVar[None] = None
     A: Float[np.ndarray, "state state"]
     B: Float[np.ndarray, "state input"]
     C: Float[np.ndarray, "output state"]

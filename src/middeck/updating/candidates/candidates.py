@@ -111,9 +111,7 @@ def rank_tests(
 
 
 def _promised(
-    refined: Refined,
-    places: Mapping[str, There],
-    readings: Callable[[Refined], Sequence[Deflection]] | None,
+    refined: Refined, places: Mapping[str, There], readings: Callable[[Refined], Sequence[Deflection]] | None
 ) -> tuple[Promised, ...]:
     found: list[Promised] = []
     for name, place in places.items():

@@ -86,10 +86,7 @@ def _with_survey(refined: Refined, candidate: CandidateSurvey) -> Foreseen:
     modes = place.solve(refined.x)
     measured, unseen = measured_by(candidate, modes)
     survey = Survey(
-        name=candidate.name,
-        measured=measured,
-        environment=candidate.environment,
-        settings=candidate.settings,
+        name=candidate.name, measured=measured, environment=candidate.environment, settings=candidate.settings
     )
     new = compare(modes, survey, place.bound)
     compared = (*refined.compared, new)
@@ -143,10 +140,7 @@ def _problem(
 
 
 def _known_after(
-    refined: Refined,
-    problem: Linear,
-    new: Int[np.ndarray, " new"],
-    links: Sequence[tuple[int, int, float]],
+    refined: Refined, problem: Linear, new: Int[np.ndarray, " new"], links: Sequence[tuple[int, int, float]]
 ) -> Estimate:
     """The estimate with ``new`` rows, which read what is most probable without them."""
     tau = _with_untried(refined.estimate.tau)[: problem.sorts]

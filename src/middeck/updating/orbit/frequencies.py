@@ -110,10 +110,7 @@ def solve_there(
 
 
 def predict_modes(
-    refined: Refined,
-    environment: Environment,
-    settings: Sequence[tuple[str, float]] = (),
-    count: int = 10,
+    refined: Refined, environment: Environment, settings: Sequence[tuple[str, float]] = (), count: int = 10
 ) -> Prediction:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
     return predict_at(refined, solve_there(refined, environment, settings, count))
@@ -151,11 +148,7 @@ def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequen
 
 
 def _damping(
-    modes: Modes,
-    index: np.ndarray,
-    share: np.ndarray,
-    errors: OwnErrors | None,
-    compared: Sequence[Compared],
+    modes: Modes, index: np.ndarray, share: np.ndarray, errors: OwnErrors | None, compared: Sequence[Compared]
 ) -> dict[str, np.ndarray]:
     """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]

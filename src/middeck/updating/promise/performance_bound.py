@@ -37,7 +37,7 @@ CLOSE = 0.1
 
 
 @record(kw_only=True)
-class Bound:
+class RobustBound:
     """What the worst of several plants is for one compensator, and for any other of its effort.
 
     Decibels count from each plant's rms without control, over all frequencies.
@@ -55,11 +55,11 @@ class Bound:
     no_linear_law_below_db: float
 
 
-def bound_worst(plants: Sequence[Plant], law: Compensator, weights: LQGWeights) -> Bound:
+def bound_worst(plants: Sequence[Plant], law: Compensator, weights: LQGWeights) -> RobustBound:
     """The worst of ``plants`` for ``law``, and what it is not below for any linear compensator."""
     own, least = bound_db(plants, law, weights).T
     least = least[np.isfinite(least)]
-    return Bound(
+    return RobustBound(
         draws=len(plants),
         worst_db=float(own.max(initial=-np.inf)) if len(plants) else np.nan,
         no_linear_law_below_db=float(least.max()) if len(least) else np.nan,
@@ -79,8 +79,8 @@ def bound_db(
     return np.array([_one(plant, law, weights) for plant in plants]).reshape(len(plants), 2)
 
 
-def _one(late: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
-    plant = approximate_delays(late, approximation_order(late, law.system))
+def _one(delayed: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, float]:
+    plant = approximate_delays(delayed, approximation_order(delayed, law.system))
     alone = measure_noise_rms(plant, idle_compensator(plant), weights).rms
     own = measure_noise_rms(plant, law, weights)
     db = decibels(own.rms, alone)

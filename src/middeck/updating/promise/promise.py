@@ -23,7 +23,7 @@ from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
 from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
-from middeck.updating.promise.performance_bound import Bound, bound_worst
+from middeck.updating.promise.performance_bound import RobustBound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.robustness_sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.updating.promise.slip import draw_slips
@@ -52,7 +52,7 @@ class Promise:
     modes: Prediction
     outlooks: tuple[Outlook, ...]
     rest_rms: Float[np.ndarray, " draw"]
-    bound: Mapping[str, Bound]
+    bound: Mapping[str, RobustBound]
     highest: str | None
     swept: SweptPlants
     sweeps: Mapping[str, Swept]
@@ -64,13 +64,13 @@ def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
     if plan.ladder is None:
         return {}
     whole = close_inner(plan, plant_of(plan, modes))
-    late = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
-    return design_on(group_loop(plan, late, plan.ladder.drives, plan.ladder.reads), plan.ladder, plan)
+    delayed = delay_plant(whole, plan.loop.delay_s) if plan.loop.delay_s else whole
+    return design_on(group_loop(plan, delayed, plan.ladder.drives, plan.ladder.reads), plan.ladder, plan)
 
 
-def design_on(late: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompensator]:
+def design_on(delayed: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompensator]:
     """The compensators of ``ladder`` by name, designed on a plant grouped for them, with its delays."""
-    model = approximate_delays(late, approximation_order(late))
+    model = approximate_delays(delayed, approximation_order(delayed))
     weights = weights_of(plan, driven_ports(model), measured_ports(model))
     kalman = design_filter(model, weights)
     return {
@@ -178,6 +178,6 @@ def _seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPla
     return dataclasses.replace(drawn, plants=plants), weights_of(plan, law.outputs, law.inputs)
 
 
-def _bound(law: Compensator, some: DrawnPlants, plan: Plan) -> Bound:
+def _bound(law: Compensator, some: DrawnPlants, plan: Plan) -> RobustBound:
     seen, weights = _seen_by(law, some, plan)
     return bound_worst(seen.plants, law, weights)

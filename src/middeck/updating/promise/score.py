@@ -34,7 +34,7 @@ class Statement:
 
 
 @record(kw_only=True)
-class Outcome:
+class Scored:
     """What came of it; an unstable loop has no ``value``."""
 
     kind: Kind
@@ -79,7 +79,7 @@ class Score:
     lost: int
 
 
-def judge(statements: Sequence[Statement], outcomes: Sequence[Outcome]) -> tuple[Verdict, ...]:
+def judge(statements: Sequence[Statement], outcomes: Sequence[Scored]) -> tuple[Verdict, ...]:
     """Each outcome beside the statement of its kind and name; statements without an outcome are left open.
 
     Raises `DataError` for an outcome of which nothing was said, or two of one kind and name,
@@ -99,7 +99,7 @@ def judge(statements: Sequence[Statement], outcomes: Sequence[Outcome]) -> tuple
     return tuple(_verdict(known[o.kind, o.name], o) for o in outcomes)
 
 
-def _each_once(what: str, given: Sequence[Statement] | Sequence[Outcome], where: str, hint: str) -> None:
+def _each_once(what: str, given: Sequence[Statement] | Sequence[Scored], where: str, hint: str) -> None:
     for (kind, name), count in Counter((g.kind, g.name) for g in given).items():
         if count > 1:
             raise DataError(f"two {what} of {kind} {name!r}", where=where, hint=hint)
@@ -120,7 +120,7 @@ def score(verdicts: Sequence[Verdict]) -> Score:
     )
 
 
-def _verdict(said: Statement, came: Outcome) -> Verdict:
+def _verdict(said: Statement, came: Scored) -> Verdict:
     lost = not came.stable or came.value is None
     value = np.inf if lost else float(came.value or 0.0)
     cautious = said.cautious

@@ -23,7 +23,7 @@ NEGLIGIBLE = 1e-6
 
 
 @record(kw_only=True)
-class Wiring:
+class SlipPorts:
     """Names of the joints (torque and angle), of the performance, and of what disturbs."""
 
     joints: tuple[str, ...]
@@ -32,7 +32,7 @@ class Wiring:
 
 
 @record
-class PoleForm:
+class SlipPoles:
     """Answer of angles and performance to the sliders: the real part of reads exp(poles t) drives, summed."""
 
     poles: Complex[np.ndarray, " pole"]
@@ -40,7 +40,7 @@ class PoleForm:
     reads: Complex[np.ndarray, "output pole"]
 
 
-def around_sliders(plant: Plant, law: Compensator | None, wiring: Wiring, order: int) -> StateSpace:
+def around_sliders(plant: Plant, law: Compensator | None, wiring: SlipPorts, order: int) -> StateSpace:
     """The loop from the sliders' torques to the joints' angles and the performance, which have no delay.
 
     The plant's delay, the same on all paths, is within the loop alone, by a Pade approximation of ``order``.
@@ -50,13 +50,13 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: Wiring, order:
     if law is None:
         return select_paths(system, columns, rows)
     late_s = float(plant.delay_s.max(initial=0.0))
-    late = law.system
+    delayed = law.system
     if late_s > 0.0:
         one = pade(late_s, order)
         each = (np.asarray(sla.block_diag(*[getattr(one, k)] * len(law.outputs))) for k in "ABCD")
-        late = series(late, StateSpace(*each))
+        delayed = series(delayed, StateSpace(*each))
     u, y = locate_ports(law, plant.inputs, plant.outputs)
-    return select_paths(feedback(system, late, u, y), columns, rows)
+    return select_paths(feedback(system, delayed, u, y), columns, rows)
 
 
 def hold_while_sticking(
@@ -70,7 +70,7 @@ def hold_while_sticking(
     return holds
 
 
-def pole_form(loop: StateSpace) -> PoleForm | None:
+def pole_form(loop: StateSpace) -> SlipPoles | None:
     """The loop by its poles, negligible ones left out; None where one does not decay."""
     values, vectors = solve_poles(loop.A)
     if not np.all(np.real(values) < 0.0):
@@ -81,7 +81,7 @@ def pole_form(loop: StateSpace) -> PoleForm | None:
     reads = reads * np.where(np.imag(values) > 0.0, 2.0, 1.0)
     size = np.abs(reads[:, None] * drives) / -np.real(values)
     counts = np.any(size > NEGLIGIBLE * size.max(axis=2, keepdims=True), axis=(0, 1)) & one
-    return PoleForm(values[counts], drives[:, counts], reads[:, counts])
+    return SlipPoles(values[counts], drives[:, counts], reads[:, counts])
 
 
 def solve_poles(
@@ -103,7 +103,7 @@ def noise_response(
     plant: Plant,
     open_response: Complex[np.ndarray, "line output input"],
     law: Compensator | None,
-    wiring: Wiring,
+    wiring: SlipPorts,
     frequency_hz: Float[np.ndarray, " line"],
 ) -> Complex[np.ndarray, "line output noise"]:
     """Of angles and performance to the disturbances, then to the noise of what ``law`` reads; delay exact."""
@@ -123,7 +123,7 @@ def noise_response(
     return found
 
 
-def _rows(plant: Plant, wiring: Wiring) -> tuple[Sequence[int], Sequence[int]]:
+def _rows(plant: Plant, wiring: SlipPorts) -> tuple[Sequence[int], Sequence[int]]:
     return (
         plant.input_indices(wiring.joints),
         [*plant.output_indices(wiring.joints), *plant.output_indices(wiring.performance)],

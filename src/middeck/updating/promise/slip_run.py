@@ -22,8 +22,8 @@ from middeck.systems.plants.plant import Plant, select_ports
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.slip import DrawnSlips
 from middeck.updating.promise.slip_loops import (
-    PoleForm,
-    Wiring,
+    SlipPoles,
+    SlipPorts,
     around_sliders,
     evaluate_open,
     hold_while_sticking,
@@ -66,7 +66,7 @@ def run_slips(
 
     Raises `ConfigError` for a joint whose torque does not turn its own angle, or that nothing brings to rest.
     """
-    wiring = Wiring(
+    wiring = SlipPorts(
         joints=tuple(j.name for j in plan.joints),
         performance=plan.performance,
         disturbances=plan.disturbances,
@@ -100,7 +100,7 @@ def run_slips(
     return time, found
 
 
-def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: Wiring) -> Plant:
+def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: SlipPorts) -> Plant:
     drives = [p.name for law in laws if law is not None for p in law.outputs]
     reads = [p.name for law in laws if law is not None for p in law.inputs]
     inputs, outputs = (
@@ -114,7 +114,7 @@ def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: Wiring)
 @record
 class _Asked:
     plan: Plan
-    wiring: Wiring
+    wiring: SlipPorts
     time: SlipTime
 
 
@@ -143,7 +143,7 @@ def _run(asked: _Asked, some: _Draws, law: Compensator | None, order: int) -> Sl
 
 
 def _with_friction(
-    asked: _Asked, some: _Draws, law: Compensator | None, forms: Mapping[int, PoleForm]
+    asked: _Asked, some: _Draws, law: Compensator | None, forms: Mapping[int, SlipPoles]
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"], Float[np.ndarray, "draw joint"]]:
     """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
     time, joints = asked.time, len(asked.wiring.joints)
@@ -206,7 +206,7 @@ def _free(
     return free
 
 
-def _side_by_side(forms: Sequence[PoleForm], stiffness: np.ndarray, slip_torque: np.ndarray) -> SlidingLoops:
+def _side_by_side(forms: Sequence[SlipPoles], stiffness: np.ndarray, slip_torque: np.ndarray) -> SlidingLoops:
     most = max(len(f.poles) for f in forms)
 
     def filled(values: np.ndarray, rest: complex) -> np.ndarray:

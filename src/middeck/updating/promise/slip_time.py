@@ -18,7 +18,7 @@ from middeck.systems.state_space.feedback import close_static
 from middeck.updating.promise.plan import Plan, weights_of
 from middeck.updating.promise.slip import DrawnSlips
 from middeck.updating.promise.slip_loops import (
-    Wiring,
+    SlipPorts,
     around_sliders,
     evaluate_open,
     noise_response,
@@ -69,7 +69,7 @@ class SlipTime:
 
 
 def choose_time(
-    plant: Plant, laws: Iterable[Compensator | None], slips: DrawnSlips, plan: Plan, wiring: Wiring
+    plant: Plant, laws: Iterable[Compensator | None], slips: DrawnSlips, plan: Plan, wiring: SlipPorts
 ) -> SlipTime:
     """By one plant. Raises `ConfigError` for a joint whose torque does not turn its own angle."""
     alone = around_sliders(plant, None, wiring, 1)
@@ -117,7 +117,7 @@ def _slowest(plant: Plant, plan: Plan) -> float:
     return float(decay[square > COUNTS * square.sum()].min())
 
 
-def _sticking(plant: Plant, wiring: Wiring, springs: Float[np.ndarray, " joint"]) -> Plant:
+def _sticking(plant: Plant, wiring: SlipPorts, springs: Float[np.ndarray, " joint"]) -> Plant:
     """The plant with a spring in place of each slider."""
     gain = np.zeros((len(plant.inputs), len(plant.outputs)))
     gain[plant.input_indices(wiring.joints), plant.output_indices(wiring.joints)] = -springs
@@ -125,7 +125,7 @@ def _sticking(plant: Plant, wiring: Wiring, springs: Float[np.ndarray, " joint"]
 
 
 def _band(
-    plant: Plant, laws: Iterable[Compensator | None], plan: Plan, wiring: Wiring, record_s: float
+    plant: Plant, laws: Iterable[Compensator | None], plan: Plan, wiring: SlipPorts, record_s: float
 ) -> float:
     """Half octave that holds all but a part of the mean square of every output, with every compensator."""
     highest = float(np.abs(solve_poles(remove_delays(plant).system.A)[0]).max())

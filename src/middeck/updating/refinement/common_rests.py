@@ -37,10 +37,7 @@ def common_rests(problem: Linear, links: Sequence[tuple[int, int, float]]) -> Li
         columns[old][new] = np.sign(part) * most * np.sqrt(size)
         rest[new] = max(problem.rest[new] - most**2 * size, 0.0)
     return dataclasses.replace(
-        problem,
-        S=np.column_stack([problem.S, *columns.values()]),
-        rest=rest,
-        sort=np.array(sort, dtype=int),
+        problem, S=np.column_stack([problem.S, *columns.values()]), rest=rest, sort=np.array(sort, dtype=int)
     )
 
 

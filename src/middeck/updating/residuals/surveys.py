@@ -9,11 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.correlation.measured_modes import (
-    MeasuredModes,
-    sort_rms,
-    straight_channels,
-)
+from middeck.structure.correlation.measured_modes import MeasuredModes, sort_rms, straight_channels
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment

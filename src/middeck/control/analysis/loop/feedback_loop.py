@@ -131,11 +131,11 @@ def evaluate_halves(loop: FeedbackLoop) -> Halves:
             return sampled(z), law(z)
 
         return at_z
-    plant, late = transfer_of(loop.plant.continuous), loop.plant.delay_s
+    plant, delay_s = transfer_of(loop.plant.continuous), loop.plant.delay_s
 
     def at_s(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s = np.asarray(s, dtype=complex)
-        return plant(s) * np.exp(-s[:, None, None] * late), law(s)
+        return plant(s) * np.exp(-s[:, None, None] * delay_s), law(s)
 
     return at_s
 

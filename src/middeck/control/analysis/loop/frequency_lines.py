@@ -61,9 +61,9 @@ def place_lines(
     period = loop.period_s
     top = _where_gone(ratio, high) if period is None else (1.0 - SHORT_OF_NYQUIST) * np.pi / period
     lines = [np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2), _clusters(features)]
-    late = float(loop.plant.delay_s.max(initial=0.0))
-    if late > 0.0:
-        lines.append(np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late)
+    longest_s = float(loop.plant.delay_s.max(initial=0.0))
+    if longest_s > 0.0:
+        lines.append(np.arange(1, min(int(2.0 * top * longest_s) + 1, MOST_DELAY_LINES)) * 0.5 / longest_s)
     omega: np.ndarray = np.unique(np.concatenate(lines))
     return omega[(omega >= low) & (omega <= top) & ~_on_pole(features, omega)]
 

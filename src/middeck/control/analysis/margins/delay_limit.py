@@ -64,11 +64,7 @@ class UnitGain:
 
 
 def sampled_delay_limits(
-    loop: FeedbackLoop,
-    plant: Plant,
-    compensator: Compensator,
-    at: At,
-    lines: Float[np.ndarray, " line"],
+    loop: FeedbackLoop, plant: Plant, compensator: Compensator, at: At, lines: Float[np.ndarray, " line"]
 ) -> list[float]:
     """Least additional delay [s] of each channel alone that makes the sampled loop unstable; ``inf`` if none.
 

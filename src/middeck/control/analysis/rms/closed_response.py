@@ -35,15 +35,15 @@ def closed_response(
     u_ports, y = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
     path = select_ports(active, (*disturbed, *u_ports), (*active.z, *y))
     residues, moving = part_transfer(path.continuous)
-    late = path.delay_s
-    body = realise_residues(_late_residues(residues, late))
+    delay_s = path.delay_s
+    body = realise_residues(_delayed_residues(residues, delay_s))
     of_law, law = part_transfer(compensator.system)
     memory = realise_residues(of_law)
     nz, nw, ny, n = len(active.z), len(disturbed), len(y), len(body.A)
 
     def response(omega: np.ndarray) -> np.ndarray:
         s = 1j * omega
-        H = moving(s) * np.exp(-s[:, None, None] * late) + _beyond(residues, late, s)
+        H = moving(s) * np.exp(-s[:, None, None] * delay_s) + _beyond(residues, delay_s, s)
         Hyw, Hyu = H[:, nz:, :nw], H[:, nz:, nw:]
         K = law(s)
         # u from the integrators' states, w, and noise on y; then the same of y and z.
@@ -71,21 +71,21 @@ def closed_response(
     return response
 
 
-def _late_residues(
-    residues: Float[np.ndarray, "chain output input"], late: Float[np.ndarray, "output input"]
+def _delayed_residues(
+    residues: Float[np.ndarray, "chain output input"], delay_s: Float[np.ndarray, "output input"]
 ) -> Float[np.ndarray, "chain output input"]:
     """Residues at the origin of R_k / s^k times the delays."""
     total = np.zeros_like(residues)
     for k in range(len(residues)):
         for j in range(k + 1):
-            total[k - j] += residues[k] * (-late) ** j / math.factorial(j)
+            total[k - j] += residues[k] * (-delay_s) ** j / math.factorial(j)
     return total
 
 
-def _beyond(residues: np.ndarray, late: np.ndarray, s: np.ndarray) -> np.ndarray:
+def _beyond(residues: np.ndarray, delay_s: np.ndarray, s: np.ndarray) -> np.ndarray:
     """The sum of R_k s^-k (exp(-s tau) - its first k terms), which has no pole."""
-    total = np.zeros((len(s), *late.shape), dtype=complex)
-    turn = -s[:, None, None] * late
+    total = np.zeros((len(s), *delay_s.shape), dtype=complex)
+    turn = -s[:, None, None] * delay_s
     short = np.abs(turn) < 1.0
     for k, residue in enumerate(residues, start=1):
         # (-tau)^k times the function that begins with 1 / k!.
@@ -94,5 +94,5 @@ def _beyond(residues: np.ndarray, late: np.ndarray, s: np.ndarray) -> np.ndarray
             series = series * np.where(short, turn, 0.0) + 1.0 / math.factorial(j + k)
         first = sum(turn**j / math.factorial(j) for j in range(k))
         direct = (np.exp(turn) - first) / np.where(short, 1.0, turn) ** k
-        total += residue * (-late) ** k * np.where(short, series, direct)
+        total += residue * (-delay_s) ** k * np.where(short, series, direct)
     return total

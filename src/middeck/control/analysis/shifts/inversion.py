@@ -29,7 +29,6 @@ class Inversion:
         reads, drives: Measurement and input of the compensator's path that has the zero.
         pole, zero: Both [rad/s], imaginary parts positive; of sampled loops log(z)/T.
         distance: |zero - pole| / |pole|.
-        pole_damping, zero_damping: Damping ratios; a zero right of the axis has a negative one.
     """
 
     mode: str
@@ -38,8 +37,6 @@ class Inversion:
     pole: complex
     zero: complex
     distance: float
-    pole_damping: float
-    zero_damping: float
 
 
 def find_inversion(plant: Plant, law: Compensator, *, within: float = 0.1) -> tuple[Inversion, ...]:
@@ -67,20 +64,7 @@ def find_inversion(plant: Plant, law: Compensator, *, within: float = 0.1) -> tu
 def _pair(mode: str, reads: str, drives: str, pole: complex, zeros: np.ndarray) -> Inversion:
     zero = complex(zeros[np.argmin(np.abs(zeros - pole))])
     distance = abs(zero - pole) / abs(pole)
-    return Inversion(
-        mode=mode,
-        reads=reads,
-        drives=drives,
-        pole=pole,
-        zero=zero,
-        distance=distance,
-        pole_damping=_damping(pole),
-        zero_damping=_damping(zero),
-    )
-
-
-def _damping(s: complex) -> float:
-    return float(-s.real / abs(s)) if abs(s) > 0.0 else 1.0
+    return Inversion(mode=mode, reads=reads, drives=drives, pole=pole, zero=zero, distance=distance)
 
 
 def _path_zeros(loop: FeedbackLoop, row: int, column: int) -> Complex[np.ndarray, " zero"]:

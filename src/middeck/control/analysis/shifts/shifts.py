@@ -17,6 +17,8 @@ from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.stability import none_grows
 from middeck.values import record
 
+STEP, RESOLUTION = 0.0025, 1e-8  # relative changes of a frequency
+
 
 @record(kw_only=True)
 class AllowedShift:
@@ -37,43 +39,29 @@ class AllowedShift:
 
 
 def find_allowed_shifts(
-    plant: Plant,
-    compensator: Compensator,
-    *,
-    modes: Sequence[str] | None = None,
-    most: float = 0.2,
-    step: float = 0.0025,
-    resolution: float = 1e-8,
-    finish: Callable[[Plant], Plant] | None = None,
+    plant: Plant, compensator: Compensator, *, modes: Sequence[str] | None = None, most: float = 0.2
 ) -> tuple[AllowedShift, ...]:
     """Smallest destabilising shift of each mode alone, damping ratio kept, delays exact.
 
     A sampled compensator meets the shifted plant sampled anew, hold and delays exact: modes beyond half the
     rate count too.
 
-    Marches outwards in steps of ``step`` up to ``most`` with eigenvalues (delays by an approximation of high
-    order), then bisects with exact delays to ``resolution``. Unstable intervals narrower than ``step``
-    (relative change of frequency) may be stepped over.
+    Marches outwards in steps of 0.25 % up to ``most`` with eigenvalues (delays by an approximation of high
+    order), then bisects with exact delays. Unstable intervals narrower than a step may be stepped over.
 
     Args:
         modes: None: all oscillating modes that are controllable or observable. Modes of a state space without
             ``state_names`` are named by number and frequency (`part_modes`).
-        finish: Function from the shifted plant to the plant controlled, e.g. closing an inner loop.
 
-    Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or a step that is
-    not positive; `NumericalError` where modes without names nearly coincide (`part_modes`).
+    Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or ``most`` not
+    between 0 and 1; `NumericalError` where modes without names nearly coincide (`part_modes`).
     """
-    if not 0.0 < step <= most < 1.0:
-        raise ConfigError(f"step = {step:g}, most = {most:g}", hint="0 < step <= most < 1")
+    if not 0.0 < most < 1.0:
+        raise ConfigError(f"most = {most:g}", hint="0 < most < 1")
     plant = _named(plant)
     names = _oscillating(plant) if modes is None else tuple(modes)
-
-    def loop_at(mode: str, shift: float) -> Plant:
-        moved = shift_modes(plant, {mode: 1.0 + shift})
-        return moved if finish is None else finish(moved)
-
     return tuple(
-        _allowed(mode, lambda x, mode=mode: loop_at(mode, x), compensator, most, step, resolution)
+        _allowed(mode, lambda x, mode=mode: shift_modes(plant, {mode: 1.0 + x}), compensator, most)
         for mode in names
     )
 
@@ -98,50 +86,34 @@ def _oscillating(plant: Plant) -> tuple[str, ...]:
     )
 
 
-def _allowed(
-    mode: str,
-    plant_at: Callable[[float], Plant],
-    law: Compensator,
-    most: float,
-    step: float,
-    resolution: float,
-) -> AllowedShift:
+def _allowed(mode: str, plant_at: Callable[[float], Plant], law: Compensator, most: float) -> AllowedShift:
     if not decide_loop(form_loop(plant_at(0.0), law)).stable:
         return AllowedShift(mode=mode, down=0.0, up=0.0, down_hz=0.0, up_hz=0.0)
-    ends = [_first(plant_at, law, sign, most, step, resolution) for sign in (-1.0, 1.0)]
+    ends = [_first(plant_at, law, sign, most) for sign in (-1.0, 1.0)]
     return AllowedShift(mode=mode, down=ends[0][0], up=ends[1][0], down_hz=ends[0][1], up_hz=ends[1][1])
 
 
 def _first(
-    plant_at: Callable[[float], Plant],
-    law: Compensator,
-    sign: float,
-    most: float,
-    step: float,
-    resolution: float,
+    plant_at: Callable[[float], Plant], law: Compensator, sign: float, most: float
 ) -> tuple[float, float]:
     """The first unstable shift in one direction, and the frequency of the pole."""
     low = 0.0
-    for high in np.append(np.arange(step, most, step), most):
+    for high in np.append(np.arange(STEP, most, STEP), most):
         loop = form_loop(plant_at(sign * float(high)), law)
         if not none_grows(loop_poles(loop), loop.period_s) and not decide_loop(loop).stable:
             break
         low = float(high)
     else:
         return sign * np.inf, 0.0
-    return _bisect(plant_at, law, sign, (low, float(high)), resolution)
+    return _bisect(plant_at, law, sign, (low, float(high)))
 
 
 def _bisect(
-    plant_at: Callable[[float], Plant],
-    law: Compensator,
-    sign: float,
-    bracket: tuple[float, float],
-    resolution: float,
+    plant_at: Callable[[float], Plant], law: Compensator, sign: float, bracket: tuple[float, float]
 ) -> tuple[float, float]:
     low, high = bracket
     found = decide_loop(form_loop(plant_at(sign * high), law))
-    while high - low > resolution:
+    while high - low > RESOLUTION:
         middle = 0.5 * (low + high)
         outcome = decide_loop(form_loop(plant_at(sign * middle), law))
         if outcome.stable:

@@ -34,7 +34,7 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
     >>> round(float(plant_as_sampled(plant, 0.1).system.A[0, 0]), 4)  # -tanh(T/2) / (T/2)
     -0.9992
     """
-    rest, late = delay_at_the_hold(plant, period_s)
+    rest, delay_s = delay_at_the_hold(plant, period_s)
     active = partition_modes(rest).active
     shared = sorted(set(active.w) & set(active.u))
     if shared:
@@ -43,7 +43,7 @@ def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
     inputs = tuple(p for p in active.inputs if p.name not in active.u)
     commands = tuple(p for p in active.inputs if p.name in active.u)
     rows = [p.name for p in outputs]
-    slow = sample_dynamics(subsystem(active, [p.name for p in commands], rows), period_s, late)
+    slow = sample_dynamics(subsystem(active, [p.name for p in commands], rows), period_s, delay_s)
     noise = sample_dynamics(subsystem(active, [p.name for p in inputs], rows), period_s)
     B = np.zeros((len(slow.A), len(inputs) + len(commands)))
     B[: len(noise.A), : len(inputs)], B[:, len(inputs) :] = noise.B, slow.B

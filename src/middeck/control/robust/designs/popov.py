@@ -22,7 +22,7 @@ from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem.directions import Directions, shift_directions
-from middeck.control.robust.problem.robust_compensator import RobustCompensator, Stage
+from middeck.control.robust.problem.robust_compensator import Attempt, RobustCompensator
 from middeck.control.robust.problem.several_plants import (
     Problem,
     law_of,
@@ -72,7 +72,7 @@ class _Place:
     multipliers: Multipliers
     bound: float
     gradient: float
-    history: tuple[Stage, ...]
+    history: tuple[Attempt, ...]
 
 
 def design_popov(
@@ -140,7 +140,7 @@ def _covering_starts(
     The optimal law of a smaller box is a poor start: its bound is finite only up to the edge of that box,
     which could then grow by less than a per cent.
     """
-    history: tuple[Stage, ...] = ()
+    history: tuple[Attempt, ...] = ()
     for widening in WIDENINGS:
         wide = _widened(uncertainty, widening)
         if wide is None:
@@ -208,7 +208,7 @@ def _improve(
 
     begun = np.concatenate([np.zeros(2 * modes), pack(law, free) / scale])
     descent = descend(objective, begun, tolerance=tolerance)
-    leg = Stage(size=1.0, cost=descent.value)
+    leg = Attempt(size=1.0, cost=descent.value)
     law, multipliers = at(descent.x)
     return _Place(
         law=law,

@@ -41,7 +41,7 @@ class Multipliers:
 
 
 @record
-class Bound:
+class PopovBound:
     """The bound, its gradient with respect to the law, and with respect to log H and log N."""
 
     law: LawCost
@@ -51,7 +51,7 @@ class Bound:
 
 def evaluate_bound(
     model: GeneralizedPlant, law: Law, directions: Directions, multipliers: Multipliers
-) -> Bound:
+) -> PopovBound:
     """The bound over the box; ``inf`` where the Riccati equation has no solution."""
     nominal, B, C = closed_matrices(model, law)
     modes, states = len(directions.low), len(nominal)
@@ -76,11 +76,11 @@ def evaluate_bound(
     SL = (S / R0[:, None]) @ L
     by_N = M * np.einsum("ms,sk,mk->m", out, B @ B.T, out) + 2.0 * np.sum(SL * (out @ A), axis=1)
     by_H = 2.0 * np.sum(SL * out, axis=1) - np.sum(SL * (S / R0[:, None]), axis=1) * 2.0 / M
-    return Bound(gradient, by_H * H, by_N * N)
+    return PopovBound(gradient, by_H * H, by_N * N)
 
 
-def _infinite(modes: int) -> Bound:
-    return Bound(LawCost(cost=np.inf), np.zeros(modes), np.zeros(modes))
+def _infinite(modes: int) -> PopovBound:
+    return PopovBound(LawCost(cost=np.inf), np.zeros(modes), np.zeros(modes))
 
 
 def first_multipliers(model: GeneralizedPlant, law: Law, directions: Directions) -> Multipliers | None:

@@ -25,7 +25,7 @@ from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.robust.problem.directions import Directions, stiffness_directions
-from middeck.control.robust.problem.robust_compensator import RobustCompensator, Stage
+from middeck.control.robust.problem.robust_compensator import Attempt, RobustCompensator
 from middeck.control.robust.problem.several_plants import Problem, models_of, pose_problem, whole_law
 from middeck.control.robust.search.smooth_maximum import evaluate_models
 from middeck.errors import ConfigError, NumericalError
@@ -78,19 +78,19 @@ def design_sensitivity_weighted(
     problem = pose_problem(plant, weights, authority, uncertainty, positions, LawForm(), shaping)
     directions = stiffness_directions(plant, problem.nominal, uncertainty)
     models = models_of(problem, 1.0, 1.0)
-    tried: list[Stage] = []
+    tried: list[Attempt] = []
     level = _best_strength(models, directions, tried) if strength is None else strength
     return _result(problem, models, directions, level, tuple(tried))
 
 
-def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, tried: list[Stage]) -> float:
+def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, tried: list[Attempt]) -> float:
     """Best strength on a coarse ladder, then between its neighbours; an unstable model costs ``inf``."""
 
     def mean_cost(strength: float) -> float:
         law = _solve(models[0], directions, strength)[0]
         found = evaluate_models(models, law)
         cost = np.inf if found is None else float(np.mean([each.cost for each in found]))
-        tried.append(Stage(size=strength, cost=cost))
+        tried.append(Attempt(size=strength, cost=cost))
         return cost
 
     costs = [mean_cost(strength) for strength in RUNGS]
@@ -151,7 +151,7 @@ def _result(
     models: Sequence[GeneralizedPlant],
     directions: Directions,
     strength: float,
-    tried: tuple[Stage, ...],
+    tried: tuple[Attempt, ...],
 ) -> SensitivityWeightedCompensator:
     law, regulator, estimator, cost = _solve(models[0], directions, strength)
     part = partition_modes(problem.nominal)

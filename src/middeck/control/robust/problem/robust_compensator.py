@@ -10,7 +10,7 @@ from middeck.values import record
 
 
 @record(kw_only=True)
-class Stage:
+class Attempt:
     """One stage of the search for a design.
 
     Attributes:
@@ -44,5 +44,5 @@ class RobustCompensator(Compensator):
     cost: float
     costs: Float[np.ndarray, " model"]
     gradient: float
-    history: tuple[Stage, ...]
+    history: tuple[Attempt, ...]
     inert: tuple[str, ...]

@@ -150,7 +150,7 @@ def _same_groups(plants: tuple[Plant, ...]) -> None:
                 raise ConfigError(
                     f"plant {i + 1} has {getattr(plant, group)} as its group {group}, the nominal one "
                     f"{getattr(first, group)}",
-                    hint="one law needs the same ports, in the same order, on every plant",
+                    hint="one compensator needs the same ports, in the same order, on every plant",
                 )
 
 

@@ -10,7 +10,7 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, discounted
 from middeck.control.h2.law_form import order_of, shifted, station_ports
 from middeck.control.h2.nominal_law import lqg_law
-from middeck.control.robust.problem.robust_compensator import Stage
+from middeck.control.robust.problem.robust_compensator import Attempt
 from middeck.control.robust.problem.several_plants import Problem, models_of
 from middeck.control.robust.search.smooth_maximum import Stations, improve
 from middeck.control.robust.search.starting_laws import (
@@ -41,7 +41,7 @@ class Arrival:
 
     law: Law
     gradient: float
-    history: tuple[Stage, ...]
+    history: tuple[Attempt, ...]
 
 
 def approach(problem: Problem, start: Law | None, power: float) -> Arrival:
@@ -113,7 +113,8 @@ def _best_start(problem: Problem, stations: Stations, power: float) -> Arrival:
         return best
     if stations:
         raise NumericalError(
-            "no decentralised start was found that stabilises the nominal plant", hint="give a law as start="
+            "no decentralised start was found that stabilises the nominal plant",
+            hint="give a compensator as start=",
         )
     return _withdraw_discount(models, stations, in_the_loop(models[0], order))
 
@@ -168,7 +169,7 @@ def _grow(problem: Problem, stations: Stations, arrival: Arrival, power: float) 
 
 def _withdraw_discount(models: Sequence[GeneralizedPlant], stations: Stations, law: Law) -> Arrival:
     """Lend all states a decay that makes the loop stable, improve, lend less (Perdomo et al. 2021)."""
-    history: list[Stage] = []
+    history: list[Attempt] = []
     floor = 1e-3 * float(np.median(np.abs(np.linalg.eigvals(models[0].A))))
     for _ in range(ROUNDS):
         growth = max(spectral_abscissa(model, law) for model in models)
@@ -180,7 +181,7 @@ def _withdraw_discount(models: Sequence[GeneralizedPlant], stations: Stations, l
         if found is None:
             break
         law = shifted(found[0], -rate)
-        history.append(Stage(size=0.0, cost=found[1].value))
+        history.append(Attempt(size=0.0, cost=found[1].value))
     raise NumericalError(
         f"no stabilising compensator of {len(law.A)} states was found",
         hint="a higher order, or a compensator to start from: start=",
@@ -205,5 +206,5 @@ def _step(
             history=arrival.history,
         )  # fmt: skip
     law, descent = found
-    leg = Stage(size=size, cost=descent.value)
+    leg = Attempt(size=size, cost=descent.value)
     return Arrival(law, descent.gradient, (*arrival.history, leg))

@@ -24,15 +24,17 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import resolve, transfer_of
+from middeck.control.analysis.stability.delayed_roots import poles_with_rounding
 from middeck.control.h2.generalized_plant import generalize
-from middeck.control.h2.noise_rms import FAR, REST, NoiseOutcome
+from middeck.control.h2.noise_rms import FAR, NoiseOutcome
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.systems.norms.quadrature import integrate
-from middeck.systems.norms.rms import square_root
+from middeck.systems.norms.rms import RESPONSE_TOLERANCE, square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent, balance_states
 from middeck.systems.state_space.modal_system import ModalSystem, output_rows
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 RHO = 0.7
@@ -40,10 +42,12 @@ RHO = 0.7
 ROUNDS, MOST_LINES, SPLIT = 24, 40_000, 8
 LIGHTEST = 1e-6
 """Smallest spacing of lines [rad/s]: a root nearer to the axis than this is left undecided."""
+VAGUE = 1e-6
 SMALL = 0.5
 BESIDE = np.array([0.0, 3.0])
-TOLERANCE = 1e-7
-"""Allowed error of a panel, relative to the whole integral."""
+STRETCH, OCTAVES = 1.0, 17
+"""Change of log f from edge to edge of the first panels, which a root near the axis makes short; and edges
+beyond the last line."""
 
 
 @record
@@ -70,10 +74,10 @@ class FamilyLaw:
 
 
 def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | None:
-    """The prepared law; None for one that does not fall with frequency, or has a pole on the axis."""
+    """The prepared law; None if `is_vague`, without roll-off, or with a pole on the axis."""
     system = balance_states(compensator.system)
     values, vectors = np.linalg.eig(system.A) if len(system.A) else (np.zeros(0), np.zeros((0, 0)))
-    if np.any(system.D) or np.any(np.abs(np.real(values)) < LIGHTEST):
+    if np.any(system.D) or np.any(np.abs(np.real(values)) < LIGHTEST) or is_vague(system):
         return None
     into = np.linalg.solve(vectors.astype(complex), system.B)
     size = np.abs(into[:, None, :] * (system.C @ vectors).T[:, :, None]).reshape(len(values), system.D.size)
@@ -93,8 +97,22 @@ def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | Non
     )
 
 
-def measure_in_family(plant: Plant, known: FamilyLaw, *, measured: bool = True) -> NoiseOutcome | None:
-    """As `integrate_noise`, for a plant of decaying modes; None where undecided.
+def is_vague(law: StateSpace) -> bool:
+    """Whether rounding of its matrices moves a pole by more than `VAGUE` of its decay or growth."""
+    if not len(law.A):
+        return False
+    law = balance_states(law)
+    poles, rounding = poles_with_rounding(law.A)
+    # Of a double pole, the root.
+    moved = np.minimum(rounding, np.sqrt(np.finfo(float).eps * np.linalg.norm(law.A) * np.abs(poles)))
+    decay = np.abs(np.real(poles))
+    return bool(np.any((decay >= LIGHTEST) & (moved > VAGUE * decay)))
+
+
+def measure_in_family(
+    plant: Plant, known: FamilyLaw, *, measured: bool = True, most_lines: int = MOST_LINES
+) -> NoiseOutcome | None:
+    """As `integrate_noise`, for a plant of decaying modes; None where undecided by ``most_lines``.
 
     Raises `ConfigError` for process noise that reaches z directly.
     """
@@ -106,15 +124,16 @@ def measure_in_family(plant: Plant, known: FamilyLaw, *, measured: bool = True) 
     w, z = plant.input_indices(known.weights.disturbed), plant.output_indices(plant.z)
     u, y = plant.input_indices(known.outputs), plant.output_indices(known.inputs)
     delay_s = plant.delay_s
-    grows = _growing(_poles_of(modal, y, u), delay_s[np.ix_(y, u)], known, _path(modal, delay_s, y, u))
-    if grows is None:
+    path = _path(modal, delay_s, y, u)
+    counted = _growing(_poles_of(modal, y, u), delay_s[np.ix_(y, u)], known, path, most_lines)
+    if counted is None:
         return None
-    if grows:
+    grow, edges = counted
+    if grow:
         return NoiseOutcome(False, np.inf, np.inf)
     if not measured:
         return NoiseOutcome(True, 0.0, 0.0)
-    rms = _rms(_path(modal, delay_s, [*z, *y], [*w, *u]), len(z), len(w), known, _upper(modal))
-    return NoiseOutcome(True, *rms)
+    return NoiseOutcome(True, *_rms(_path(modal, delay_s, [*z, *y], [*w, *u]), len(z), len(w), known, edges))
 
 
 def _path(modal: ModalSystem, delay_s: np.ndarray, rows: Sequence[int], columns: Sequence[int]) -> Resolvent:
@@ -149,12 +168,10 @@ def _poles_of(modal: ModalSystem, rows: Sequence[int], columns: Sequence[int]) -
     return _Poles(poles, residue.reshape(len(poles), part.direct.size), np.abs(part.direct))
 
 
-def _upper(modal: ModalSystem) -> Complex[np.ndarray, " pole"]:
-    return -modal.zeta * modal.omega + modal.omega * np.sqrt(modal.zeta**2 - 1.0 + 0.0j)
-
-
-def _growing(plant: _Poles, late: np.ndarray, known: FamilyLaw, path: Resolvent) -> int | None:
-    """Number of roots right of the axis; None where lines run out or come too close."""
+def _growing(
+    plant: _Poles, late: np.ndarray, known: FamilyLaw, path: Resolvent, most_lines: int
+) -> tuple[int, Float[np.ndarray, " line"]] | None:
+    """Number of roots right of the axis, and edges of panels; None where lines run out or come too close."""
     top = _small_beyond(plant, late, known.law)
     if top is None:
         return None
@@ -172,11 +189,14 @@ def _growing(plant: _Poles, late: np.ndarray, known: FamilyLaw, path: Resolvent)
         safe[at[need <= 1.0]] = True
         rough, pieces = at[need > 1.0], np.clip(np.ceil(np.sqrt(need[need > 1.0])), 2, SPLIT).astype(int)
         if not len(rough):
-            phase = np.linalg.slogdet(loop)[0]
-            turns = (np.angle(phase[1:] / phase[:-1]).sum() - np.angle(phase[-1])) / np.pi
-            return known.unstable - round(float(turns))
+            phase, size = np.linalg.slogdet(loop)
+            turn = np.angle(phase[1:] / phase[:-1])
+            turns = (turn.sum() - np.angle(phase[-1])) / np.pi
+            way = np.cumsum(np.abs(np.diff(size) + 1j * turn)) // STRETCH
+            edges = np.union1d(_first_lines(plant.poles, top), omega[1:-1][np.diff(way) > 0.0])
+            return known.unstable - round(float(turns)), edges
         width = omega[rough + 1] - omega[rough]
-        if len(omega) > MOST_LINES or np.min(width) < LIGHTEST:
+        if len(omega) + np.sum(pieces - 1) > most_lines or np.min(width) < LIGHTEST:
             return None
         within = np.concatenate([np.arange(1, n) / n for n in pieces])
         new = np.repeat(omega[rough], pieces - 1) + within * np.repeat(width, pieces - 1)
@@ -239,8 +259,8 @@ def _small_beyond(plant: _Poles, late: np.ndarray, law: _Poles) -> float | None:
     return None
 
 
-def _rms(path: Resolvent, nz: int, nw: int, known: FamilyLaw, peaks: np.ndarray) -> tuple[float, float]:
-    """Rms of the weighted outputs and inputs, from REST times the slowest to FAR times the fastest pole."""
+def _rms(path: Resolvent, nz: int, nw: int, known: FamilyLaw, edges: np.ndarray) -> tuple[float, float]:
+    """Rms of the weighted outputs and inputs, and FAR beyond."""
 
     def power(omega: np.ndarray) -> Float[np.ndarray, "line zu"]:
         s = 1j * omega
@@ -255,14 +275,8 @@ def _rms(path: Resolvent, nz: int, nw: int, known: FamilyLaw, peaks: np.ndarray)
         seen = np.concatenate([z, u], axis=1) @ known.noise
         return known.weight**2 * np.sum(np.abs(seen) ** 2, axis=2)
 
-    size = np.abs(np.concatenate([peaks, known.law.poles]))
-    low, top = REST * float(size.min()), FAR * float(size.max())
-    first, last = power(np.array([low, top]))
-    square = (integrate(power, _panels(peaks, low, top), TOLERANCE) + low * first + top * last) / np.pi
-    return float(np.sqrt(square[:nz].sum())), float(np.sqrt(square[nz:].sum()))
-
-
-def _panels(peaks: np.ndarray, low: float, top: float) -> Float[np.ndarray, " edge"]:
-    sides = np.abs(np.real(peaks))[:, None] * np.array([-12.0, 0.0, 12.0])
-    edges = np.concatenate([(np.imag(peaks)[:, None] + sides).ravel(), np.geomspace(low, top, 20)])
-    return np.unique(np.concatenate([[low, top], edges[(edges > low) & (edges < top)]]))
+    top = FAR * edges[-1]
+    edges = np.append(edges[:-1], np.geomspace(edges[-1], top, OCTAVES))
+    square = integrate(power, edges, RESPONSE_TOLERANCE) + top * power(np.array([top]))[0]
+    rms = np.sqrt(square / np.pi)
+    return float(np.linalg.norm(rms[:nz])), float(np.linalg.norm(rms[nz:]))

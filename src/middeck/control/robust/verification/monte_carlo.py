@@ -17,7 +17,7 @@ from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.batch import same_shapes
 from middeck.control.robust.verification.exact_delay import exact_growth
-from middeck.control.robust.verification.exact_family import family_law, measure_in_family
+from middeck.control.robust.verification.exact_family import family_law, is_vague, measure_in_family
 from middeck.control.robust.verification.many_loops import measure_many
 from middeck.control.robust.verification.sampled_loops import sampled_outcomes
 from middeck.control.robust.verification.single_loop import measure_one
@@ -72,9 +72,9 @@ def verify_robustness(
     exp(-s tau) (`exact_family`). Other delays are approximated with an order that keeps every mode's phase to
     1e-9 (`pade_order`); the rightmost poles are then corrected for the exact delay, and the rms is that of
     the approximation. Where the order would exceed 40, the leading pole lies outside the range of the
-    approximation, or approximation and roots disagree, the plant is evaluated singly and exactly
-    (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator is sampled by Tustin's rule and held,
-    in addition to the plant's delay.
+    approximation, approximation and roots disagree, or rounding of the law moves its poles (`is_vague`), the
+    plant is evaluated singly and exactly (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator
+    is sampled by Tustin's rule and held, in addition to the plant's delay.
 
     Raises `ConfigError` for a compensator of other ports than the plant's groups y and u, `NumericalError`
     where the stability of a plant taken by itself cannot be decided.
@@ -197,6 +197,7 @@ def _approximated(
     """Evaluate all plants together with approximated delays, except those that need exact evaluation."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
+    vague = is_vague(system)
     orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
@@ -207,7 +208,7 @@ def _approximated(
         if not plant.delayed:
             continue
         agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
-        if orders[i] > order or not agreed:
+        if vague or orders[i] > order or not agreed:
             found[i] = integrate_noise(plant, compensator, weights, measured=measured)
     return found
 

@@ -99,11 +99,7 @@ def _moving(basis: Basis, parts: Parts, on_components: set[int], left_out: list[
 
 
 def _check(
-    basis: Basis,
-    parts: Parts,
-    tied: list[Constraint],
-    carriers: dict[int, int],
-    left_out: list[LeftOut],
+    basis: Basis, parts: Parts, tied: list[Constraint], carriers: dict[int, int], left_out: list[LeftOut]
 ) -> None:
     faults: list[Fault] = []
     left_out += _idle(basis, parts.constraints, tied, carriers)
@@ -131,11 +127,7 @@ def _idle(
     matter = {id(c.entry) for c in tied}
     idle = {id(c.entry): c.entry for c in every if id(c.entry) not in matter}
     found: list[LeftOut] = [
-        (
-            name,
-            1,
-            f"{'an average' if name == 'RBE3' else 'links'} at a grid without an element or a mass",
-        )
+        (name, 1, f"{'an average' if name == 'RBE3' else 'links'} at a grid without an element or a mass")
         for name in (entry.name for entry in idle.values())
     ]
     partial = {id(c.entry) for c in every}

@@ -20,27 +20,25 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.nastran.output4.matrices import Op4Matrix, write_op4
 from middeck.structure.model.component import Component
 
-# Numbers of scalar points begin at so many times that of the superelement.
-SPOINTS = 10_000
+# The superelement's number; those of its scalar points begin at so many times it.
+NUMBER, SPOINTS = 101, 10_000
 ALL = "123456"
 
 
-def write_external(stem: str | Path, component: Component, *, number: int = 101) -> dict[str, Path]:
+def write_external(stem: str | Path, component: Component) -> dict[str, Path]:
     """Write ``stem``.op4, .pch and .asm, each whole or not at all; the paths by ending.
 
     Grids stand in ascending order, in which Nastran expects the rows of a boundary.
 
     Grids have the numbers in their names (``g12`` is 12) or, where those are not all different, 1, 2, 3 ...
-    Raises `ConfigError` for a number that no superelement has, and a component whose grids lack coordinates.
+    Raises `ConfigError` for a component whose grids lack coordinates.
     """
-    if not 1 <= number < 1000:
-        raise ConfigError(f"superelement {number}", where="number", hint="1 to 999")
     if not np.all(component.has):
         raise ConfigError("a grid without some of its six coordinates", where=f"component {component.name!r}")
     stem = Path(stem)
     paths = {ending: stem.with_name(f"{stem.name}.{ending}") for ending in ("op4", "pch", "asm")}
     component, grids = _ascending(component)
-    points = [max(number * SPOINTS, *grids) + k + 1 for k in range(component.modal)]
+    points = [max(NUMBER * SPOINTS, *grids) + k + 1 for k in range(component.modal)]
     names = [f"$ GRID {grid} IS {name}" for grid, name in zip(grids, component.grids, strict=True)]
     cards = [
         *names,
@@ -48,14 +46,14 @@ def write_external(stem: str | Path, component: Component, *, number: int = 101)
         *_rows("SPOINT", points),
     ]
     whole = [field for grid in grids for field in (grid, ALL)] + [f for point in points for f in (point, 0)]
-    own = [f"BEGIN SUPER={number}", *_card("EXTRN", whole), *cards]
+    own = [f"BEGIN SUPER={NUMBER}", *_card("EXTRN", whole), *cards]
     own += [f"ASET    {grid:8d}{ALL:>8}" for grid in grids] + [
         f"ASET    {point:8d}{0:8d}" for point in points
     ]
     pairs = [value for point in (*grids, *points) for value in (point, point)]
     join = [
-        *_card("SEBULK", [number, "EXTOP4", "", "MANUAL", "", "", number]),
-        *_card("SECONCT", [number, 0, "", "NO", "", "", "", "", *pairs]),
+        *_card("SEBULK", [NUMBER, "EXTOP4", "", "MANUAL", "", "", NUMBER]),
+        *_card("SECONCT", [NUMBER, 0, "", "NO", "", "", "", "", *pairs]),
         *cards,
     ]
     matrices = {"KXX": component.stiffness, "MXX": component.mass, "BXX1": component.damping}

@@ -47,13 +47,7 @@ def clamp(grid: int, held: str, places: Places) -> dict[str, Any]:
         "".join(letter for letter, digit in zip(LETTERS, digits, strict=True) if digit in held)
         for digits in ("123", "456")
     )
-    return {
-        "node": f"g{grid}",
-        "along": along,
-        "about": about,
-        "x_axis": axes[:, 0],
-        "y_axis": axes[:, 1],
-    }
+    return {"node": f"g{grid}", "along": along, "about": about, "x_axis": axes[:, 0], "y_axis": axes[:, 1]}
 
 
 def _terms(

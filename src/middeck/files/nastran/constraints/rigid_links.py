@@ -12,7 +12,7 @@ from middeck.files.toml.faults import Fault
 ALL = "123456"
 
 
-class Link(NamedTuple):
+class RigidLink(NamedTuple):
     """One dependent grid and the one that carries it, by an entry and the field that names it."""
 
     rider: int
@@ -29,7 +29,7 @@ def find_carriers(entries: Entries, grids: Container[int]) -> dict[int, int]:
     close on themselves.
     """
     faults: list[Fault] = []
-    by: dict[int, Link] = {}
+    by: dict[int, RigidLink] = {}
     for link in (*_rbe2(entries, faults), *_rbar(entries)):
         first = by.get(link.rider)
         if link.rider not in grids or link.carrier not in grids:
@@ -105,24 +105,24 @@ def partial_links(entries: Entries, faults: list[Fault]) -> Iterator[tuple[Entry
                 pass
 
 
-def _rbe2(entries: Entries, faults: list[Fault]) -> list[Link]:
+def _rbe2(entries: Entries, faults: list[Fault]) -> list[RigidLink]:
     return [
-        Link(rider, entry["gn"], entry, "gm")
+        RigidLink(rider, entry["gn"], entry, "gm")
         for entry in entries.of("RBE2")
         if entry["cm"] == ALL
         for rider in grids_of(entry, faults)
     ]
 
 
-def _rbar(entries: Entries) -> list[Link]:
-    links: list[Link] = []
+def _rbar(entries: Entries) -> list[RigidLink]:
+    links: list[RigidLink] = []
     for entry in entries.of("RBAR"):
         ends = (entry["cna"] or "", entry["cnb"] or "", entry["cma"] or "", entry["cmb"] or "")
         match ends:
             case ("123456", "", "", "" | "123456"):
-                links.append(Link(entry["gb"], entry["ga"], entry, "gb"))
+                links.append(RigidLink(entry["gb"], entry["ga"], entry, "gb"))
             case ("", "123456", "" | "123456", ""):
-                links.append(Link(entry["ga"], entry["gb"], entry, "ga"))
+                links.append(RigidLink(entry["ga"], entry["gb"], entry, "ga"))
             case _:
                 pass  # see `partial_links` and `rigid_elements`
     return links

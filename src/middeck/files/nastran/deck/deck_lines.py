@@ -22,7 +22,7 @@ DEPTH = 32
 Line = tuple[str, str, int]
 
 
-class Sections(NamedTuple):
+class DeckText(NamedTuple):
     """The lines of a deck; ``missing`` names includes of executive and case control that are not there."""
 
     executive: tuple[Line, ...]
@@ -31,7 +31,7 @@ class Sections(NamedTuple):
     missing: tuple[str, ...]
 
 
-def read_sections(path: str | Path) -> Sections:
+def read_sections(path: str | Path) -> DeckText:
     """The sections of the deck ``path``; a file with neither CEND nor BEGIN BULK is bulk data alone.
 
     Raises `ConfigError` as `Lines` does, for part superelements, and for a deck that is cut off: no BEGIN
@@ -48,11 +48,11 @@ def read_sections(path: str | Path) -> Sections:
     if not others:
         if cend is not None:
             cut_off(head[-1], "BEGIN BULK")
-        return Sections((), (), tuple(head), ())
+        return DeckText((), (), tuple(head), ())
     if not reader.ended:
         cut_off(reader.lines[-1], "ENDDATA")
     at = -1 if cend is None else cend
-    return Sections(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.missing)
+    return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.missing)
 
 
 def raise_at(line: Line, key: str, message: str, value: str = "", hint: str = "") -> NoReturn:

@@ -38,7 +38,7 @@ def replicated(groups: Sequence[list[Row]], faults: list[Fault]) -> list[list[Ro
     spoilt = False  # by a fault: cards that repeat this one say nothing more
     for group in groups:
         head, fields, _, _, line = group[0]
-        if head == EQUATIONS or not (head[0] == "=" or _repeats(group)):
+        if head == EQUATIONS or not (head[0] == "=" or any(not COPIES.isdisjoint(row[1]) for row in group)):
             out.append(group)
             pattern, spoilt = None, False
             continue
@@ -62,10 +62,6 @@ def replicated(groups: Sequence[list[Row]], faults: list[Fault]) -> list[list[Ro
             continue
         out += made
     return out
-
-
-def _repeats(group: list[Row]) -> bool:
-    return any(not COPIES.isdisjoint(row[1]) for row in group)
 
 
 def _count(head: str) -> int:

@@ -35,11 +35,7 @@ class Tie(NamedTuple):
 
 
 def read_ties(
-    entries: Entries,
-    places: Places,
-    scalars: Container[int],
-    held: Mapping[int, str],
-    faults: list[Fault],
+    entries: Entries, places: Places, scalars: Container[int], held: Mapping[int, str], faults: list[Fault]
 ) -> list[Tie]:
     """All CBUSH, CELAS1 and CELAS2 of some stiffness; appends to ``faults`` what cannot be represented.
 

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.members.solid_torsion import torsion_of_polygon
-from middeck.files.nastran.members.thin_walls import Wall, twist_walls
+from middeck.files.nastran.members.torsion import Wall, torsion_of_polygon, twist_walls
 
 PI = float(np.pi)
 ROUNDING = 1e-12  # of a product moment over the second moments, of a place over the sizes

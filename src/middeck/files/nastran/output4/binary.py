@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from typing import NoReturn
 
 import numpy as np
@@ -115,46 +114,3 @@ class BinarySource:
         part = self.content[self.at : self.at + count]
         self.at += count
         return part
-
-
-class BinaryTarget:
-    """Records in one byte order, with integers of 32 bits."""
-
-    def __init__(self, single: bool, order: str) -> None:
-        self.real, self.order = np.dtype(f"{order}f{4 if single else 8}"), order
-        self.records: list[bytes] = []
-        self.parts: list[bytes] = []
-
-    def head(self, head: Head) -> None:
-        """Begin a matrix."""
-        self.integers([head.columns, -head.rows if head.big else head.rows, head.form, head.kind])
-        self.parts.append(head.name.ljust(8).encode("ascii"))
-
-    def column(self, column: int, row: int, words: int) -> None:
-        """Begin a column."""
-        self._close()
-        self.integers([column, row, words])
-
-    def integers(self, values: Sequence[int]) -> None:
-        """Go on with integers."""
-        self.parts.append(np.asarray(values, f"{self.order}i4").tobytes())
-
-    def reals(self, values: np.ndarray) -> None:
-        """Go on with numbers."""
-        self.parts.append(values.astype(self.real).tobytes())
-
-    def end(self, columns: int) -> None:
-        """The column beyond the last."""
-        self.column(columns + 1, 1, self.real.itemsize // 4)
-        self.reals(np.ones(1))
-        self._close()
-
-    def content(self) -> bytes:
-        """The file."""
-        return b"".join(self.records)
-
-    def _close(self) -> None:
-        body = b"".join(self.parts)
-        marker = struct.pack(self.order + "i", len(body))
-        self.records.append(marker + body + marker)
-        self.parts = []

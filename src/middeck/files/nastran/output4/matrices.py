@@ -8,22 +8,21 @@ and range of rows and columns, symmetry. Format: MSC Nastran DMAP Programmer's G
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import scipy.sparse as sp
 
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import replacing
-from middeck.files.nastran.output4.binary import BinarySource, BinaryTarget, is_binary
+from middeck.files.nastran.output4.binary import BinarySource, is_binary
 from middeck.files.nastran.output4.heads import BIG, COMPLEX, DOUBLE, SYMMETRIC, Head
-from middeck.files.nastran.output4.text import TextSource, TextTarget
+from middeck.files.nastran.output4.text import TextSource
 
-Layout = Literal["dense", "bigmat", "nonbigmat"]
 Source = BinarySource | TextSource
-Target = BinaryTarget | TextTarget
 SQUARE = 1
 # Of the geometric mean of the two diagonals, and of the largest entry: what a determinate boundary has of
 # stiffness is rounding of what it was condensed from.
@@ -143,69 +142,27 @@ def _check_form(source: Source, head: Head, matrix: sp.csc_array) -> None:
         source.fail(f"said to be symmetric (form 6), but ({i + 1}, {j + 1}) is {a:g} and its mirror {b:g}")
 
 
-def write_op4(
-    path: str | Path,
-    matrices: Sequence[Op4Matrix],
-    *,
-    layout: Layout = "dense",
-    text: bool = False,
-    byte_order: Literal["<", ">"] = "<",
-    single: bool = False,
-) -> None:
-    """Write matrices to an OUTPUT4 file, whole or not at all; text has 17 digits, of single precision 9.
+def write_op4(path: Path, matrices: Sequence[Op4Matrix]) -> None:
+    """Write real matrices to a binary OUTPUT4 file, dense, whole or not at all.
 
-    Raises `ConfigError` for a name of more than eight characters, numbers that are not finite, and more rows
-    than a layout can hold.
+    Raises `ConfigError` for a number that is not finite.
     """
-    target: Target = TextTarget(single) if text else BinaryTarget(single, byte_order)
-    for matrix in matrices:
-        _write_matrix(target, matrix, layout, single, str(path))
-    with replacing(Path(path)) as temporary:
-        temporary.write_bytes(target.content())
+    records: list[bytes] = []
+    for name, form, value in matrices:
+        if not np.all(np.isfinite(value.data)):
+            raise ConfigError(f"matrix {name!r} has a number that is not finite", where=str(path))
+        rows, columns = cast("tuple[int, int]", value.shape)
+        records.append(_record([columns, rows, form, 2], name.ljust(8).encode("ascii")))
+        for j, column in enumerate(value.toarray().T, 1):
+            if len(index := np.flatnonzero(column)):
+                run = column[index[0] : index[-1] + 1]
+                records.append(_record([j, index[0] + 1, 2 * len(run)], run.astype("<f8").tobytes()))
+        records.append(_record([columns + 1, 1, 2], np.ones(1, "<f8").tobytes()))
+    with replacing(path) as temporary:
+        temporary.write_bytes(b"".join(records))
 
 
-def _write_matrix(target: Target, matrix: Op4Matrix, layout: Layout, single: bool, where: str) -> None:
-    value = sp.csc_array(matrix.value)
-    value.sum_duplicates()
-    value.eliminate_zeros()
-    rows, columns = cast("tuple[int, int]", value.shape)
-    if not (0 < len(matrix.name) <= 8 and matrix.name.isascii()):
-        raise ConfigError(
-            f"{matrix.name!r} is no name of a matrix", where=where, hint="one to eight characters"
-        )
-    most = np.finfo("f4" if single else "f8").max
-    if not np.all(np.abs(_reals(value.data)) <= most):
-        raise ConfigError(
-            f"matrix {matrix.name!r} has a number that is not finite, or above {most:.3g}", where=where
-        )
-    if layout == "nonbigmat" and rows >= BIG:
-        raise ConfigError(f"{rows} rows are too many for nonbigmat", where=where, hint="bigmat")
-    complex_ = np.iscomplexobj(value.data)
-    kind, per = (1 if single else 2) + 2 * complex_, (1 if single else 2) * (1 + complex_)
-    big = layout == "bigmat"
-    target.head(Head(columns, rows, big, matrix.form, kind, matrix.name))
-    for j in range(columns):
-        part = slice(value.indptr[j], value.indptr[j + 1])
-        index, data = value.indices[part], value.data[part]
-        if not len(index):
-            continue
-        if layout == "dense":
-            full = np.zeros(index[-1] - index[0] + 1, data.dtype)
-            full[index - index[0]] = data
-            reals = len(full) * (1 + complex_)
-            target.column(j + 1, index[0] + 1, reals if isinstance(target, TextTarget) else len(full) * per)
-            target.reals(_reals(full))
-            continue
-        runs = np.split(np.arange(len(index)), np.flatnonzero(np.diff(index) > 1) + 1)
-        target.column(j + 1, 0, sum(len(run) * per + 1 + big for run in runs))
-        for run in runs:
-            length, start = len(run) * per + 1, int(index[run[0]]) + 1
-            target.integers([length, start] if big else [length * BIG + start])
-            target.reals(_reals(data[run]))
-    target.end(columns)
-
-
-def _reals(values: np.ndarray) -> np.ndarray:
-    if not np.iscomplexobj(values):
-        return values
-    return np.stack([np.real(values), np.imag(values)], axis=1).ravel()
+def _record(integers: Sequence[int], rest: bytes) -> bytes:
+    body = np.asarray(integers, "<i4").tobytes() + rest
+    marker = struct.pack("<i", len(body))
+    return marker + body + marker

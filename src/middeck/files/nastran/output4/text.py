@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import NoReturn
 
@@ -124,41 +123,3 @@ class TextSource:
         if not found:
             self.fail(f"{text.strip()!r} is no number")
         return float(f"{found[1]}E{found[2] or found[3] or 0}")
-
-
-class TextTarget:
-    """Lines with 17 digits of a number, or 9 of one in single precision."""
-
-    def __init__(self, single: bool) -> None:
-        self.digits, self.per, self.width = (8, 5, 16) if single else (16, 3, 24)
-        self.single = single
-        self.lines: list[str] = []
-
-    def head(self, head: Head) -> None:
-        """Begin a matrix."""
-        rows = -head.rows if head.big else head.rows
-        form = f"1P,{self.per}E{self.width}.{self.digits}"
-        self.lines.append(f"{head.columns:8d}{rows:8d}{head.form:8d}{head.kind:8d}{head.name:8s}{form}")
-
-    def column(self, column: int, row: int, words: int) -> None:
-        """Begin a column."""
-        self.integers([column, row, words])
-
-    def integers(self, values: Sequence[int]) -> None:
-        """A line of integers."""
-        self.lines.append("".join(f"{value:8d}" for value in values))
-
-    def reals(self, values: np.ndarray) -> None:
-        """Lines of numbers."""
-        values = values.astype("f4") if self.single else values
-        fields = [f"{float(v):{self.width}.{self.digits}E}" for v in values]
-        self.lines += ["".join(fields[i : i + self.per]) for i in range(0, len(fields), self.per)]
-
-    def end(self, columns: int) -> None:
-        """The column beyond the last."""
-        self.column(columns + 1, 1, 1)
-        self.reals(np.ones(1))
-
-    def content(self) -> bytes:
-        """The file."""
-        return "\n".join([*self.lines, ""]).encode("ascii")

@@ -212,7 +212,8 @@ class EngineSettings:
         for name in names:
             value = getattr(self, name)
             _require(0.0 <= value <= LONGEST_S, f"{name} of {value} s", f"0 to {LONGEST_S:g} s")
-        _require(0.0 < self.effort_share < math.inf, f"an effort_share of {self.effort_share}", "> 0, finite")
+        share = f"an effort_share of {self.effort_share}, which nothing exceeds from 1 on"
+        _require(0.0 < self.effort_share < 1.0, share, "above 0, below 1; effort_s = 0 for none")
         for name, value, most in (
             ("late_most", self.late_most, 1 << 31),
             ("processor", self.processor or 0, 1 << 20),

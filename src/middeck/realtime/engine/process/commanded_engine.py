@@ -152,15 +152,19 @@ class CommandedEngine:
         return True
 
     def _wait(self, reached: Callable[[], object]) -> None:
-        began = time.monotonic()
+        """Patience begins anew with each sample in lockstep, which may take as long as a rig's answer."""
+        began, last = time.monotonic(), self.sample
         while not reached():
             self._require_alive()
             self._beat_by_the_clock()
-            if time.monotonic() - began > PATIENCE_S:
+            if not self.real_time and self.sample != last:
+                began, last = time.monotonic(), self.sample
+            patience = PATIENCE_S + (0.0 if self.real_time else self.settings.answer_s)
+            if time.monotonic() - began > patience:
                 raise DataError(
-                    f"the engine does not answer for {PATIENCE_S:g} s",
-                    where="engine",
-                    hint="is its rig alive?",
+                    f"does not answer for {patience:g} s at sample {self.sample}",
+                    where="engine, or its rig",
+                    hint="a rig whose read hangs stops the engine: end both and start the rig first",
                 )
             time.sleep(POLL_S)
 

@@ -25,7 +25,13 @@ from middeck.realtime.engine.interface.commands import (
 )
 from middeck.realtime.engine.interface.monitors import LONGEST_S
 from middeck.realtime.engine.interface.settings import EngineSettings, time_to_rest
-from middeck.realtime.engine.interface.shared_file import make_shared_file, open_shared_file
+from middeck.realtime.engine.interface.shared_file import (
+    event_rows,
+    make_shared_file,
+    open_shared_file,
+    pretrip_records,
+    take_records,
+)
 from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S, CommandedEngine
 from middeck.realtime.engine.process.compile import build_engine
@@ -41,7 +47,6 @@ from middeck.realtime.engine.process.launch import (
     started_settings,
 )
 from middeck.realtime.engine.recording.recorder import Recorder
-from middeck.realtime.engine.recording.ring import event_rows, pretrip_records, take_records
 from middeck.realtime.engine.recording.run_head import run_head
 from middeck.realtime.engine.rigs.linear_article import LinearArticle, encode_article
 

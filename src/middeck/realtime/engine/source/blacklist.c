@@ -1,4 +1,4 @@
-#include "blacklist.h"
+#include "engine.h"
 
 #include <math.h>
 #include <string.h>

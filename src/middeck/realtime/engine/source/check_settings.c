@@ -1,4 +1,4 @@
-#include "check_settings.h"
+#include "mapped.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -109,7 +109,7 @@ static const char *misfit_of_tests(const settings *set)
             || !(set->monitor[k].forget > 0 && set->monitor[k].forget <= 1) || !is_limit(set->monitor[k].limit) || !is_bound(set->monitor[k].floor)
             || !is_bound(set->monitor[k].factor) || !between(set->monitor[k].factor > 0, set->monitor[k].times, LONGEST))
             return "a monitor of no channel, without a window, with a band that is not finite and stable, or with limits that nothing exceeds";
-    if (!(set->effort_forget >= 0 && set->effort_forget <= 1) || !is_bound(set->effort_share))
+    if (!(set->effort_forget >= 0 && set->effort_forget <= 1) || !(set->effort_share >= 0 && set->effort_share < 1))
         return "an effort that nothing exceeds";
     for (k = 0; k < set->paths; ++k)
         if (!between(0, set->path[k].sensor, set->inputs - 1) || !between(0, set->path[k].output, set->outputs - 1)

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "blacklist.h"
+#include "engine.h"
 
 static int same_text(const unsigned char *text, const char name[NAME])
 {

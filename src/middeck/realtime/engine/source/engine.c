@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "blacklist.h"
 #include "hold.h"
 #include "kernel.h"
 #include "numbers.h"

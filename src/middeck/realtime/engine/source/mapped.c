@@ -8,8 +8,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "check_settings.h"
-
 static unsigned char *map_whole(const char *path, whole *size)
 {
     const int file = open(path, O_RDWR);

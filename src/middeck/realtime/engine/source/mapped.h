@@ -23,4 +23,11 @@ int map_file(const char *path, shared *f);
 
 const real *article_numbers_of(const shared *f);
 
+/* Whether an engine can run what stands there: null, or in words what does not fit. Regions in order and within ``size`` bytes;
+   those that count records or samples are left to `misfit_of_regions`. */
+const char *misfit_of_places(const places *at, whole size);
+const char *misfit_of_settings(const settings *set);
+const char *misfit_of_article(const article *a, const settings *set);
+const char *misfit_of_regions(const places *at, const settings *set);
+
 #endif

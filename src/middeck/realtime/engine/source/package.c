@@ -3,9 +3,6 @@
 #include <float.h>
 #include <string.h>
 
-#include "poles.h"
-#include "sha256.h"
-#include "text.h"
 
 #if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "packages are little-endian, and are read where they lie"

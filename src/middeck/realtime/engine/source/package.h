@@ -26,4 +26,22 @@ enum answer package_read(package *p, unsigned char *bytes, size_t count);
 /* Replay the test vectors with ``state`` as scratch: DONE where every bit agrees, else BAD_VECTORS. */
 enum answer package_replay(const package *p, law_state *state);
 
+/* 1 where no pole of the compensator has a magnitude beyond 1 + 1e-9, and all poles of its sections lie inside. Uses scratch of
+   its file: one call at a time. */
+int poles_within(const law_tables *t);
+
+/* Texts of a package: 16 bits of length, then UTF-8. */
+size_t text_length(const unsigned char *text);
+int same_texts(const unsigned char *one, const unsigned char *other);
+
+/* Whole UTF-8 of characters that are shown: no control, no separator but the blank, nothing for private use. */
+int is_printable(const unsigned char *bytes, size_t count);
+int is_blank(const unsigned char *bytes, size_t count);
+
+/* A letter, then letters, digits, _ and -. */
+int is_identifier(const unsigned char *bytes, size_t count);
+
+/* SHA-256 of FIPS 180-4. */
+void sha256(const unsigned char *data, size_t count, unsigned char digest[32]);
+
 #endif

@@ -1,4 +1,4 @@
-#include "poles.h"
+#include "package.h"
 
 #include <math.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "sha256.h"
+#include "package.h"
 
 enum { MARK = 8, HASH = 32, BOUNDS = MARK + 2 * HASH, SEAL = BOUNDS + 3 * (int)sizeof(real) };
 static const real ROUNDING = 1e-9; /* of the rate, which is one a sample there and one a second here */

@@ -13,7 +13,7 @@
 
 #include "rig.h"
 
-enum { TRIES = 20, OTHERS = 64 }; /* OTHERS: datagrams that are no answer, after which a try is over */
+enum { TRIES = 20, OTHERS = 64, LOST_MS = 1 }; /* OTHERS: datagrams that are no answer, after which a try is over */
 
 typedef struct {
     uint64_t magic;
@@ -30,9 +30,25 @@ typedef struct {
 typedef struct {
     rig face;
     int socket;
+    int lost; /* what did not answer in time is not waited for again in every sample */
     request out;
     size_t out_size, in_size;
 } udp_rig;
+
+static int be_patient(const udp_rig *r, whole ms)
+{
+    const struct timeval patience = {ms / 1000, (suseconds_t)(ms % 1000 * 1000)};
+
+    return setsockopt(r->socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) == 0;
+}
+
+static enum rig_answer found(udp_rig *r, int lost)
+{
+    if (lost != r->lost)
+        be_patient(r, lost ? LOST_MS : r->face.set->answer_ms / TRIES + 1);
+    r->lost = lost;
+    return lost ? RIG_LOST : RIG_READ;
+}
 
 static void send_request(udp_rig *r)
 {
@@ -52,13 +68,13 @@ static enum rig_answer read_udp(rig *face, real *y)
     int tries, others;
     reply in;
 
-    for (tries = TRIES; tries > 0; --tries) {
+    for (tries = r->lost ? 1 : TRIES; tries > 0; --tries) {
         for (others = OTHERS; others > 0; --others) {
             const ssize_t got = recv(r->socket, &in, sizeof in, waits ? 0 : MSG_DONTWAIT);
 
             if (is_answer(r, &in, got)) {
                 memcpy(y, in.numbers, (size_t)face->set->inputs * sizeof *y);
-                return RIG_READ;
+                return found(r, 0);
             }
             if (got < 0)
                 break;
@@ -66,7 +82,7 @@ static enum rig_answer read_udp(rig *face, real *y)
         if (waits || tries == TRIES)
             send_request(r);
     }
-    return waits ? RIG_LOST : RIG_MISSED;
+    return waits ? found(r, 1) : RIG_MISSED;
 }
 
 static enum rig_answer write_udp(rig *face, const real *u, whole alive)
@@ -93,8 +109,6 @@ rig *open_udp_rig(const settings *set)
 {
     static udp_rig r;
     struct sockaddr_in there;
-    const whole each_ms = set->answer_ms / TRIES + 1;
-    const struct timeval patience = {each_ms / 1000, (suseconds_t)(each_ms % 1000 * 1000)};
 
     memset(&r, 0, sizeof r);
     memset(&there, 0, sizeof there);
@@ -110,7 +124,7 @@ rig *open_udp_rig(const settings *set)
     there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     r.socket = socket(AF_INET, SOCK_DGRAM, 0);
     if (r.socket < 0 || connect(r.socket, (struct sockaddr *)&there, sizeof there) != 0
-        || setsockopt(r.socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0) {
+        || !be_patient(&r, set->answer_ms / TRIES + 1)) {
         perror("the rig's socket");
         return NULL;
     }

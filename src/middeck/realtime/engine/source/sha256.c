@@ -1,5 +1,5 @@
 /* FIPS 180-4, sections 4.1.2, 4.2.2, 5.1.1, 5.3.3 and 6.2. */
-#include "sha256.h"
+#include "package.h"
 
 #include <stdint.h>
 #include <string.h>

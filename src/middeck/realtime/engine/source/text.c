@@ -1,4 +1,4 @@
-#include "text.h"
+#include "package.h"
 
 #include <stdint.h>
 #include <string.h>

@@ -19,7 +19,7 @@ from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.reference_loop import ReferenceLoop
 from middeck.realtime.engine.trials.served_rig import ServedRig
-from middeck.realtime.engine.trials.udp_client import RigClient
+from middeck.realtime.engine.trials.udp_client import SILENT, START_IT, RigClient
 from middeck.realtime.generate.compiler import find_compiler
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import hash_law
@@ -29,6 +29,8 @@ AnyRig = RigChoice | EngineRig
 Computer = Literal["auto", "engine", "reference"]
 SETTLE_S = 0.1
 """By the clock: until a rig answers in time."""
+PIECE_S = 0.5
+"""Of a stage, between two looks at whether it has tripped."""
 PATIENCE = 10.0
 """How much longer than at rest one waits for a hold while noise sets the article in motion."""
 OVERFLOW = "its commands overflow"
@@ -123,7 +125,7 @@ def _by_engine(
                 taken = np.concatenate([taken, *_until_verified(engine)])
             if engine.state != "safe":
                 answers.append(engine.command(stage.word, values=values))
-                taken = np.concatenate([taken, engine.run(settings.samples(stage.seconds))])
+                taken = np.concatenate([taken, *_up_to_a_trip(engine, stage.seconds)])
         trips = [event for event in engine.events() if event.trips]
         blamed = hash_law(package) in engine.blacklist()
         return Trial(
@@ -137,6 +139,12 @@ def _by_engine(
         )
 
 
+def _up_to_a_trip(engine: Supervisor, seconds: float) -> Iterator[np.ndarray]:
+    last, piece = engine.sample + engine.settings.samples(seconds), engine.settings.samples(PIECE_S)
+    while engine.sample < last and engine.state != "safe":
+        yield engine.run(min(piece, last - engine.sample))
+
+
 def _until_verified(engine: Supervisor) -> Iterator[np.ndarray]:
     """Samples until the hold is verified, where there is one that can be."""
     settings, piece = engine.settings, engine.settings.samples(0.1)
@@ -148,10 +156,10 @@ def _until_verified(engine: Supervisor) -> Iterator[np.ndarray]:
 
 
 def _in_words(event: Event, period_s: float) -> str:
-    return (
-        f"{event.kind} {event.channel} at {event.sample * period_s:.4g} s: {event.value:.4g}, "
-        f"limit {event.limit:.4g}"
-    )
+    where = f"{event.kind} {event.channel}".strip() + f" at {event.sample * period_s:.4g} s"
+    if event.kind in ("rig dead", "no answer"):
+        return f"{where}: {SILENT}; {START_IT}"
+    return f"{where}: {event.value:.4g}, limit {event.limit:.4g}"
 
 
 def _by_reference(
@@ -165,6 +173,8 @@ def _by_reference(
             refused = refused or loop.begin(stage.word == "engage", stage.share)
             for _ in range(settings.samples(stage.seconds)):
                 y = rig.read()
+                if np.shape(y) != (len(settings.sensors),):
+                    raise DataError(SILENT, hint=START_IT)  # as the engine takes such an answer for none
                 u = loop.sample(y)
                 rig.write(u)
                 rows.append((y, u, loop.wanted))
@@ -174,7 +184,7 @@ def _by_reference(
                 break
         rig.write(np.zeros(len(settings.drives)))
     except DataError as error:
-        loop.trip, loop.blamed = f"rig: {error.what}", False
+        loop.trip, loop.blamed = f"{error.what}; {error.hint}", False
     finally:
         rig.close()
     shape = (0, len(settings.sensors)), (0, len(settings.drives)), (0, len(settings.drives))

@@ -16,6 +16,8 @@ from middeck.realtime.engine.rigs.rig_session import END, REPLY, REQUEST
 
 TRIES, OTHERS = 20, 64
 """How often it asks, and datagrams that are no answer after which a try is over."""
+SILENT = "the rig does not answer"
+START_IT = "start it first; its port, and how many sensors and outputs it has, must be the engine's"
 
 
 class RigClient(EngineRig):
@@ -41,7 +43,7 @@ class RigClient(EngineRig):
                 self.now = np.frombuffer(data, "<f8", offset=REPLY.size)
                 break
         if self.now is None:
-            raise DataError("the rig does not answer", where="UDP", hint="is its process alive?")
+            raise DataError(SILENT, where="UDP", hint=START_IT)
         return self.now
 
     def write(self, u: Float[np.ndarray, " output"]) -> None:

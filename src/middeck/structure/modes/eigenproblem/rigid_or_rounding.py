@@ -6,10 +6,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.energy import geometric_tangent
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.linked import dynamic_freedom, static_freedom
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.places import transport
 from middeck.structure.assembly.strain import strain_energies
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.modes.eigenproblem.eigen import ROUNDING, Eigenpairs
@@ -23,8 +25,8 @@ def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eig
 
     An eigensolver rounds to 1e-16 of the stiffest member. The space of the lowest modes is accurate to the
     square of that, and within it the energy is formed as squared strains: then only the geometric stiffness,
-    of forces over lengths, rounds (Rayleigh-Ritz; Parlett 1980, section 11). So a bus on threads that swings
-    once a day is distinguished from one that floats.
+    of forces over lengths, and what cancels in the matrix of a component round (Rayleigh-Ritz; Parlett 1980,
+    section 11). So a bus on threads that swings once a day is distinguished from one that floats.
     """
     few = int(np.argmin(np.concatenate([np.abs(pairs.lam) < NEAR * pairs.noise, [False]])))
     if few == 0:
@@ -36,6 +38,12 @@ def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eig
     shapes = shapes @ turn
     cancels = np.einsum("im,im->m", np.abs(shapes), abs(G) @ np.abs(shapes))
     cancels += np.einsum("im,ij,jm->m", turn, strained, turn)
+    at = transport(config, model.tree) @ shapes
+    for part, rows in component_states(
+        model, config, loads
+    ):  # its matrix is no sum of squares, and mixes them
+        strain = np.abs(part.slope @ (rows @ at))
+        cancels += np.einsum("im,im->m", strain, np.abs(part.stiffness) @ strain).max()
     # A shape has noise / omega^2 of the next mode in it, whose energy goes with the square of that.
     noise = float(pairs.noise[:few].max())
     mixed = noise**2 / pairs.lam[few] if few < len(pairs.lam) else 0.0

@@ -20,7 +20,7 @@ from middeck.structure.modes.names.kinds import HALF, HELD
 from middeck.structure.rest.equilibrium import Equilibrium
 
 
-class Deformation(NamedTuple):
+class Wording(NamedTuple):
     """Words for the deformation in a mode; how it shares in the planes, where it is bending of one beam."""
 
     words: str
@@ -66,7 +66,7 @@ def name_modes(
         if m not in hung and bent is not None:
             before = [j for j in range(first, m) if j not in hung and j not in beside.get(m, ())]
             order = _order(bent, [deformed[j].bent for j in before])
-        names.append(_numbered(base, order) if plain else f"{_ordinal(order)} {base}")
+        names.append((base if order == 1 else f"{base} {order}") if plain else f"{_ordinal(order)} {base}")
     return tuple(names)
 
 
@@ -85,7 +85,7 @@ def deformation_names(
     M: sp.csr_array,
     lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
-) -> list[Deformation]:
+) -> list[Wording]:
     """What deforms in each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
@@ -98,10 +98,10 @@ def deformation_names(
     mean = _mean_of_groups(len(lam), repeated_apart(equilibrium.model.tree, M, lam, shapes))
     strain = mean @ strain_energy(equilibrium, shapes)
     if not len(lam) or on_one_line(equilibrium):
-        return [Deformation(PARTS[i]) for i in np.argmax(strain, axis=1)]
+        return [Wording(PARTS[i]) for i in np.argmax(strain, axis=1)]
     whole, (parts, share) = beam_motion(equilibrium, shapes), strained_parts(equilibrium, shapes)
     share, (bodies, turning) = mean @ share, _turning(equilibrium, M, shapes)
-    names: list[Deformation] = []
+    names: list[Wording] = []
     for m in range(len(lam)):
         named, of_it = leading_parts(parts, share[m])
         deformation = leading_parts(PARTS, strain[m] / max(strain[m].sum(), TINY))[0]
@@ -112,16 +112,16 @@ def deformation_names(
             words = leading_parts(whole.names, mean[m] @ whole.share)[0]
             names.append(_bent(words, mean[m], whole.lateral))
         elif of_it >= HALF:
-            names.append(Deformation(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}"))
+            names.append(Wording(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}"))
         elif (turned := leading_parts(bodies, mean[m] @ turning))[1] >= HALF:
-            names.append(Deformation(f"{LOCAL}turn of {turned[0]}"))
+            names.append(Wording(f"{LOCAL}turn of {turned[0]}"))
         else:
-            names.append(Deformation(f"overall {deformation}"))
+            names.append(Wording(f"overall {deformation}"))
     return names
 
 
-def _bent(words: str, mean: np.ndarray, lateral: np.ndarray) -> Deformation:
-    return Deformation(words, np.einsum("n,nij->ij", mean, lateral) if BENDING in words else None)
+def _bent(words: str, mean: np.ndarray, lateral: np.ndarray) -> Wording:
+    return Wording(words, np.einsum("n,nij->ij", mean, lateral) if BENDING in words else None)
 
 
 def _turning(
@@ -142,10 +142,6 @@ def _mean_of_groups(count: int, groups: list[Int[np.ndarray, " member"]]) -> np.
     for group in groups:
         mean[np.ix_(group, group)] = 1.0 / len(group)
     return mean
-
-
-def _numbered(base: str, count: int) -> str:
-    return base if count == 1 else f"{base} {count}"
 
 
 def _ordinal(count: int) -> str:

@@ -15,12 +15,7 @@ from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam_curve import beam_curve
-from middeck.structure.elements.frames import (
-    PosePoints,
-    frame_poses,
-    points_in_world,
-    pose_jacobian,
-)
+from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
@@ -47,7 +42,7 @@ STEP = 1e-30  # of the complex step
 POINT, POINT_M = 1e-9, 1.0
 
 
-class Line(NamedTuple):
+class Strand(NamedTuple):
     """Consecutive points ``first`` to ``last``, the latter not among them, that are joined.
 
     ``what`` is "member", "section" (around a member), "rigid" (an offset, an arm or a link of all six
@@ -99,7 +94,7 @@ class Drawing:
     up: Float[np.ndarray, "3"] | None
     drawn: Float[np.ndarray, "point 3"]
     rest: Float[np.ndarray, "point 3"]
-    lines: tuple[Line, ...]
+    lines: tuple[Strand, ...]
     marks: tuple[Mark, ...]
     motion: Float[np.ndarray, "shape point 3"]
     strain: Float[np.ndarray, "shape line"]
@@ -132,7 +127,7 @@ def build_mode_drawing(modes: Modes, chosen: Sequence[int] | None = None) -> Dra
 class _Piece(NamedTuple):
     """Some points with their lines, which count from the first of them."""
 
-    lines: Sequence[Line]
+    lines: Sequence[Strand]
     drawn: np.ndarray
     rest: np.ndarray
     motion: np.ndarray
@@ -209,7 +204,7 @@ def _moved(
 
 def _stroked(equilibrium: Equilibrium, strokes: Sequence[_Stroke], shapes: np.ndarray) -> _Piece:
     ends = np.cumsum([len(s.frames) for s in strokes], dtype=int).tolist()
-    lines = [Line(s.what, s.name, end - len(s.frames), end) for s, end in zip(strokes, ends, strict=True)]
+    lines = [Strand(s.what, s.name, end - len(s.frames), end) for s, end in zip(strokes, ends, strict=True)]
     frames = np.array([f for s in strokes for f in s.frames], dtype=int)
     points = PosePoints(frames, _rows([o for s in strokes for o in s.offsets]))
     return _Piece(lines, *_moved(equilibrium, points, shapes))
@@ -240,7 +235,7 @@ def _members(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
         motion[m] = np.imag(moved)[keep] / STEP
     counts = np.bincount(np.repeat(model.element_member, keep.sum(axis=1)), minlength=len(members))
     last = np.cumsum(counts).tolist()
-    lines = [Line("member", m.name, e - int(n), e) for m, e, n in zip(members, last, counts, strict=True)]
+    lines = [Strand("member", m.name, e - int(n), e) for m, e, n in zip(members, last, counts, strict=True)]
     drawn = beam_curve(model.beams, *element_poses(model, model.rest), at)[keep]
     return _Piece(lines, drawn, beam_curve(model.beams, x, T, at)[keep], motion)
 
@@ -326,7 +321,7 @@ def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
     the modal ones too.
     """
     model = equilibrium.model
-    lines: list[Line] = []
+    lines: list[Strand] = []
     places = [np.zeros((2, 0, 3))]
     moved = [np.zeros((shapes.shape[1], 0, 3))]
     states = component_states(model, equilibrium.config, equilibrium.loads)
@@ -346,7 +341,7 @@ def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
         x = np.concatenate([np.array(inner), np.array(at)], axis=1)
         motion = np.concatenate([turned.transpose(2, 0, 1), at_grids], axis=1)
         first, spokes = sum(p.shape[1] for p in places), range(x.shape[1] - 1)
-        lines += [Line("component", part.name, first + SPOKE * i, first + SPOKE * (i + 1)) for i in spokes]
+        lines += [Strand("component", part.name, first + SPOKE * i, first + SPOKE * (i + 1)) for i in spokes]
         places.append(_spokes(x))
         moved.append(_spokes(motion))
     drawn, rest = np.concatenate(places, axis=1)
@@ -373,7 +368,7 @@ def _cables(equilibrium: Equilibrium, shapes: np.ndarray, longest: float) -> _Pi
         part = np.minimum(longest / length, 1.0)
         places.append(np.stack([x, x + part * span], axis=1).reshape(-1, 3))
     motion = np.stack([moved, (1.0 - part) * moved], axis=2).reshape(len(moved), 2 * len(rest), 3)
-    lines = [Line("cable", name, 2 * i, 2 * i + 2) for i, name in enumerate(equilibrium.devices)]
+    lines = [Strand("cable", name, 2 * i, 2 * i + 2) for i, name in enumerate(equilibrium.devices)]
     return _Piece(lines, places[0], places[1], motion)
 
 
@@ -410,7 +405,7 @@ def _all_held(environment: Environment, node: str) -> bool:
     return True
 
 
-def _strain(equilibrium: Equilibrium, shapes: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
+def _strain(equilibrium: Equilibrium, shapes: np.ndarray, lines: Sequence[Strand]) -> np.ndarray:
     energy, structure = part_energy(equilibrium, shapes), equilibrium.model.structure
     whole = energy.sum(axis=1)
     share = np.column_stack([energy / np.where(whole > 0.0, whole, 1.0)[:, None], np.zeros(len(energy))])

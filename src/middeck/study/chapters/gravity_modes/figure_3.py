@@ -28,7 +28,7 @@ VIEWS = {"side view": (0, 1), "end view": (2, 1)}
 AXIS = "xyz"
 
 
-class Drawing(NamedTuple):
+class RestDrawing(NamedTuple):
     """A rest state whose displacements from the undeformed state are drawn ``factor`` times."""
 
     rest: Equilibrium
@@ -47,7 +47,7 @@ def figure_3(comparison: ModeComparison) -> Figure:
         "lab": f"1-g: hung at three points, displacements drawn {factor:g} times",
     }
     for row, (environment, title) in zip(grid, titles.items(), strict=True):
-        drawing = Drawing(getattr(comparison, environment).equilibrium, factor)
+        drawing = RestDrawing(getattr(comparison, environment).equilibrium, factor)
         for axes, view in zip(row, VIEWS, strict=True):
             _draw_view(axes, drawing, view, COLOUR[environment])
         row[0].set_title(title)
@@ -105,14 +105,14 @@ def _largest_displacement(rest: Equilibrium) -> float:
     return float(np.linalg.norm(rest.config.x - rest.model.rest.x, axis=1).max(initial=0.0))
 
 
-def _shown(drawing: Drawing, points: PosePoints) -> Float[np.ndarray, "pose 3"]:
+def _shown(drawing: RestDrawing, points: PosePoints) -> Float[np.ndarray, "pose 3"]:
     model = drawing.rest.model
     at_rest = points_in_world(points, frame_poses(model.tree, model.rest))
     now = points_in_world(points, frame_poses(model.tree, drawing.rest.config))
     return at_rest + drawing.factor * (now - at_rest)
 
 
-def _draw_view(axes: Axes, drawing: Drawing, view: str, colour: str) -> None:
+def _draw_view(axes: Axes, drawing: RestDrawing, view: str, colour: str) -> None:
     if drawing.rest.suspension.attach:
         _draw_members(axes, drawing._replace(factor=0.0), view, COLOUR["ghost"], 1.0)
         _draw_cables(axes, drawing, view)
@@ -122,7 +122,7 @@ def _draw_view(axes: Axes, drawing: Drawing, view: str, colour: str) -> None:
     axes.margins(0.05)
 
 
-def _draw_members(axes: Axes, drawing: Drawing, view: str, colour: str, width: float) -> None:
+def _draw_members(axes: Axes, drawing: RestDrawing, view: str, colour: str, width: float) -> None:
     model = drawing.rest.model
     world = _shown(drawing, model.points)
     right, up = VIEWS[view]
@@ -132,7 +132,7 @@ def _draw_members(axes: Axes, drawing: Drawing, view: str, colour: str, width: f
         axes.plot(chain[:, right], chain[:, up], color=colour, linewidth=width, zorder=2)
 
 
-def _draw_bodies(axes: Axes, drawing: Drawing, view: str, colour: str) -> None:
+def _draw_bodies(axes: Axes, drawing: RestDrawing, view: str, colour: str) -> None:
     """Nodes as boxes of their size; a carried body as its arm and the box that has its inertia."""
     model = drawing.rest.model
     for frame, node in enumerate(model.structure.nodes):
@@ -152,7 +152,7 @@ def _box_size(body: Body) -> Float[np.ndarray, "3"]:
 
 
 def _draw_box(
-    axes: Axes, drawing: Drawing, view: str, frame: int, centre: np.ndarray, size: np.ndarray, colour: str
+    axes: Axes, drawing: RestDrawing, view: str, frame: int, centre: np.ndarray, size: np.ndarray, colour: str
 ) -> None:
     signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
     corners = _shown(drawing, PosePoints(np.full(8, frame), centre + signs * size))
@@ -165,14 +165,14 @@ def _draw_box(
         )
 
 
-def _draw_line(axes: Axes, drawing: Drawing, view: str, points: list[tuple[int, np.ndarray]]) -> None:
+def _draw_line(axes: Axes, drawing: RestDrawing, view: str, points: list[tuple[int, np.ndarray]]) -> None:
     frames, offsets = zip(*points, strict=True)
     world = _shown(drawing, PosePoints(np.array(frames), np.array(offsets)))
     right, up = VIEWS[view]
     axes.plot(world[:, right], world[:, up], color="black", linewidth=0.9, zorder=2.5)
 
 
-def _draw_cables(axes: Axes, drawing: Drawing, view: str) -> None:
+def _draw_cables(axes: Axes, drawing: RestDrawing, view: str) -> None:
     """The lowest part of each cable, along the straight line to its anchor."""
     rest, points = drawing.rest, drawing.rest.model.points
     at = rest.loads.attach_point

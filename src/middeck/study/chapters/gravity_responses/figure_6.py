@@ -34,13 +34,13 @@ def figure_6(responses: GravityResponses, output: int) -> Figure:
 def _draw_delay(phase: Axes, responses: GravityResponses, output: int) -> None:
     """The 1-g model behind the rig's delay: where it covers the measurement, delay explains the phase."""
     f, H = responses.lab.frequency_hz, responses.lab.H[:, output, 0]
-    late = H * np.exp(-2j * np.pi * f * responses.delay_s)
+    delayed = H * np.exp(-2j * np.pi * f * responses.delay_s)
     gap = responses.phase_gap_s
     text = f"1-g behind {1e3 * responses.delay_s:.2f} ms of delay"
     text += "" if gap is None else f"; the gap above 5 Hz is {1e3 * gap[output]:.2f} ms"
     phase.plot(
         f,
-        wrapped_phase_deg(late),
+        wrapped_phase_deg(delayed),
         label=text,
         color=COLOUR["prediction"],
         linewidth=1.2,

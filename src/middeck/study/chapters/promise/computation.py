@@ -22,17 +22,17 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article, linear_plant
-from middeck.laboratory.settings import RigSettings
+from middeck.laboratory.rig_settings import RigSettings
 from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.modes.solve import Modes
 from middeck.study.chapters.promise.flight import Flown, fly, launch
-from middeck.study.chapters.promise.ground import Ground, run_ground_tests
+from middeck.study.chapters.promise.ground import KnownBefore, run_ground_tests
 from middeck.study.shared import find_modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.updating.promise.outlook import LEVELS
 from middeck.updating.promise.plan import Plan, weights_of
 from middeck.updating.promise.promise import Promise, design_ladder, design_on, promise
-from middeck.updating.promise.score import Outcome, Score, Verdict, judge, score
+from middeck.updating.promise.score import Score, Scored, Verdict, judge, score
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
@@ -53,7 +53,7 @@ class GroundLaw:
 
 
 @record(kw_only=True)
-class Frequencies:
+class FlexibleHz:
     """The first flexible modes in orbit [Hz], paired by shape: true, refined and of the sheet."""
 
     true_hz: Float[np.ndarray, " mode"]
@@ -73,12 +73,12 @@ class PromiseKept:
         ground_law: Why gravity cannot be taken out of a measurement.
     """
 
-    ground: Ground
+    ground: KnownBefore
     plan: Plan
     promise: Promise
     there: dict[str, Any]
-    frequencies: Frequencies
-    outcomes: tuple[Outcome, ...]
+    frequencies: FlexibleHz
+    outcomes: tuple[Scored, ...]
     verdicts: tuple[Verdict, ...]
     score: Score
     flown: tuple[Flown, ...]
@@ -130,8 +130,8 @@ def measured_ladder(fit: FitResult, plan: Plan) -> dict[str, LQGCompensator]:
     """The plan's ladder designed on a record from orbit."""
     assert plan.ladder is not None
     ports = {"w": plan.disturbances, "u": plan.ladder.drives, "z": plan.performance, "y": plan.ladder.reads}
-    late = measured_plant(_falling(fit.model), **ports)
-    return {MEASURED.format(name): law for name, law in design_on(late, plan.ladder, plan).items()}
+    delayed = measured_plant(_falling(fit.model), **ports)
+    return {MEASURED.format(name): law for name, law in design_on(delayed, plan.ladder, plan).items()}
 
 
 def _falling(model: MeasurementModel) -> MeasurementModel:
@@ -146,31 +146,31 @@ def _true_pairs(modes: Modes, truth: Modes, kept: Int[np.ndarray, " mode"]) -> d
     return {int(i): float(seen.frequency_hz[j]) for i, j in pair(modes, seen) if i in kept}
 
 
-def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> Frequencies:
+def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> FlexibleHz:
     found = promised.modes
     chosen = [i for i in found.index.tolist() if found.modes.kind[i] == "flexible"][:FLEXIBLE]
     true = _true_pairs(found.modes, truth, np.array(chosen))
     by_sheet = {hz: sheet.frequency_hz[i] for i, hz in _true_pairs(sheet, truth, found.index).items()}
     hz = dict(zip(found.index.tolist(), found.frequency_hz.tolist(), strict=True))
     both = [i for i in chosen if i in true and true[i] in by_sheet]
-    return Frequencies(
+    return FlexibleHz(
         true_hz=np.array([true[i] for i in both]),
         refined_hz=np.array([hz[i] for i in both]),
         sheet_hz=np.array([by_sheet[true[i]] for i in both]),
     )
 
 
-def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Outcome]:
+def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Scored]:
     """Of what was promised: modes that can be paired, and compensators."""
     said, index = {o.name for o in promised.outlooks}, promised.modes.index
     true = _true_pairs(promised.modes.modes, truth, index)
     modes = [
-        Outcome(kind="mode", name=name_of_mode("orbit", number), value=true[i])
+        Scored(kind="mode", name=name_of_mode("orbit", number), value=true[i])
         for number, i in enumerate(index.tolist(), start=1)
         if i in true
     ]
     loops = [
-        Outcome(
+        Scored(
             kind="compensator",
             name=name_of("orbit", one.name),
             value=one.rig_db,
@@ -188,8 +188,8 @@ def _ground_law(
     """LQG for all motors and sensors on the fit of the first ground test, there and in orbit."""
     form = study.promise
     groups = {"w": (form.actuator,), "u": form.inputs, "z": (form.sensor,), "y": form.outputs}
-    late = measured_plant(_falling(fit.model), **groups)
-    plant = approximate_delays(late, approximation_order(late))
+    delayed = measured_plant(_falling(fit.model), **groups)
+    plant = approximate_delays(delayed, approximation_order(delayed))
     weights = weights_of(plan, plant.inputs, plant.outputs)
     law = design_lqg(plant, weights, 10.0**form.ground_log10_authority)
     ports = form.inputs, form.outputs

@@ -16,7 +16,7 @@ from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import Run, run_closed_loop
-from middeck.laboratory.settings import RigSettings
+from middeck.laboratory.rig_settings import RigSettings
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import port_indices
 from middeck.signals.record import Record

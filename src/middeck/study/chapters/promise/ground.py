@@ -16,7 +16,7 @@ from middeck.identification.friction.remove import without_friction
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.modal_test import take_modal_test
-from middeck.laboratory.settings import RigSettings
+from middeck.laboratory.rig_settings import RigSettings
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
@@ -37,19 +37,19 @@ class GroundTest:
 
 
 @record(kw_only=True)
-class Ground:
+class KnownBefore:
     """All that is known before flight."""
 
     tests: tuple[GroundTest, ...]
     refined: Refined
 
 
-def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> Ground:
+def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> KnownBefore:
     """Every set-up tested on the rig in the laboratory; the article refined by what was found."""
     form = study.promise
     article, lab = study.case(form.article, form.environment)
     tests = tuple(_tested(article, lab, one, form, settings, rng) for one in form.test)
-    return Ground(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
+    return KnownBefore(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
 
 
 def _tested(

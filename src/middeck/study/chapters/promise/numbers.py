@@ -76,12 +76,7 @@ def promise_claims(numbers: Numbers) -> list[Claim]:
     turned = law["stable_on_the_ground"] and not law["stable_in_orbit"]
     near_rest = turned and law["growth_hz"] <= NEAR_REST_HZ
     return [
-        at_most(
-            "rms error of the first flexible 0-g frequencies, refined in 1-g [%]",
-            refined,
-            PERCENT,
-            "%",
-        ),
+        at_most("rms error of the first flexible 0-g frequencies, refined in 1-g [%]", refined, PERCENT, "%"),
         above("so many times less than the sheet's", sheet / refined, LEAST_TIMES, "times"),
         row(
             "outcomes within their 95 % intervals [%]",

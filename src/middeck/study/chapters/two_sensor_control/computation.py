@@ -26,7 +26,7 @@ from middeck.study.chapters.two_sensor_control.measured_sensors import (
     sensor_case,
     study_measured_sensors,
 )
-from middeck.study.chapters.two_sensor_control.reach import Design, Reach, find_level, find_reach
+from middeck.study.chapters.two_sensor_control.reach import Design, LoopReach, find_level, find_reach
 from middeck.study.measured_loop.computation import (
     DesignCase,
     MeasuredLoop,
@@ -64,9 +64,9 @@ class TwoSensorControl:
     """
 
     sensors: MeasuredSensors
-    smaller: tuple[Reach, ...]
-    without_lead: Reach
-    with_lead: Reach
+    smaller: tuple[LoopReach, ...]
+    without_lead: LoopReach
+    with_lead: LoopReach
     payload: MeasuredLoop
     both: MeasuredLoop
     bus_db: tuple[float | None, ...]
@@ -137,7 +137,7 @@ def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
 
 def _reach(
     study: Study, fit: FitResult, measured: FrequencyResponse, views: Mapping[float, RigView], *, lead: bool
-) -> Reach:
+) -> LoopReach:
     case = sensor_case(study, fit, measured)
     what = f"{fit.model.states} states" + (" and the lead" if lead else "")
     return find_reach(what, _designs(study, case, lead=lead), case, views)

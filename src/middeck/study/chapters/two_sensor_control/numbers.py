@@ -10,7 +10,7 @@ from middeck.identification.plants.zeros import name_zeros
 from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.two_sensor_control.computation import ABOVE_HZ, FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors, SensorZeros
-from middeck.study.chapters.two_sensor_control.reach import Reach
+from middeck.study.chapters.two_sensor_control.reach import LoopReach
 from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims
 from middeck.study.words import Claim, Numbers, above, at_most, below, largest, row
 
@@ -103,14 +103,14 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
     ]
     bus = sensors.sensors[2]
     ratio = None if bus.mirrored_error is None else bus.mirrored_error / float(sensors.fit.error[2])
-    late = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
+    off_ms = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
     count = f"from {low:g} to {high:g} Hz; zeros or pairs"
     refitted = "refitted with all zeros in the left half-plane, its error is"
     return [
         row(f"{words[2]}: non-minimum-phase zeros {count}", wrong[2] > 0.0, wrong[2], "\u2265 1"),
         *(row(f"{words[k]}: none {count}", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
         above(f"{words[2]}: {refitted} over {WORSE:g} times as large; ratio", ratio, WORSE, ""),
-        below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", late, 0.2, "ms"),
+        below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", off_ms, 0.2, "ms"),
     ]
 
 
@@ -133,7 +133,7 @@ def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
     ]
 
 
-def _order(reach: Reach) -> Claim:
+def _order(reach: LoopReach) -> Claim:
     """The paper's observations with few states; from 16 states on the pair near 9 Hz is the limit."""
     hz = reach.stopped_hz
     if reach.states <= 10:
@@ -147,11 +147,11 @@ def _order(reach: Reach) -> Claim:
     return row(f"a design on {reach.states} states {text}; at [Hz]", good, hz, asked, "Hz")
 
 
-def _at_once(reach: Reach) -> bool:
+def _at_once(reach: LoopReach) -> bool:
     return reach.log10_authority is None and reach.stopped_hz is not None and reach.stopped_hz < SUSPENSION_HZ
 
 
-def _at_pair(reach: Reach) -> bool:
+def _at_pair(reach: LoopReach) -> bool:
     return reach.stopped_hz is not None and PAIR_HZ[0] <= reach.stopped_hz <= PAIR_HZ[1]
 
 

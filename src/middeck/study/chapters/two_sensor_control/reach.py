@@ -18,7 +18,7 @@ Design = Callable[[float], Compensator]
 
 
 @record(kw_only=True)
-class Reach:
+class LoopReach:
     """Limit of a design on the rig, with the pair of modes unchanged and shifted to either side.
 
     Attributes:
@@ -38,7 +38,7 @@ class Reach:
     stopped_percent: float | None
 
 
-def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float, RigView]) -> Reach:
+def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float, RigView]) -> LoopReach:
     """Raise the authority level by level until a loop of the ``views`` is unstable."""
     states = case.model.states
     last: tuple[float, Compensator] | None = None
@@ -49,10 +49,10 @@ def find_reach(what: str, design: Design, case: DesignCase, views: Mapping[float
         if poles[worst].real > GROWTH_LIMIT:
             held = _held(last, case, views)
             stopped_hz = abs(poles[worst].imag) / (2.0 * np.pi)
-            return Reach(what=what, states=states, **held, stopped_hz=stopped_hz, stopped_percent=worst)
+            return LoopReach(what=what, states=states, **held, stopped_hz=stopped_hz, stopped_percent=worst)
         last = float(level), compensator
     held = _held(last, case, views)
-    return Reach(what=what, states=states, **held, stopped_hz=None, stopped_percent=None)
+    return LoopReach(what=what, states=states, **held, stopped_hz=None, stopped_percent=None)
 
 
 def find_level(design: Design, case: DesignCase, improvement_db: float) -> float:
