@@ -303,10 +303,7 @@ def doubts_of_folding(record: Record) -> list[str]:
 
 
 def doubts_of_reach(record: Record, data: Data, run: RecordRun) -> list[str]:
-    """Inputs that may reach beyond half the sampling rate, where much is left, or noise of forces.
-
-    What is folded back in an input is heard through the poles, as a force is that the article does not have.
-    """
+    """Inputs that may reach beyond half the sampling rate, where much is left, or noise of forces."""
     r, u = run.residual(data), record.u.reshape(len(record.u), -1, record.u.shape[3])
     left = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     kinds = noise_variance(r), noise_variance(r, run.denominator(data))
@@ -316,8 +313,8 @@ def doubts_of_reach(record: Record, data: Data, run: RecordRun) -> list[str]:
     reach = [driven_band(u[..., i : i + 1], record.sample_hz)[1] for i in range(u.shape[2])]
     return [
         f"input {port.name}: it drives all up to half the sampling rate, beyond which a filter may let more "
-        "through: folded back, that is heard as what is left here is, and makes gains too small, which no "
-        "deviation counts; filter more steeply, sample faster, or fit a sampled model to what was held"
+        "through: folded back, it makes gains too small, which no deviation counts; filter more steeply, or "
+        "sample faster"
         for port, hz in zip(record.inputs, reach, strict=True)
         if hz >= HALF_RATE * record.sample_hz
     ]
