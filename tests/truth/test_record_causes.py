@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, freqs, lfilter
 from struck_plant import response, shaken
 from test_closed_loop_records import cut
 
@@ -194,3 +194,29 @@ def test_a_gain_that_changes_within_a_record_is_told(campaign: Campaign) -> None
         assert not any("no stated deviation" in line for line in clean.warnings)
         assert any("no stated deviation" in line for line in changed.warnings)
         assert "sound" not in changed.standing
+
+
+def through(order: int, seed: int) -> Record:
+    """A random force behind a Butterworth filter at 0.4 of the rate, and the article, as sampled."""
+    rng, count, finer = np.random.default_rng([55, seed]), 3000, 16
+    hz = np.cumsum(rng.uniform(4.0, 8.0, 2))
+    size = 2 * count * finer
+    f = np.fft.rfftfreq(size, 1.0 / (100.0 * finer))
+    H = response(hz, [0.02, 0.01], 8.0 * hz**2, 0.01, 2j * np.pi * f)
+    U = (
+        np.fft.rfft(rng.standard_normal(size))
+        * freqs(*butter(order, 80.0 * np.pi, analog=True), 2.0 * np.pi * f)[1]
+    )
+    u, y = (np.fft.irfft(x, size)[: count * finer : finer] for x in (U, H * U))
+    y = y + 1e-3 * y.std() * rng.standard_normal(count)
+    u, y = (x[None, None, :, None] for x in (u, y))
+    ports = (Port("force", "N"),), (Port("tip", "m"),)
+    return Record(sample_hz=100.0, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=False)
+
+
+def test_a_force_whose_filter_is_not_steep_is_said_to_fold_back(campaign: Campaign) -> None:
+    """Of order two 8 to 18 deviations of the constants; of order eight none, and no word."""
+    for seed in campaign(24):
+        for order, told in ((2, True), (8, False)):
+            fit = fit_record(through(order, seed), states=4, sampled=False, band_hz=(1.0, 40.0))
+            assert any("folded back" in line for line in fit.warnings) == told

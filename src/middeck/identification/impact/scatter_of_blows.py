@@ -4,9 +4,7 @@ Noise of the force lasts as long as its window. Its spectrum is then alike on ma
 among them, so that no residual over lines shows what it does to a model. The force where nothing strikes
 does. From blow to blow all else may differ, too: each blow's part of the averaged response moves the model by
 its own (clustered sandwich, Liang and Zeger 1986), with one degree of freedom less than there are blows.
-Chance alone makes these parts large in a few directions, and small in the others: what counts is beyond the
-edge of chance (Marchenko and Pastur 1967), below which scatter is told from none by nothing (Baik, Ben Arous
-and Peche 2005).
+What counts is beyond the edge of chance, which is large in a few directions (Marchenko and Pastur 1967).
 """
 
 from __future__ import annotations

@@ -301,7 +301,9 @@ def _result(
     said += [*_doubts(run, record, error), *_doubts_of_inputs(record, noise, moves)]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*doubted_deviations.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += [] if model.sample_hz is not None else doubted_deviations.doubts_of_folding(record)
+    if model.sample_hz is None:
+        wrong += doubted_deviations.doubts_of_folding(record)
+        said += doubted_deviations.doubts_of_reach(record, data, run)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     wrong += doubted_deviations.causes_of(measured, data, run, lead, error, heard)
@@ -391,12 +393,11 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
 
     Description lengths 2 L + k ln n (Rissanen 1978), the noise smooth over lines in both.
     """
-    v = noise_variance(data.H, driven=data.driven)
-    alone = 2.0 * negative_log_likelihood(data.H, v)
-    r = run.residual(data)
-    v = noise_variance(r, driven=data.driven)
+    at = slice(None) if data.driven is None else data.driven  # on silent lines an input is its noise
+    H, r = data.H[:, at], run.residual(data)[:, at]
+    alone = 2.0 * negative_log_likelihood(H, noise_variance(H))
     unknowns = run.layout.size + run.refined.step.linear.size
-    model = 2.0 * negative_log_likelihood(r, v) + unknowns * np.log(2.0 * data.H.size)
+    model = 2.0 * negative_log_likelihood(r, noise_variance(r)) + unknowns * np.log(2.0 * H.size)
     if model >= alone:
         raise FitError(
             "the outputs are described no worse as noise: the inputs explain nothing of them",

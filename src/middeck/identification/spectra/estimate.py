@@ -127,10 +127,7 @@ def response_scatter(
 
 
 def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarray) -> list[str]:
-    """Inputs whose noise makes the response of local models too small, more than its lines scatter.
-
-    The floor of their spectra is noise as far as what the response leaves of the outputs has room for it.
-    """
+    """Inputs whose noise makes the response of local models too small, more than its lines scatter."""
     R, left = found.line_inverse_power, found.total_covariance
     if R is None or left is None:
         return []
