@@ -14,7 +14,7 @@ from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import limited_law, linear_law
-from middeck.realtime.gate.steps_on_paper import FADES, GateMargins
+from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, check_recovery
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
@@ -362,6 +362,24 @@ def test_a_law_that_is_stable_by_itself_must_recover_from_limits_too():
     assert steps[-1].said.startswith("while 0 of u1 is applied: a root at 0 Hz grows (0.198 1/s)")
     alone = steps_of(package_of(np.random.default_rng(1), 1e-4))
     assert alone["recovery beam"].said == "nothing grows at any of 30 limits of outputs"
+
+
+def test_an_inner_loop_of_the_package_is_no_excuse():
+    """The same gains as paths of its own: the article rests without them. What falls anyway is excused."""
+    plant, law = negative_pair()
+    gains = (1.2, -2.0)
+    paths = tuple(LoopPath(k, k, Section(np.array([g, 0.0, 0.0]), np.zeros(2))) for k, g in enumerate(gains))
+    silent = Compensator(dataclasses.replace(law.sampled, D=np.zeros((2, 2))), law.inputs, law.outputs)
+    package = package_law(silent, "law", input_range=100.0, limit=1.0)
+    package = add_test_vectors(dataclasses.replace(package, paths=paths, vectors=None))
+    steps = examine_package(package, {"lags": plant}).steps
+    assert [step.name for step in steps if not step.passed] == ["recovery lags"]
+    assert steps[-1].said.startswith("while 0 of u1 is applied: a root at 0 Hz grows (0.198 1/s)")
+    falls = StateSpace(0.1 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    falling = dataclasses.replace(package, paths=paths[1:], vectors=None)
+    own = LoopPath(0, 0, Section(np.array([-1.0, 0.0, 0.0]), np.zeros(2)))
+    falling = add_test_vectors(dataclasses.replace(falling, paths=(own, *paths[1:])))
+    assert check_recovery(falling, "falls", plant_of(falls), held=False).passed
 
 
 def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():

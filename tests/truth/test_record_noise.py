@@ -67,10 +67,13 @@ def test_noise_of_forces_is_smooth_once_their_poles_are_taken_out():
 def test_lines_that_a_signal_drives_have_a_noise_of_their_own():
     rng, lines = np.random.default_rng(1), np.arange(600)
     driven = lines % 3 == 0
-    U = np.where(driven, 1.0, 0.02)[None, :, None] * np.exp(2j * np.pi * rng.random((1, 600, 1)))
-    np.testing.assert_array_equal(driven_lines(U), driven)
+    phase = np.exp(2j * np.pi * rng.random((1, 600, 1)))
+    turn = np.exp(1j * np.pi * (lines + 1) / 601)
+    U = np.where(driven, 1.0, 1e-8)[None, :, None] * phase + 0.1 / (1.0 - turn.conj())[:, None]
+    np.testing.assert_array_equal(driven_lines(U, turn), driven)
+    assert driven_lines(U + 1e-3 * phase, turn) is None  # noise of what is measured
     by_chance = rng.standard_normal((1, 600, 1)) + 1j * rng.standard_normal((1, 600, 1))
-    assert driven_lines(by_chance) is None
+    assert driven_lines(by_chance, turn) is None
     size = np.where(driven, 3.0, 0.01)[None, :, None]
     r = size * (rng.standard_normal((1, 600, 40)) + 1j * rng.standard_normal((1, 600, 40)))
     v = noise_variance(r, driven=driven)

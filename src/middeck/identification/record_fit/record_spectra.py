@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import scipy.ndimage
 from jaxtyping import Bool, Complex, Float
 
 from middeck.errors import FitError
@@ -17,9 +16,10 @@ from middeck.signals.record import Record
 FAINTEST = 1e-6
 # Lines over which the power of an input is averaged for that.
 NEIGHBOURS = 10
-# Power of a silent line over that of the strongest within as many, and the share of driven lines below which
-# the others are silent on purpose: of noise a line in thirty is so faint by chance.
-SILENT, MOST_DRIVEN = 1e-2, 0.8
+# Power of a silent line over the strongest: of commands, which are known to rounding. What is measured has
+# noise there, which moves no output: fitted by lines as quiet as that, a response would vanish. And the share
+# of driven lines from which on the others are too few.
+SILENT, MOST_DRIVEN = 1e-12, 0.8
 # Share of a channel's power from which on a ramp is drift.
 DRIFT = 0.1
 
@@ -51,7 +51,7 @@ def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: b
         H=np.moveaxis(Y[:, keep], (0, 1, 2), (2, 1, 0)),
         weight=weight,
         drive=np.moveaxis(U[:, keep], 0, 2),
-        driven=driven_lines(U[:, keep]),
+        driven=driven_lines(U[:, keep], np.exp(2j * np.pi * f[keep] / record.sample_hz)),
         transient=Transient(1.0 / record.sample_hz),
     )
 
@@ -67,13 +67,18 @@ def _driven(U: np.ndarray) -> np.ndarray:
     return (np.arange(len(power)) >= strong[0]) & (np.arange(len(power)) <= strong[-1])
 
 
-def driven_lines(U: Complex[np.ndarray, "experiment line input"]) -> Bool[np.ndarray, " line"] | None:
-    """Lines on which the inputs are not much fainter than on the strongest nearby; None where few are.
+def driven_lines(
+    U: Complex[np.ndarray, "experiment line input"], turn: Complex[np.ndarray, " line"]
+) -> Bool[np.ndarray, " line"] | None:
+    """Lines on which inputs are more than rounding and a ramp; None where few are not. ``turn``: exp(s T).
 
-    A signal that repeats within the record, or that leaves lines out, drives some lines only.
+    A signal that repeats within the record, or that leaves lines out, drives some lines only. A ramp, as is
+    taken out of inputs, is on all: where half of them or more hold nothing else, their median tells it.
     """
-    power = np.sum(np.abs(U) ** 2 / np.mean(np.abs(U) ** 2, axis=(0, 1)), axis=(0, 2))
-    driven = power > SILENT * scipy.ndimage.maximum_filter1d(power, 2 * NEIGHBOURS + 1)
+    ramp = (1.0 / (1.0 - turn.conj()))[:, None]
+    left = U - ramp * np.median(np.real(U / ramp), axis=1, keepdims=True)
+    power = np.sum(np.abs(left) ** 2 / np.mean(np.abs(U) ** 2, axis=(0, 1)), axis=(0, 2))
+    driven = power > SILENT * power.max()
     return driven if np.mean(driven) < MOST_DRIVEN else None
 
 

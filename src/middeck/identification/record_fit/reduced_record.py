@@ -64,7 +64,7 @@ def with_few_lines(data: Data) -> Data:
 
 def _on_lines(data: Data, kept: np.ndarray) -> Data:
     H, weight = data.H[:, kept], data.weight[:, kept]
-    driven = None if data.driven is None or data.driven[kept].all() else data.driven[kept]
+    driven = None if data.driven is None or len(np.unique(data.driven[kept])) < 2 else data.driven[kept]
     return dataclasses.replace(data, s=data.s[kept], H=H, weight=weight, drive=data.U[kept], driven=driven)
 
 

@@ -130,7 +130,9 @@ def examine_package(
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
         if _good(steps):
-            steps += [check_recovery(held, name, plant) for name, plant in models.items()]
+            steps += [
+                check_recovery(held, name, plant, held=held is not package) for name, plant in models.items()
+            ]
         if engaged is not None and _good(steps):
             share = 1.0 if trials is None else trials.share
             steps += check_cross_fade(engaged, package, models, least, engine, gain, share)

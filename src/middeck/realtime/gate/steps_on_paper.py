@@ -152,12 +152,13 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
     return check_loops(f"model {name}", plant, fades, least)
 
 
-def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateStep:
+def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held: bool) -> GateStep:
     """Nothing grows on ``plant`` while some outputs are limited, from none of what they are asked for to 0.9.
 
     Limited are motors, u = g (p + c), and beside an inner loop or a hold the law's commands too, u = p + g c.
     What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
-    by itself. These are loops that stay so: it is no proof for limits that come and go.
+    by itself, or its own inner loop (p, where it is not ``held`` by the engine's) moves an article that rests
+    without. These are loops that stay so: it is no proof for limits that come and go.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
@@ -171,8 +172,9 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant) -> GateS
         for whose, commands, drives in limits:
             found = _decide(loop, limited(commands, drives))
             fault = _unstable(found, off=True)
-            without = _decide(loop, limited(off, drives)) if fault and not package.unstable else found
-            if without.growing and found is not without and found.margin >= FASTER * without.margin:
+            excuses = [] if not fault or package.unstable else [drives] if held else [drives, off]
+            without = [_decide(loop, limited(off, g)) for g in excuses]
+            if without and all(w.growing and found.margin >= FASTER * w.margin for w in without):
                 unheld += 1
             elif fault:
                 least = commands * drives
