@@ -74,16 +74,14 @@ def test_deviations_of_gains_count_noise_of_a_measured_force(share, count, campa
 
 
 def test_what_does_not_repeat_in_a_force_is_its_noise(campaign):
-    """A force up to half the rate has no floor to tell it."""
-    z, said = [], []
+    """A force up to half the rate has no floor to tell it; the mean of its periods leaves little of its noise."""
+    z = []
     for seed in campaign(24, 12):
         record, plant = repeated(seed, 0.09)
         fit = fit_record(record, states=2 * len(plant[0]), band_hz=(1.0, 45.0), sampled=False)
         z += off(fit, plant)
-        said.append(told(fit))
     assert np.sqrt(np.mean(np.square(z))) < 1.6
     assert np.abs(z).max() < 4.0
-    assert any(said)
 
 
 def test_a_response_that_noise_of_the_force_makes_too_small_says_so(campaign):

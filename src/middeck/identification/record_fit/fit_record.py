@@ -39,7 +39,12 @@ from middeck.identification.record_fit.continuous_fit import fit_continuous
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import choose_record
-from middeck.identification.record_fit.record_spectra import record_data, without_drift, without_trend
+from middeck.identification.record_fit.record_spectra import (
+    record_data,
+    with_one_input,
+    without_drift,
+    without_trend,
+)
 from middeck.identification.record_fit.refine_record import WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
@@ -160,11 +165,11 @@ def fit_samples(
     if sampled is None:
         sampled = not asked.only_continuous and is_held(record, band_hz)
     asked = dataclasses.replace(asked, sample_hz=record.sample_hz if sampled else None)
-    record = (
-        without_drift(record)
-        if sampled
-        else without_trend(record, inputs=not (asked.residuals or asked.at_zero))
-    )
+    at_zero = asked.residuals or asked.at_zero
+    if record.periodic and periods > 1:
+        record = with_one_input(record, level=not at_zero)
+        at_zero = True  # no ramp repeats
+    record = without_drift(record) if sampled else without_trend(record, inputs=not at_zero)
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)

@@ -117,6 +117,7 @@ def _power(
     if len(noise):
         return np.mean(np.abs(np.fft.rfft(noise, axis=1)[:, data.lines]) ** 2, axis=0) / noise.shape[1]
     most = np.broadcast_to(floor, (len(data.s), data.U.shape[1]))
+    most = most if data.driven is None else most * data.driven[:, None]
     H = model_response(each.model, data.omega / (2.0 * np.pi))
     heard = data.H.shape[2] * np.einsum("koi,ki->o", np.abs(H) ** 2, most)
     left = np.sum(np.abs(each.run.residual(data)) ** 2, axis=(1, 2))

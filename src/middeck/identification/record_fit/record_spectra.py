@@ -82,6 +82,17 @@ def driven_lines(
     return driven if np.mean(driven) < MOST_DRIVEN else None
 
 
+def with_one_input(record: Record, *, level: bool) -> Record:
+    """Periods of one input, which each has the mean of all: what differs is noise of its measurement.
+
+    On silent lines, where that noise moves nothing, the input is then zero. Without the mean of each, if
+    ``level``.
+    """
+    u = record.u.mean(axis=1, keepdims=True)
+    u = u - u.mean(axis=2, keepdims=True) if level else u
+    return dataclasses.replace(record, u=np.tile(u, (1, record.u.shape[1], 1, 1)))
+
+
 def without_drift(record: Record) -> Record:
     """A record without the mean of each channel, nor its ramp where that holds over a tenth of its power.
 
