@@ -12,9 +12,9 @@ from middeck.laboratory.rig.plant.drifting_modes import Drift
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.ticks import compiled, simulate_rig
 from middeck.laboratory.rig.ticks.compiled import TickRows, compile_ticks, run_compiled
-from middeck.laboratory.rig.ticks.products import column_sums
 from middeck.laboratory.rig.ticks.simulate_rig import switch_on
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
+from middeck.laboratory.rig.ticks.tick import column_sums
 from middeck.realtime.generate import compiler
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -14,7 +14,7 @@ import middeck as md
 from middeck import estimate_response, fit_response
 from middeck.errors import ConfigError, DataError
 from middeck.files.measured.models import write_model
-from middeck.files.measured.survey_files import load_survey_modes
+from middeck.files.refinements.documents import load_survey_modes
 from middeck.identification import FitResult
 from middeck.identification.model.measurement_model import damping_ratio
 from middeck.structure.correlation.assurance import modal_assurance

@@ -9,16 +9,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from middeck.files.disk.looks import ARTICLE, REFINEMENT
-from middeck.files.measured.survey_files import load_survey_modes
+from middeck.errors import DataError
+from middeck.files.disk.looks import ARTICLE, REFINEMENT, SCHEMAS, looks_like
+from middeck.files.measured.models import load_fitted, load_standing
+from middeck.files.measured.modes import load_measured_modes
 from middeck.files.refinements.gauge_form import StaticForm, build_static, static_findings, value_of
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
-from middeck.files.setups import find_document, load_setup
+from middeck.files.setups import find_document, load_setup, load_structure
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
+from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.refinement.posterior import USUAL
 from middeck.updating.refinement.refine import USUAL_STATIC
+from middeck.updating.residuals.fitted_survey import survey_from_fit
 from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
@@ -120,3 +124,21 @@ def refined_text(article: str | Path, factors: Mapping[str, float]) -> str:
     names = dict.fromkeys([*had, *factors])
     lines = [f'"{n}" = {float(had.get(n, 1.0) * factors.get(n, 1.0))!r}' for n in names]
     return FACTORS.sub("", text).rstrip() + "\n\n[factors]\n" + "\n".join(lines) + "\n"
+
+
+def load_survey_modes(path: str | Path, article: str | Path) -> MeasuredModes:
+    """Measured modes, or those of a fitted model whose ports are sensors and actuators of ``article``.
+
+    Raises as `load_measured_modes`, `load_fitted` and `survey_from_fit`, and `DataError` for a model without
+    deviations.
+    """
+    if looks_like(path) != SCHEMAS["model"]:
+        return load_measured_modes(path)
+    _, covariance = load_fitted(path)
+    if covariance is None:
+        raise DataError(
+            "the model does not say how well it is known: no survey",
+            where=str(path),
+            hint="a model of middeck identify holds a covariance",
+        )
+    return survey_from_fit(load_structure(article), covariance, standing=load_standing(path))

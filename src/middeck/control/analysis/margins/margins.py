@@ -6,15 +6,19 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import (
     At,
     Compensator,
+    FeedbackLoop,
     Plant,
+    approximate_halves,
     broken_at,
+    channels_at,
     form_loop,
     moved_part,
+    open_channel,
 )
 from middeck.control.analysis.loop.frequency_lines import WIDEST, add_ends, place_lines, refine_lines
 from middeck.control.analysis.margins.crossings import (
@@ -26,12 +30,13 @@ from middeck.control.analysis.margins.crossings import (
 )
 from middeck.control.analysis.margins.delay_limit import sampled_delay_limits
 from middeck.control.analysis.margins.disk import DiskMargin, disk_from_peak
-from middeck.control.analysis.margins.end_points import Ends, find_ends
 from middeck.control.analysis.margins.neutral import bears_no_delay
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.stability.stability import LoopStability, decide_loop
 from middeck.control.analysis.text_table import align_columns
 from middeck.errors import ConfigError
+from middeck.systems.poles.integrators import part_integrators
+from middeck.systems.state_space.statespace import LinearSystem, StateSpace
 from middeck.values import record
 
 HEAD = ("broken at", "gain dB", "at Hz", "phase deg", "at Hz", "delay ms", "disk", "max |S|", "at Hz")
@@ -285,3 +290,36 @@ def _skewed(L: np.ndarray) -> np.ndarray:
 def _bears_gain(value: complex) -> bool:
     """Whether a real end point is a crossing within 80 dB of unit gain."""
     return bool(1.0 / WIDEST < -value.real < WIDEST)
+
+
+Ends = tuple[tuple[float, Complex[np.ndarray, " channel"]], ...]
+"""Angular frequency [rad/s] and the ratio of each channel there; infinite on a pole."""
+
+
+def find_ends(loop: FeedbackLoop, at: At) -> Ends:
+    """The ratio at zero frequency, where delays have no effect, and at the other end; delayed loops have no
+    limit there and give the first only."""
+    halves = approximate_halves(loop)
+    channels = [open_channel(halves, i) for i in channels_at(loop, at)]
+    period = loop.period_s
+    if period is not None:
+        rest, fastest = (_values(channels, point) for point in (1.0, -1.0))
+        return (0.0, rest), (np.pi / period, fastest)
+    rest = _values(channels, 0.0)
+    if loop.plant.delayed:
+        return ((0.0, rest),)
+    return (0.0, rest), (np.inf, np.array([-one.D[0, 0] for one in channels], dtype=complex))
+
+
+def _values(channels: list[LinearSystem], point: float) -> Complex[np.ndarray, " channel"]:
+    return np.array([-_at(one, point) for one in channels], dtype=complex)
+
+
+def _at(system: LinearSystem, point: float) -> float:
+    """The transfer at a real point; infinite on a pole whose residues do not vanish."""
+    beside = StateSpace(system.A - point * np.eye(len(system.A)), system.B, system.C, system.D)
+    parted = part_integrators(beside)
+    if np.any(parted.residues):
+        return np.inf
+    moving = parted.moving
+    return float((moving.D - moving.C @ np.linalg.solve(moving.A, moving.B))[0, 0])

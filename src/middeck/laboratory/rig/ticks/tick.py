@@ -5,6 +5,7 @@ Channels are few: plain numbers are faster than arrays for all but the states.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,6 @@ from middeck.laboratory.rig.parts.motors import EXACT, WHOLE, LimitedMotors
 from middeck.laboratory.rig.parts.readout import Readout
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.ticks.products import blas_sums, column_sums
 from middeck.laboratory.rig.ticks.state import RigState
 
 Array = np.ndarray
@@ -123,3 +123,42 @@ def converter_ends(readout: Readout) -> list[ConverterEnds]:
     reach = readout.range / readout.step
     whole = np.where(readout.step > EXACT, WHOLE, 0.0)
     return [ConverterEnds(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]
+
+
+Array = np.ndarray
+
+
+def column_sums(matrix: Array) -> Callable[[Array | float, Array, Array], None]:
+    """A call that sets its last argument to its first plus ``matrix`` times its second, column by column.
+
+    BLAS, as `blas_sums`, is faster, and has another order for each processor.
+
+    >>> out = np.empty(1)
+    >>> column_sums(np.array([[1.0, 1.0, 1.0]]))(1e16, np.array([1.0, 1.0, -1e16]), out)
+    >>> out
+    array([0.])
+    """
+    columns = np.ascontiguousarray(matrix.T)
+    terms = np.empty((len(columns) + 1, columns.shape[1]))
+    products, alone = terms[1:], columns.shape[1] == 1
+
+    def add(start: Array | float, vector: Array, out: Array) -> None:
+        terms[0] = start
+        np.multiply(columns, vector[:, None], products)
+        if alone:  # a sum along memory would be by pairs
+            out[:] = np.add.accumulate(terms)[-1]
+        else:
+            np.add.reduce(terms, axis=0, out=out)
+
+    return add
+
+
+def blas_sums(matrix: Array) -> Callable[[Array | float, Array, Array], None]:
+    """`column_sums` in the order of BLAS."""
+    dot, made = np.ascontiguousarray(matrix).dot, np.empty(len(matrix))
+
+    def add(start: Array | float, vector: Array, out: Array) -> None:
+        dot(vector, made)
+        np.add(made, start, out)
+
+    return add
