@@ -72,6 +72,7 @@ def test_lines_that_a_signal_drives_have_a_noise_of_their_own():
     U = np.where(driven, 1.0, 1e-8)[None, :, None] * phase + 0.1 / (1.0 - turn.conj())[:, None]
     np.testing.assert_array_equal(driven_lines(U, turn), driven)
     assert driven_lines(U + 1e-3 * phase, turn) is None  # noise of what is measured
+    assert driven_lines(phase * (driven & (lines < 60))[:, None], turn) is None  # a model follows twenty
     by_chance = rng.standard_normal((1, 600, 1)) + 1j * rng.standard_normal((1, 600, 1))
     assert driven_lines(by_chance, turn) is None
     size = np.where(driven, 3.0, 0.01)[None, :, None]

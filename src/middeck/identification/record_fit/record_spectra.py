@@ -17,9 +17,9 @@ FAINTEST = 1e-6
 # Lines over which the power of an input is averaged for that.
 NEIGHBOURS = 10
 # Power of a silent line over the strongest: of commands, which are known to rounding. What is measured has
-# noise there, which moves no output: fitted by lines as quiet as that, a response would vanish. And the share
-# of driven lines from which on the others are too few.
-SILENT, MOST_DRIVEN = 1e-12, 0.8
+# noise there, which moves no output: fitted by lines as quiet as that, a response would vanish. And how many
+# driven lines a model may follow one by one, so that they tell no noise, and the share that leaves too few others.
+SILENT, FEWEST_DRIVEN, MOST_DRIVEN = 1e-12, 20, 0.8
 # Share of a channel's power from which on a ramp is drift.
 DRIFT = 0.1
 
@@ -70,7 +70,7 @@ def _driven(U: np.ndarray) -> np.ndarray:
 def driven_lines(
     U: Complex[np.ndarray, "experiment line input"], turn: Complex[np.ndarray, " line"]
 ) -> Bool[np.ndarray, " line"] | None:
-    """Lines on which inputs are more than rounding and a ramp; None where few are not. ``turn``: exp(s T).
+    """Lines on which inputs are more than rounding and a ramp; None for few, or most. ``turn``: exp(s T).
 
     A signal that repeats within the record, or that leaves lines out, drives some lines only. A ramp, as is
     taken out of inputs, is on all: where half of them or more hold nothing else, their median tells it.
@@ -79,7 +79,7 @@ def driven_lines(
     left = U - ramp * np.median(np.real(U / ramp), axis=1, keepdims=True)
     power = np.sum(np.abs(left) ** 2 / np.mean(np.abs(U) ** 2, axis=(0, 1)), axis=(0, 2))
     driven = power > SILENT * power.max()
-    return driven if np.mean(driven) < MOST_DRIVEN else None
+    return driven if FEWEST_DRIVEN < np.sum(driven) < MOST_DRIVEN * len(driven) else None
 
 
 def with_one_input(record: Record, *, level: bool) -> Record:
