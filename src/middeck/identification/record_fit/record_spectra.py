@@ -18,7 +18,7 @@ FAINTEST = 1e-6
 NEIGHBOURS = 10
 # Power of a silent line over the strongest: of commands, which are known to rounding. What is measured has
 # noise there, which moves no output: fitted by lines as quiet as that, a response would vanish. And how many
-# driven lines a model may follow one by one, so that they tell no noise, and the share that leaves too few others.
+# driven lines a model may follow one by one, telling no noise; and the share that leaves too few others.
 SILENT, FEWEST_DRIVEN, MOST_DRIVEN = 1e-12, 20, 0.8
 # Share of a channel's power from which on a ramp is drift.
 DRIFT = 0.1
