@@ -64,7 +64,8 @@ def standing_of(
     """Of each mode; ``holds`` says whether what the fit leaves is noise, ``phase`` which are a delay's."""
     model, lines = covariance.model, measured.frequency_hz
     significance = mode_significance(covariance)
-    f, clear = natural_hz(model), significance >= DOUBTFUL
+    of = uncertainty_of(covariance)
+    f, clear = natural_hz(model), (significance >= DOUBTFUL) & np.isfinite(of.natural_hz + of.damping)
     close = _unresolved(covariance, significance)
     found: list[Standing] = []
     for m, hz in enumerate(f):
