@@ -181,21 +181,23 @@ def _step_score(white: np.ndarray, change: np.ndarray, heard: np.ndarray, data: 
     """Deviations by which a delay, or a gain, of the later part of a record differs from that of the earlier.
 
     The score of a delay, the residual times ``change``, the response's rate, summed up to each sample: a
-    bridge for one delay (Andrews 1993). For a gain the response itself.
+    bridge for one delay (Andrews 1993). For a gain the response itself. What is left of a distorted signal is
+    largest where the response is, so that each score counts by its own square, too (White 1980).
     """
     x, slope = signals(data, white), signals(data, change)
     parts = signals(data, heard)
     information = np.cumsum(slope**2, axis=1)
     best = 0.0
-    for own, known, noise, by in zip(
-        np.cumsum(x * slope, axis=1), information, np.mean(x**2, axis=1), slope, strict=True
-    ):
+    for score, known, noise, by in zip(x * slope, information, np.mean(x**2, axis=1), slope, strict=True):
+        own, scatter = np.cumsum(score), np.cumsum(score**2)
         edge = max(EDGE, int(EDGE_SHARE * len(own)))
         inner = slice(edge, len(own) - edge)
         share = known[inner] / max(known[-1], np.finfo(float).tiny)
         of_parts = np.cumsum(parts * by, axis=1)
         of_parts = of_parts[:, inner] - share * of_parts[:, -1:]
-        spread = noise * known[-1] * share * (1.0 - share) + np.sum(of_parts**2, axis=0) / max(len(parts), 1)
+        even = noise * known[-1] * share * (1.0 - share)
+        uneven = (1.0 - 2.0 * share) * scatter[inner] + share**2 * scatter[-1]
+        spread = np.maximum(even, uneven) + np.sum(of_parts**2, axis=0) / max(len(parts), 1)
         use = spread > 0.0
         bridge = np.abs(own[inner] - share * own[-1])[use]
         best = max(best, float(np.max(bridge / np.sqrt(spread[use]), initial=0.0)))
