@@ -93,7 +93,7 @@ def causes_of(
     noise = _left_of(heard, data, run, size)
     each = list(zip(white, response, noise, strict=True))
     moved = np.array([_step_score(w, y * data.s[:, None], n, data) for w, y, n in each])
-    scaled = np.array([_step_score(w, y, n, data) for w, y, n in each])
+    scaled = np.array([_step_score(w, y, n, data, uneven=True) for w, y, n in each])
     told = np.array([_told_by_inputs(w, data) for w in white])
     leads = lead > LEADS
     wrong = np.any(left > LEFT) or np.any(np.maximum(moved, scaled) > STEPS) or leads.any()
@@ -177,12 +177,15 @@ def _left_of(
     return found
 
 
-def _step_score(white: np.ndarray, change: np.ndarray, heard: np.ndarray, data: Data) -> float:
+def _step_score(
+    white: np.ndarray, change: np.ndarray, heard: np.ndarray, data: Data, *, uneven: bool = False
+) -> float:
     """Deviations by which a delay, or a gain, of the later part of a record differs from that of the earlier.
 
     The score of a delay, the residual times ``change``, the response's rate, summed up to each sample: a
     bridge for one delay (Andrews 1993). For a gain the response itself. What is left of a distorted signal is
-    largest where the response is, so that each score counts by its own square, too (White 1980).
+    largest where the response is, as if a gain changed: ``uneven`` scores count by their own squares, too
+    (White 1980).
     """
     x, slope = signals(data, white), signals(data, change)
     parts = signals(data, heard)
@@ -195,9 +198,10 @@ def _step_score(white: np.ndarray, change: np.ndarray, heard: np.ndarray, data: 
         share = known[inner] / max(known[-1], np.finfo(float).tiny)
         of_parts = np.cumsum(parts * by, axis=1)
         of_parts = of_parts[:, inner] - share * of_parts[:, -1:]
-        even = noise * known[-1] * share * (1.0 - share)
-        uneven = (1.0 - 2.0 * share) * scatter[inner] + share**2 * scatter[-1]
-        spread = np.maximum(even, uneven) + np.sum(of_parts**2, axis=0) / max(len(parts), 1)
+        spread = noise * known[-1] * share * (1.0 - share)
+        if uneven:
+            spread = np.maximum(spread, (1.0 - 2.0 * share) * scatter[inner] + share**2 * scatter[-1])
+        spread = spread + np.sum(of_parts**2, axis=0) / max(len(parts), 1)
         use = spread > 0.0
         bridge = np.abs(own[inner] - share * own[-1])[use]
         best = max(best, float(np.max(bridge / np.sqrt(spread[use]), initial=0.0)))

@@ -165,11 +165,10 @@ def fit_samples(
     if sampled is None:
         sampled = not asked.only_continuous and is_held(record, band_hz)
     asked = dataclasses.replace(asked, sample_hz=record.sample_hz if sampled else None)
-    at_zero = asked.residuals or asked.at_zero
+    trend = not (asked.residuals or asked.at_zero)  # of inputs, as of outputs
     if record.periodic and periods > 1:
-        record = with_one_input(record, level=not at_zero)
-        at_zero = True  # no ramp repeats
-    record = without_drift(record) if sampled else without_trend(record, inputs=not at_zero)
+        record, trend = with_one_input(record, level=trend), False  # no ramp repeats
+    record = without_drift(record) if sampled else without_trend(record, inputs=trend)
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
@@ -218,7 +217,7 @@ def _fit(
         heard = [doubted_deviations.heard_of(record, *of, input_noise) for of in both]
         grown = [doubted_deviations.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
-        return _result(measured, record, fitted, reason, score, input_noise)
+        return _result(measured, record, fitted, reason, score, heard[1], input_noise)
 
 
 def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
@@ -285,11 +284,11 @@ def _result(
     fit: Tidied,
     reason: str,
     score: np.ndarray,
+    heard: doubted_deviations.Heard,
     input_noise: Float[np.ndarray, "part sample input"] | None,
 ) -> FitResult:
     data, run = fit.data, fit.run
     found = run.refined
-    heard = doubted_deviations.heard_of(record, data, run, input_noise)
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = model_of(run, record.inputs, record.outputs)
