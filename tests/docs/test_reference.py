@@ -16,14 +16,14 @@ import middeck
 from middeck import errors
 from middeck.cli import main as console
 from middeck.cli.app import VERBS, app
-from middeck.files.articles import boundary_form, component_form, link_form
+from middeck.files.articles import boundary_form, link_form
 from middeck.files.articles import form as article_form
 from middeck.files.environments import form as environment_form
 from middeck.files.promises import outcomes
 from middeck.files.promises import plans as promise_plans
 from middeck.files.refinements import candidates as candidate_files
 from middeck.files.refinements import documents as refinements
-from middeck.files.refinements import gauge_form, promised_loads, response_form, unknown_form
+from middeck.files.refinements import gauge_form, promised_loads, response_form
 from middeck.files.studies import form as study_form
 from middeck.files.studies import promise as study_promise
 from middeck.files.toml.form import Form, unit_of
@@ -54,7 +54,7 @@ FORMS: list[type[Form]] = [
     link_form.ShareForm,
     link_form.EquationForm,
     link_form.TermForm,
-    component_form.ComponentForm,
+    boundary_form.ComponentForm,
     article_form.ActuatorForm,
     article_form.SensorForm,
     article_form.DampingForm,
@@ -89,7 +89,7 @@ FORMS: list[type[Form]] = [
     gauge_form.StaticForm,
     gauge_form.GaugeForm,
     gauge_form.ReadingForm,
-    unknown_form.UnknownForm,
+    response_form.UnknownForm,
     candidate_files.CandidatesForm,
     candidate_files.CandidateForm,
     gauge_form.PlannedStaticForm,
@@ -135,7 +135,7 @@ def test_what_the_paper_page_names_can_be_imported():
 
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
-    forms = (article_form, boundary_form, component_form, environment_form, link_form)
+    forms = (article_form, boundary_form, environment_form, link_form)
     studies = study_form, study_promise
     modules = (
         *forms,
@@ -143,7 +143,6 @@ def test_every_form_has_its_table():
         gauge_form,
         refinements,
         response_form,
-        unknown_form,
         candidate_files,
         promise_plans,
         promised_loads,
