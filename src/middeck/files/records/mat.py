@@ -24,6 +24,7 @@ from middeck.signals.record import Record
 
 # Of a system in state space, as `write_mat` and others write one.
 SYSTEM = frozenset("ABCD")
+OCTAVE = b"# Created by Octave", b"Octave-1", b"\x89HDF"  # what it writes as .mat without -v7
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 TIMES = ("t", "time", "Time")
 LINES = 8192  # of which the stamps show their last digit
@@ -114,8 +115,10 @@ def _rate_of_times(time: np.ndarray, where: str) -> tuple[float, float]:
 def mat_arrays(file: Path) -> dict[str, np.ndarray]:
     """All variables by name, of either version; those of a structure as ``run.force``, cells as texts."""
     with open(file, "rb") as stream:
-        is_hdf5 = stream.read(19) == b"MATLAB 7.3 MAT-file"
-    return _read_73(file) if is_hdf5 else _read_5(file)
+        begin = stream.read(19)
+    if begin.startswith(OCTAVE):
+        raise DataError("Octave's own form or HDF5, not a MAT file", where=str(file), hint="save it with -v7")
+    return _read_73(file) if begin == b"MATLAB 7.3 MAT-file" else _read_5(file)
 
 
 def _four_axes(x: np.ndarray) -> np.ndarray:
