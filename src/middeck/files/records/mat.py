@@ -24,7 +24,6 @@ from middeck.signals.record import Record
 
 # Of a system in state space, as `write_mat` and others write one.
 SYSTEM = frozenset("ABCD")
-OCTAVE = b"# Created by Octave", b"Octave-1", b"\x89HDF"  # what it writes as .mat without -v7
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 TIMES = ("t", "time", "Time")
 LINES = 8192  # of which the stamps show their last digit
@@ -33,8 +32,8 @@ MOST_BYTES = 2**31
 SPARSE = "MATLAB_sparse"  # attribute of a group: the number of rows
 MOST_FILLED = 2**26  # entries of a sparse matrix that is filled: half a gigabyte
 BROKEN = (
-    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, NotImplementedError),
-    *(MemoryError, OverflowError, RuntimeError, AssertionError, zlib.error, MatReadError),
+    *(ValueError, TypeError, LookupError, AttributeError, OSError, EOFError, MemoryError, ArithmeticError),
+    *(RuntimeError, AssertionError, zlib.error, MatReadError),
 )
 
 
@@ -116,7 +115,7 @@ def mat_arrays(file: Path) -> dict[str, np.ndarray]:
     """All variables by name, of either version; those of a structure as ``run.force``, cells as texts."""
     with open(file, "rb") as stream:
         begin = stream.read(19)
-    if begin.startswith(OCTAVE):
+    if begin.startswith((b"# Created by Octave", b"Octave-1", b"\x89HDF")):
         raise DataError("Octave's own form or HDF5, not a MAT file", where=str(file), hint="save it with -v7")
     return _read_73(file) if begin == b"MATLAB 7.3 MAT-file" else _read_5(file)
 
