@@ -156,13 +156,13 @@ def test_only_blows_without_a_filter_are_said_to_fold_back(campaign):
         assert [line.split(":")[0] for line in told] == ["input force"]
 
 
-@pytest.mark.parametrize(("of", "seeds"), [("samples", 4), ("response", 40)])
+@pytest.mark.parametrize(("of", "whole", "share"), [("samples", 4, 2), ("response", 40, 4)])
 @pytest.mark.parametrize("count", [2, 5])
-def test_deviations_hold_under_noise_of_the_force(of, seeds, count):
+def test_deviations_hold_under_noise_of_the_force(campaign, of, whole, share, count):
     """Its spectrum is alike on all lines of a mode, which no line shows, and few blows tell it badly."""
     rested = [(2.5 * t, width, size) for t, width, size in [*SINGLE, (30.1, 0.02, 55.0)]][:count]
     clean = struck(PLANT, rested, 1900 * count, RATE, noise=0.0)
-    off = []
+    off, seeds = [], len(campaign(whole, share))
     for seed in range(seeds):
         force, way = np.random.default_rng(seed).standard_normal((2, *clean.u.shape))
         u, y = clean.u + 1e-3 * clean.u.max() * force, clean.y + 1e-5 * clean.y.std() * way

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Complex, Float
 from middeck.errors import ConfigError, DataError
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.elements.frames import PosePoints, pose_jacobian
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
@@ -244,7 +244,7 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
         np.array([frame for frame, _ in places], dtype=int),
         np.array([offset for _, offset in places]).reshape(-1, 3),
     )
-    motions = pose_jacobian(model.tree, points, frame_poses(model.tree, modes.equilibrium.config))
+    motions = pose_jacobian(model.tree, points, modes.equilibrium.poses)
     # Rows of all motions, then those of ports, of angles and of travels of joints.
     ports = _port_rows(modes, node, direction)
     own: list[int] = []
