@@ -8,7 +8,7 @@ import pytest
 from engine_campaigns import cases_of
 from engine_destabilising import SLOW_S, draw, judge, refused_on_paper
 from engine_rigs import closed_states, rig_case
-from repeats import LONG, repeats
+from repeats import LONG
 
 pytestmark = pytest.mark.usefixtures("compiler")
 WHOLE = 1000
