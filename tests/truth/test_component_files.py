@@ -331,6 +331,31 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
             md.load_structure(path)
 
 
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_a_file_in_other_units(tmp_path, component, ending):
+    """Matrices in mm, t and ms, each entry by its dimension: forces of shifts, moments of turns."""
+    length, mass, time = 1e-3, 1e3, 1e-3
+    arms = np.array([0, 0, 0, 1, 1, 1] * 2 + [1] * component.modal)  # powers of length, of row and column
+    per = length ** (arms[:, None] + arms) * mass
+    lengths = np.array([output[-2:] in (" x", " y", " z") for output in component.outputs])
+    write_component(
+        tmp_path / f"part.{ending}",
+        dataclasses.replace(
+            component,
+            positions=component.positions / length,
+            stiffness=component.stiffness / (per / time**2),
+            mass=component.mass / per,
+            damping=component.damping / (per / time),
+            recovery=component.recovery * length ** (1.0 - arms) / length ** lengths[:, None],
+        ),
+    )
+    path = with_positions(article(tmp_path), component.positions[1])
+    path.write_text(path.read_text().replace('"part.npz"', f'"part.{ending}"\nunits = "mm-t-ms"'))
+    (found,) = md.load_structure(path).components
+    for key in ("positions", "stiffness", "mass", "damping", "recovery"):
+        np.testing.assert_allclose(getattr(found, key), getattr(component, key), rtol=1e-12, err_msg=key)
+
+
 @pytest.mark.parametrize("form", [1, 2])
 def test_matrices_that_are_not_said_to_be_symmetric(tmp_path, component, form):
     """Written by DMAP of other programs as square or rectangular; damping so written was left out."""

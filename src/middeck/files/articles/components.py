@@ -152,13 +152,33 @@ def build_component(form: ComponentForm, folder: Path) -> Component:
     )
 
 
+def _in_si(part: Component, text: str) -> Component:
+    """The component of a file in other units; outputs along x, y and z are lengths."""
+    from middeck.files.nastran.deck.units import parse_units
+
+    units = parse_units(text)
+    step = np.ones(len(part.stiffness))
+    step[: 6 * len(part.grids)].reshape(-1, 6)[:, :3] = 1.0 / units.length
+    energy = units.mass * units.length**2 / units.time**2 * np.outer(step, step)
+    out = np.array([units.length if name[-2:] in (" x", " y", " z") else 1.0 for name in part.outputs])
+    return dataclasses.replace(
+        part,
+        positions=units.length * part.positions,
+        stiffness=energy * part.stiffness,
+        mass=energy * units.time**2 * part.mass,
+        damping=None if part.damping is None else energy * units.time * part.damping,
+        recovery=None if part.recovery is None else np.outer(out, step) * part.recovery,
+    )
+
+
 def _read(form: ComponentForm, folder: Path) -> Component:
     from middeck.files.nastran.components.external import read_external
     from middeck.files.nastran.deck.units import parse_units
 
     path = folder / form.file
     if path.suffix in (".npz", ".mat"):
-        return load_component(path)
+        part = load_component(path)
+        return _in_si(part, form.units) if form.units else part
     if form.units is None:
         raise ConfigError(
             "matrices of another program do not state their units",
