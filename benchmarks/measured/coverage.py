@@ -20,8 +20,8 @@ from middeck.structure.model.environment import Environment
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.plants.response import evaluate_plant
 from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.promise.confidence import level
 from middeck.updating.promise.draws import draw_plants
-from middeck.updating.promise.outlook import level
 from middeck.updating.promise.plan import close_inner, plant_of
 from middeck.updating.refinement.posterior import NORMAL_95
 

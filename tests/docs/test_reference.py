@@ -16,7 +16,7 @@ import middeck
 from middeck import errors
 from middeck.cli import main as console
 from middeck.cli.app import VERBS, app
-from middeck.files.articles import boundary_form, link_form
+from middeck.files.articles import boundary_form, component_form, link_form
 from middeck.files.articles import form as article_form
 from middeck.files.environments import form as environment_form
 from middeck.files.promises import outcomes
@@ -54,7 +54,7 @@ FORMS: list[type[Form]] = [
     link_form.ShareForm,
     link_form.EquationForm,
     link_form.TermForm,
-    boundary_form.ComponentForm,
+    component_form.ComponentForm,
     article_form.ActuatorForm,
     article_form.SensorForm,
     article_form.DampingForm,
@@ -135,7 +135,7 @@ def test_what_the_paper_page_names_can_be_imported():
 
 def test_every_form_has_its_table():
     """So that a form added later cannot be forgotten here."""
-    forms = (article_form, boundary_form, environment_form, link_form)
+    forms = (article_form, boundary_form, component_form, environment_form, link_form)
     studies = study_form, study_promise
     modules = (
         *forms,

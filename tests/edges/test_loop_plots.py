@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from middeck.control.analysis.margins.margins import Margins, measure_margins
 from middeck.control.analysis.margins.return_ratio import ReturnRatio, trace_return_ratio
 from middeck.control.law.compensator import Compensator
-from middeck.plot.nyquist import draw_nichols, draw_nyquist, title_of
+from middeck.plot.nichols import draw_nichols
+from middeck.plot.nyquist import draw_nyquist, title_of
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal_system import ModalSystem

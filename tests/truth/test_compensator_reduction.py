@@ -32,7 +32,8 @@ from middeck.control.shaping.leads_and_notches import second_order_section, shap
 from middeck.errors import ConfigError
 from middeck.files.studies.documents import load_study
 from middeck.signals.ports import Port
-from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
+from middeck.study.chapters.zero_g_control.computation import control_plant
+from middeck.study.chapters.zero_g_control.disturbance import design_weights
 from middeck.study.shared import find_modes
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.mode_shift import shift_modes

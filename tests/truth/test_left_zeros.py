@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from middeck.study.chapters.two_sensor_control.measured_sensors import refit_left
+from middeck.study.chapters.two_sensor_control.left_zeros import refit_left
 
 F = np.linspace(0.1, 4.0, 80)
 S = 2j * np.pi * F

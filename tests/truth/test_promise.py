@@ -27,14 +27,9 @@ from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.promise.confidence import probability_interval
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
-from middeck.updating.promise.outlook import (
-    Outlook,
-    highest_promised,
-    look_ahead,
-    probability_interval,
-    risk_of,
-)
+from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, risk_of
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
 from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise

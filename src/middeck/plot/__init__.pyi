@@ -3,7 +3,7 @@
 from .amplitude import draw_amplitude as draw_amplitude
 from .authority import draw_authority as draw_authority
 from .gimbal_family import draw_gimbal_family as draw_gimbal_family
-from .nyquist import draw_nichols as draw_nichols
+from .nichols import draw_nichols as draw_nichols
 from .nyquist import draw_nyquist as draw_nyquist
 from .shapes import draw_shapes as draw_shapes
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from middeck.files.articles.axes_form import AxesForm
-from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector, real_numbers, whole
+from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector, real_numbers
 from middeck.structure.model.article import AddedMass, Body, Bushing, LoadCase, PointLoad
 from middeck.structure.model.clamps import LETTERS, Clamp
 from middeck.structure.model.environment import GroundBushing
@@ -158,18 +158,3 @@ def build_load_cases(forms: Sequence[LoadCaseForm]) -> tuple[LoadCase, ...]:
 def _body(form: MassForm) -> Body:
     inertia = np.zeros((3, 3)) if form.inertia_kg_m2 is None else np.array(form.inertia_kg_m2)
     return Body(form.mass_kg, np.array(form.cg_m), inertia)
-
-
-class ComponentForm(AxesForm):
-    """Matrices in a file beside the article, and the frame that each of its boundary grids is fixed to.
-
-    ``cards`` (the punch file) are of OUTPUT4 and punched matrices; NPZ and MAT without ``units`` are in SI.
-    """
-
-    name: Name
-    file: str
-    nodes: dict[str, str]
-    offsets_m: dict[str, Vector] = Field(default_factory=dict)
-    cards: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    units: str | None = None
-    superelement: Annotated[int, whole(1, 10**8)] | None = None

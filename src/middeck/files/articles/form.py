@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from middeck.files.articles.boundary_form import BushingForm, ComponentForm, LoadCaseForm
+from middeck.files.articles.boundary_form import BushingForm, LoadCaseForm
+from middeck.files.articles.component_form import ComponentForm
 from middeck.files.articles.link_form import EquationForm, InterpolationForm, LinkForm
 from middeck.files.toml.form import (
     Finite,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from enum import Enum
 
@@ -13,7 +13,6 @@ from jaxtyping import Inexact
 from middeck.errors import ConfigError
 from middeck.joints.friction import Friction
 from middeck.structure.model.article import Structure
-from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.clamps import Clamp
 from middeck.values import record
 
@@ -283,35 +282,3 @@ def hang_along_x(attach: Sequence[str]) -> dict[str, str]:
         )
     middle = len(attach) // 2
     return {name: "xyz" if i == middle else "yz" for i, name in enumerate(attach)}
-
-
-def check_environment(environment: Environment) -> None:
-    """Raise one `ConfigError` with all that is wrong."""
-    faults = [*_gravity(environment), *_springs(environment), *_devices(environment)]
-    faults += [fault for b in environment.bushings for fault in bushing_faults(b.name, b.stiffness, b.axes)]
-    if faults:
-        raise ConfigError(
-            "; ".join(faults),
-            where=f"environment {environment.title!r}",
-            hint="files are checked with line numbers by load_environment and by every verb",
-        )
-
-
-def _gravity(environment: Environment) -> Iterator[str]:
-    if not np.all(np.isfinite(environment.gravity)):
-        yield f"gravity {environment.gravity.tolist()} is not a number"
-
-
-def _springs(environment: Environment) -> Iterator[str]:
-    for spring in environment.springs:
-        numbers = np.array([spring.stiffness, spring.free_length, *spring.anchor])
-        if not np.all(np.isfinite(numbers)) or np.any(numbers[:2] < 0.0):
-            yield f"spring {spring.name!r} has a stiffness, length or anchor that is no number or negative"
-
-
-def _devices(environment: Environment) -> Iterator[str]:
-    for device in environment.hung:
-        if device.anchor is not None and not np.all(np.isfinite(device.anchor)):
-            yield f"device {device.name!r} has an anchor that is not a number"
-        if set(device.held) - set("xyz"):
-            yield f"device {device.name!r} is held in {device.held!r}: of x, y and z only"

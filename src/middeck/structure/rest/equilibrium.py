@@ -23,17 +23,14 @@ from middeck.structure.elements.since_drawn import whole_motion
 from middeck.structure.elements.trees import Poses
 from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.clamps import free_translations
-from middeck.structure.model.environment import Environment, check_environment
+from middeck.structure.model.environment import Environment
+from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
-from middeck.structure.rest.suspension_tuning import (
-    TunedSuspension,
-    environment_loads,
-    refuse_slack_cables,
-    tune_suspension,
-)
+from middeck.structure.rest.slack_cables import refuse_slack_cables
+from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls

@@ -2,8 +2,6 @@
 
 The paper's step 1. Devices that carry a given force, and springs, act while the others are tuned, so that a
 tuned article stays where it was drawn.
-
-A cable cannot push: refused where it would.
 """
 
 from __future__ import annotations
@@ -13,15 +11,16 @@ from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
-from jaxtyping import Float, Inexact
+from jaxtyping import Inexact
 
-from middeck.errors import ConfigError, EquilibriumError
+from middeck.errors import ConfigError
 from middeck.structure.assembly.environment_loads import Ground, Loads, no_loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, points_in_world
 from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.rest.pinned_reactions import PinnedPoints, PinnedState, settle_pinned, support_forces
+from middeck.structure.rest.slack_cables import refuse_slack_reactions
 from middeck.values import record
 
 LEAST_RISE = 1e-3
@@ -232,29 +231,3 @@ def attach_index(model: Model, name: str) -> int:
             hint=f"attach points are {', '.join(model.attach_names) or 'none'}",
         )
     return int(model.attach_point[model.attach_names.index(name)])
-
-
-def refuse_slack_reactions(attach: tuple[str, ...], reaction: np.ndarray) -> None:
-    """While devices are tuned: `EquilibriumError` for an attach point that would be pushed up."""
-    for name, value in zip(attach, reaction, strict=True):
-        if value <= 0.0:
-            raise EquilibriumError(
-                f"the cable at {name!r} would be slack: its pinned reaction is {value:.3f} N",
-                where=f"suspension at {name!r}",
-                hint="move the attach points so that each carries load, or hang the article by fewer",
-                reactions_n=dict(zip(attach, map(float, reaction), strict=True)),
-            )
-
-
-def refuse_slack_cables(devices: Sequence[str], tension: Float[np.ndarray, " tie"]) -> None:
-    """At rest: `EquilibriumError` for a cable that would push. Springs, which follow ``devices``, may."""
-    pull = dict(zip(devices, map(float, tension), strict=False))
-    slack = {name: value for name, value in pull.items() if value <= 0.0}
-    if slack:
-        named = ", ".join(f"{name!r} ({value:.3f} N)" for name, value in slack.items())
-        raise EquilibriumError(
-            f"slack at equilibrium: the cable of {named}",
-            where="suspension",
-            hint="a cable cannot push: move the attach points, take a device away or lower its stiffness",
-            tension_n=pull,
-        )

@@ -15,7 +15,7 @@ from jaxtyping import Complex, Float
 from middeck.systems.poles.refined_poles import PoleForm, refine_poles
 from middeck.systems.poles.strong_components import component_schur
 from middeck.systems.state_space.balancing import balance
-from middeck.systems.state_space.modal_system import sum_second_order
+from middeck.systems.state_space.second_order import sum_second_order
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 FEW_LINES = 32

@@ -1,7 +1,4 @@
-"""Figure 7: controllers designed on the 0-g model, impinged on the 0-g and the 1-g model.
-
-Figure 7: the white torque, from the angle that the sheet states, and the weights of designs against it.
-"""
+"""Figure 7: controllers designed on the 0-g model, impinged on the 0-g and the 1-g model."""
 
 from __future__ import annotations
 
@@ -22,8 +19,7 @@ from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.control.lqg.weights import LQGWeights
-from middeck.errors import ConfigError, NumericalError
+from middeck.errors import ConfigError
 from middeck.files.studies.documents import Study
 from middeck.files.studies.form import ControlForm
 from middeck.structure.gravity.compare_modes import ModeComparison
@@ -31,6 +27,11 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.sensors_and_actuators import RATE
+from middeck.study.chapters.zero_g_control.disturbance import (
+    design_weights,
+    disturbance_psd,
+    performance_under,
+)
 from middeck.systems.norms.rms import band_rms_by_quadrature
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.poles.stability import GROWTH_LIMIT
@@ -181,35 +182,3 @@ def _sweep(
 def _quadrature_error(loop: ClosedLoop, performance: Performance) -> float:
     rms = band_rms_by_quadrature(loop.system, performance.intensity, performance.band_hz)
     return abs(loop_metric(loop, performance) / float(np.linalg.norm(performance.weights * rms)) - 1.0)
-
-
-def performance_under(control: ControlForm, psd: float) -> Performance:
-    """The metric in the stated band, under white torques of this intensity."""
-    intensity = psd * np.eye(len(control.disturbances))
-    return Performance(np.array(control.metric_weights), intensity, control.band_hz)
-
-
-def disturbance_psd(plant: Plant, control: ControlForm) -> float:
-    """S_w from 3 sigma = the stated angle; the metric is proportional to its root."""
-    unit = loop_metric(leave_open(plant), performance_under(control, 1.0))
-    if not 0.0 < unit < np.inf:
-        raise NumericalError(
-            f"under PD alone the metric in 0-g is {unit:g} for a unit disturbance, which no intensity scales",
-            where="control",
-            hint="a disturbance that the metric sees, and pd_kd_nms_per_rad that damp every reachable mode",
-        )
-    return float((np.radians(control.three_sigma_deg) / 3.0 / unit) ** 2)
-
-
-def design_weights(control: ControlForm, psd: float) -> LQGWeights:
-    """The sheet's weights and noise: disturbance and a small torque noise on every input, white sensors."""
-    n_w, n_u, n_y = len(control.disturbances), len(control.inputs), len(control.angles)
-    process = np.diag([psd] * n_w + [control.actuator_noise_ratio * psd] * n_u)
-    sensor = [control.angle_noise_rad_per_rthz**2] * n_y + [control.rate_noise_rad_per_s_per_rthz**2] * n_y
-    return LQGWeights(
-        output=np.array(control.metric_weights),
-        input=np.array(control.input_weight),
-        disturbed=(*control.disturbances, *control.inputs),
-        process=process,
-        sensor=np.array(sensor),
-    )

@@ -1,0 +1,43 @@
+"""What a number of draws allows to state: the level that one more draw does not exceed, and a probability."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import betaincinv
+
+CONFIDENCE = 0.95
+TIE = 1e-9  # of a rank, by rounding
+
+
+def level(db: Float[np.ndarray, " draw"], share: float) -> float:
+    """What one more draw does not exceed with this probability.
+
+    A drawn value, not an interpolated one, which infinity does not allow: the k-th of n is not exceeded by
+    another with k / (n + 1) (Wilks 1941, Ann. Math. Stat. 12), the one beside it where none fits.
+    """
+    n = len(db)
+    k = share * (n + 1)
+    k = int(np.ceil(k - TIE) if share >= 0.5 else np.floor(k + TIE))
+    return float(np.sort(db)[min(max(k, 1), n) - 1])
+
+
+def probability_interval(count: int, of: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Of a probability after ``count`` successes in ``of`` trials, both ends included with each half.
+
+    >>> [round(p, 4) for p in probability_interval(299, 299, 0.9)]
+    [0.99, 1.0]
+    """
+    tail = 0.5 * (1.0 - confidence)
+    low = float(betaincinv(count, of - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
+    return low, high
+
+
+def draws_needed(probability: float) -> int:
+    """Draws that promise ``probability`` with 95 % confidence if all of them are stable.
+
+    >>> draws_needed(0.99)
+    299
+    """
+    return int(np.ceil(np.log(1.0 - CONFIDENCE) / np.log(probability)))
