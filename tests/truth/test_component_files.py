@@ -325,6 +325,7 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
         ('b = "b" }', 'b = "z" }', "no frame of this name"),
         ('file = "part.npz"', 'file = "part.op4"', "do not state their units"),
         ('name = "part"\n', "", "missing"),
+        ('"part.npz"', '"part.npz"\ncards = ["part.pch"]', r"not of \.npz"),
     ):
         path.write_text(good.replace(old, new))
         with pytest.raises((ConfigError, DataError), match=said):

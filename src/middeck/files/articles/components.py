@@ -177,6 +177,12 @@ def _read(form: ComponentForm, folder: Path) -> Component:
 
     path = folder / form.file
     if path.suffix in (".npz", ".mat"):
+        if form.cards or form.superelement:
+            raise ConfigError(
+                f"cards and superelement are of OUTPUT4 and punched matrices, not of {path.suffix}",
+                where=f"component {form.name!r}",
+                hint="leave them out",
+            )
         part = load_component(path)
         return _in_si(part, form.units) if form.units else part
     if form.units is None:
