@@ -269,8 +269,11 @@ def test_frequencies_alone_tell_what_they_can(tmp_path: Path, capfd: pytest.Capt
     assert all(c.quantity is not Quantity.FREQUENCY_ERROR for c in found.unjudged)
     with pytest.raises(ConfigError, match="frequencies alone"):
         md.correlate_modes(modes, test, find_profile("orion-well"), rng=np.random.default_rng(0))
-    done = middeck(capfd, "correlate", str(ROOT / ARTICLE), str(tmp_path / "f.csv"), "--require")
-    assert done.code == 1
+    asked = "correlate", str(ROOT / ARTICLE), str(tmp_path / "f.csv")
+    assert middeck(capfd, *asked, "--require").code == 1
+    drawn = middeck(capfd, *asked, "--figure", str(tmp_path / "f.svg"))
+    assert drawn.code == 2
+    assert "has none" in drawn.err
 
 
 @pytest.mark.parametrize(

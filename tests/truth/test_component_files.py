@@ -325,6 +325,7 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
         ('b = "b" }', 'b = "z" }', "no frame of this name"),
         ('file = "part.npz"', 'file = "part.op4"', "do not state their units"),
         ('name = "part"\n', "", "missing"),
+        ('"part.npz"', '"part.npz"\ncards = ["part.pch"]', r"not of \.npz"),
     ):
         path.write_text(good.replace(old, new))
         with pytest.raises((ConfigError, DataError), match=said):
@@ -337,7 +338,8 @@ def test_a_file_in_other_units(tmp_path, component, ending):
     length, mass, time = 1e-3, 1e3, 1e-3
     arms = np.array([0, 0, 0, 1, 1, 1] * 2 + [1] * component.modal)  # powers of length, of row and column
     per = length ** (arms[:, None] + arms) * mass
-    lengths = np.array([output[-2:] in (" x", " y", " z") for output in component.outputs])
+    assert component.outputs == ("m x", "m y", "m z", "m turn about x", "m turn about y", "m turn about z")
+    lengths = np.array([1, 1, 1, 0, 0, 0])
     write_component(
         tmp_path / f"part.{ending}",
         dataclasses.replace(

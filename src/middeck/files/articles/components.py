@@ -160,7 +160,8 @@ def _in_si(part: Component, text: str) -> Component:
     step = np.ones(len(part.stiffness))
     step[: 6 * len(part.grids)].reshape(-1, 6)[:, :3] = 1.0 / units.length
     energy = units.mass * units.length**2 / units.time**2 * np.outer(step, step)
-    out = np.array([units.length if name[-2:] in (" x", " y", " z") else 1.0 for name in part.outputs])
+    lengths = [x[-2:] in (" x", " y", " z") and "turn about" not in x for x in part.outputs]
+    out = np.where(lengths, units.length, 1.0)
     return dataclasses.replace(
         part,
         positions=units.length * part.positions,
@@ -177,6 +178,12 @@ def _read(form: ComponentForm, folder: Path) -> Component:
 
     path = folder / form.file
     if path.suffix in (".npz", ".mat"):
+        if form.cards or form.superelement:
+            raise ConfigError(
+                f"cards and superelement are of OUTPUT4 and punched matrices, not of {path.suffix}",
+                where=f"component {form.name!r}",
+                hint="leave them out",
+            )
         part = load_component(path)
         return _in_si(part, form.units) if form.units else part
     if form.units is None:
