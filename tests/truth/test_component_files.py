@@ -20,6 +20,9 @@ from middeck.files.nastran.components.external_write import write_external
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
 from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, write_op4
+from middeck.files.promises.plans import load_plan
+from middeck.files.refinements.promised_loads import load_promised_loads
+from middeck.files.studies.documents import load_study
 
 SI = parse_units("m-kg-s-N")
 DATA = Path("data/nastran-superelement").resolve()
@@ -137,6 +140,30 @@ def with_positions(path, x):
     keys = "\n".join(f"{axis}_m = {float(value)!r}" for axis, value in zip("xyz", x, strict=True))
     path.write_text(path.read_text().replace("POSITION", keys))
     return path
+
+
+def test_a_promise_and_a_study_name_the_files_of_components(tmp_path, component, capfd):
+    """Their matrices are what the article is made of: a changed file is another article."""
+    write_component(tmp_path / "part.npz", component)
+    path = with_positions(article(tmp_path), component.positions[1])
+    for name in ("promise.toml", "mace-simple-lab.json"):
+        shutil.copy(DATA.parent / "virtual-survey" / name, tmp_path)
+    survey = '[[survey]]\nname = "s"\nmodes = "mace-simple-lab.json"\nenvironment = "orbit"\n'
+    unknown = '[[unknown]]\nname = "m"\nparameters = ["members.E"]\nspread = 0.1\n'
+    (tmp_path / "refine.toml").write_text(f'schema = "middeck.refinement/1"\n{survey}{unknown}')
+    loaded = load_plan(tmp_path / "promise.toml", path)
+    assert tmp_path / "part.npz" in loaded.files
+    (tmp_path / "loads.toml").write_text(
+        'schema = "middeck.promised-loads/1"\nrefinement = "refine.toml"\nenvironment = "orbit"\n'
+        '[[load_case]]\nname = "push"\n[[load_case.load]]\nframe = "a"\nforce_n = [1.0, 0.0, 0.0]\n'
+        '[[gauge]]\nname = "g"\nat = "b"\ndirection = [1.0, 0.0, 0.0]\n'
+    )
+    assert tmp_path / "part.npz" in load_promised_loads(tmp_path / "loads.toml", path).files
+    assert middeck(capfd, "new", tmp_path / "own").code == 0
+    shutil.copy(tmp_path / "part.npz", tmp_path / "own")
+    with (tmp_path / "own/article.toml").open("a") as text:
+        text.write('[[component]]\nname = "part"\nfile = "part.npz"\nnodes = { a = "n1", b = "n2" }\n')
+    assert "part.npz" in dict(load_study(tmp_path / "own/study.toml").inputs)
 
 
 def test_an_article_finds_its_component_beside_itself(tmp_path, component, capfd):
