@@ -165,7 +165,7 @@ def _mass_properties(
     mass = np.concatenate(
         [[body.mass for _, body in carried], rods.rho_A * rods.length, [whole.mass for whole in wholes]]
     )
-    middle = rods.start + (rods.triad @ rods.centre[:, :, None])[:, :, 0]
+    middle = rods.start + np.matvec(rods.triad, rods.centre)
     parts = np.zeros((len(wholes), 3))
     for k, (part, whole) in enumerate(zip(structure.components, wholes, strict=True)):
         i = names.index(part.frames[0])
