@@ -15,6 +15,7 @@ from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, pose_jacobian
 from middeck.structure.model.connectivity import some_names
+from middeck.structure.modes.results.component_outputs import drawn_inside, motion_inside, points_inside
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
@@ -38,10 +39,11 @@ class MeasuredModes:
 
     Attributes:
         frequency_hz, damping: Natural frequencies [Hz] and damping ratios, NaN where none is stated.
-        node, direction: Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along
-            the world axes), "rx", "ry", "rz" (rotation about them) or, of a joint relative to its carrier,
-            "angle" or, where it slides, "travel"; or the name of one of the article's sensors and "sensor",
-            what it reads, or of one of its actuators and "actuator", the motion that its force works on.
+        node, direction: Of each channel: a node, a joint, a mesh node or one that a component recovers, and
+            "x", "y", "z" (translation along the world axes), "rx", "ry", "rz" (rotation about them) or, of
+            a joint relative to its carrier, "angle" or, where it slides, "travel"; or the name of one of
+            the article's sensors and "sensor", what it reads, or of one of its actuators and "actuator",
+            the motion that its force works on.
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
@@ -232,11 +234,14 @@ def sort_rms(
 def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> sp.csr_array:
     """Readings of the channels per unit of every coordinate, at the rest state of ``modes``.
 
-    A channel may stand on an attach point too. Raises `ConfigError` for a node, a direction, a joint angle or
-    a port that the model does not have, and for an accelerometer.
+    A channel may stand on an attach point too, or on a point inside a component whose shifts its outputs
+    give. Raises `ConfigError` for a node, a direction, a joint angle or a port that the model does not have,
+    and for an accelerometer.
     """
     model = modes.equilibrium.model
-    placed = [way not in PORTS for way in direction]
+    inside = points_inside(model)
+    channels = list(zip(node, direction, strict=True))
+    placed = [way not in PORTS and not (name in inside and way in AXES) for name, way in channels]
     places = [
         _place(model, name) if has else (0, np.zeros(3)) for name, has in zip(node, placed, strict=True)
     ]
@@ -245,14 +250,19 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
         np.array([offset for _, offset in places]).reshape(-1, 3),
     )
     motions = pose_jacobian(model.tree, points, modes.equilibrium.poses)
-    # Rows of all motions, then those of ports, of angles and of travels of joints.
-    ports = _port_rows(modes, node, direction)
+    # Rows of all motions, then those of ports and within components, of angles and of travels of joints.
+    read = iter(_port_rows(modes, node, direction))
+    ports = [
+        next(read) if way in PORTS else motion_inside(modes, inside[name][0], name, AXES.index(way))
+        for (name, way), has in zip(channels, placed, strict=True)
+        if not has
+    ]
     own: list[int] = []
     row: list[int] = []
     port = itertools.count(6 * len(node))
     at_joints = 6 * len(node) + len(ports)
-    for k, (name, way) in enumerate(zip(node, direction, strict=True)):
-        if way in PORTS:
+    for k, (name, way) in enumerate(channels):
+        if not placed[k]:
             row.append(next(port))
         elif way in (ANGLE, TRAVEL):
             row.append(at_joints + len(own))
@@ -291,7 +301,9 @@ def _port_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> l
 
 
 def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
-    """Where a node, joint, mesh node or attach point was drawn [m]."""
+    """Where a node, joint, mesh node, attach point or point inside a component was drawn [m]."""
+    if (inside := points_inside(model).get(name)) is not None:
+        return drawn_inside(model, *inside)
     frame, offset = _place(model, name)
     return model.drawn.p[frame] + model.drawn.R[frame] @ offset
 

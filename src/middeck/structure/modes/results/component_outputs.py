@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.component_states import component_states
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.model.component import WAYS, Component, rigid_vectors
 from middeck.structure.modes.solve import Modes
 
@@ -75,3 +76,34 @@ def inner_points(part: Component) -> tuple[InnerPoint, ...]:
         if np.abs(body[:, :3] - np.eye(3)).max() < APART and np.abs(turn + turn.T).max() < APART * far:
             found.append(InnerPoint(name, np.array([turn[1, 2], turn[2, 0], turn[0, 1]]), shift))
     return tuple(found)
+
+
+def points_inside(model: Model) -> dict[str, tuple[int, InnerPoint]]:
+    """Points inside components by name, each after its component's number; frames' names are frames."""
+    taken = {*model.frames, *(point.name for point in model.structure.attach_points)}
+    parts = enumerate(model.structure.components)
+    return {p.name: (k, p) for k, part in parts for p in inner_points(part) if p.name not in taken}
+
+
+def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "3"]:
+    """Where a point inside component ``k`` was drawn [m]."""
+    part, element = model.structure.components[k], model.components[k]
+    frame, offset = model.points.frame[element.point], model.points.offset[element.point]
+    grids = model.drawn.p[frame] + np.einsum("gij,gj->gi", model.drawn.R[frame], offset)
+    return grids.mean(axis=0) + part.axes @ (point.place - part.positions.mean(axis=0))
+
+
+def motion_inside(modes: Modes, k: int, name: str, way: int) -> Float[np.ndarray, " coordinate"]:
+    """Motion of a point inside component ``k``, one of six along W, per unit of every coordinate."""
+    at = modes.equilibrium
+    part = at.model.structure.components[k]
+    outputs = [f"{name} {w}" for w in (WAYS[:3] if way < 3 else WAYS[3:])]
+    if part.recovery is None or not set(outputs) <= set(part.outputs):
+        raise ConfigError(
+            f"component {part.name!r} has no output {name} {WAYS[way]}",
+            where="measured channels",
+            hint="leave the channel out",
+        )
+    state, rows = component_states(at.model, at.config, at.loads)[k]
+    recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ at.model.components[k].basis
+    return np.asarray((state.axes @ part.axes @ recovery @ state.seen(rows.toarray()))[way % 3])
