@@ -194,8 +194,10 @@ def own_limits(found: Destabiliser, settings: EngineSettings) -> np.ndarray:
     return found.share * np.array([drive.upper for drive in settings.drives[: len(found.law.outputs)]])
 
 
-def judge(found: Destabiliser, article: str = "dm", environment: str = "lab") -> Outcome:
-    """Engage it past the gate and see."""
+def judge(
+    found: Destabiliser, article: str = "dm", environment: str = "lab", *, longest: int = LONGEST
+) -> Outcome:
+    """Engage it past the gate and see, for twice `GROWTHS` and ``longest`` samples at most."""
     settings = settings_of(article, environment)
     limits = np.array([drive.upper for drive in settings.drives])
     with Supervisor(settings, found.article) as engine:
@@ -204,18 +206,18 @@ def judge(found: Destabiliser, article: str = "dm", environment: str = "lab") ->
         engine.run(READY, keep=False)
         begun = wait_for_hold(engine)
         assert engine.command("engage", values=[1.0]).done
-        records = [engine.run(PIECE)]
-        longest = min(LONGEST, int(2.0 * GROWTHS / found.rate / settings.period_s) + 3000)
-        while engine.state != "safe" and sum(map(len, records)) < longest:
-            records.append(engine.run(PIECE))
+        seen = [_seen(engine.run(PIECE))]
+        longest = min(longest, int(2.0 * GROWTHS / found.rate / settings.period_s) + 3000)
+        while engine.state != "safe" and len(seen) * PIECE < longest:
+            seen.append(_seen(engine.run(PIECE)))
         tripped = engine.state == "safe"
         events = engine.events()
-        records.append(engine.run(AFTER if tripped else 1))
+        seen.append(_seen(engine.run(AFTER if tripped else 1)))
         banned = bool(engine.blacklist())
         held = bool(engine.file.status["hold_verified"]) and not any(
             e.kind == "hold lost" for e in engine.events()
         )
-    whole = np.concatenate(records)
+    angle, torque = (np.max([piece[i] for piece in seen], axis=0) for i in range(2))
     full = settings.samples(settings.ramp_s)
     trips = [e for e in events if e.trips]
     at = trips[0].sample - begun - full if trips else np.inf
@@ -225,18 +227,23 @@ def judge(found: Destabiliser, article: str = "dm", environment: str = "lab") ->
         rate=found.rate,
         trip=trips[0].kind if trips else "",
         after_s=at * settings.period_s,
-        allowed_s=_allowed(whole, found.rate, full, settings.period_s),
-        peak=float(np.abs(whole["y"][:, angles]).max() / np.radians(ENVELOPE[article, environment])),
-        torque=float((np.abs(whole["u"]) / limits).max()),
+        allowed_s=_allowed(np.concatenate([busy for *_, busy in seen]), found.rate, full, settings.period_s),
+        peak=float(angle[angles].max() / np.radians(ENVELOPE[article, environment])),
+        torque=float((torque / limits).max()),
         blacklisted=banned,
         held=held,
     )
 
 
-def _allowed(whole: np.ndarray, rate: float, full: int, period_s: float) -> float:
+def _seen(records: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Largest reading of each sensor, largest of each output, and when one was at its limit."""
+    return np.abs(records["y"]).max(axis=0), np.abs(records["u"]).max(axis=0), records["saturated"] != 0
+
+
+def _allowed(saturated: np.ndarray, rate: float, full: int, period_s: float) -> float:
     """Ten growth times, or two seconds in which some output is at its limit most of the time."""
     window = 100
-    busy = np.convolve(whole["saturated"] != 0, np.ones(window) / window, "full")[: len(whole)] > 0.5
+    busy = np.convolve(saturated, np.ones(window) / window, "full")[: len(saturated)] > 0.5
     run, longest = 0, np.inf
     for k, one in enumerate(busy):
         run = run + 1 if one else 0

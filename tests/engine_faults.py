@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
+import itertools
 import resource
 import struct
 import tempfile
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +29,8 @@ from middeck.values import record
 
 STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging")
 ARTICLE = ("dm", "lab")
-HOLDING, WITHIN, AFTER = 460, 300, 900
-"""Samples until the hold is verified, then until the fault may come, then after it."""
+HOLDING, WITHIN, AFTER = 4000, 300, 900
+"""Samples until the hold is verified and stays so, then until the fault may come, then after it."""
 SINGLE, LONG = 1, 1 << 40
 
 
@@ -228,8 +231,7 @@ def play(kind: str, state: str, seed: int) -> Ending:
     rig = dataclasses.replace(plain, faults=faults, seed=int(rng.integers(1 << 30)))
     wave = 0.02 * rng.standard_normal((200, len(settings.drives)))
     ring = 64 if kind == "records not read" else 2048
-    with Supervisor(settings, rig, waveform=wave, ring=ring, pretrip_s=2.0) as engine:
-        reach(engine, state, start)
+    with engine_in(state, start, rig, settings, waveform=wave, ring=ring, pretrip_s=2.0) as engine:
         before = engine.state
         records, answers = [], []
         if kind in PACKAGES:
@@ -249,23 +251,38 @@ def play(kind: str, state: str, seed: int) -> Ending:
         )  # fmt: skip
 
 
-def reach(engine: Supervisor, state: str, start: int) -> None:
-    """At sample ``start`` the engine is in ``state``, its hold verified."""
+@contextlib.contextmanager
+def engine_in(
+    state: str, start: int, rig: LinearArticle, settings: EngineSettings, **options: Any
+) -> Generator[Supervisor]:
+    """An engine that is in ``state`` at sample ``start``; of the rig the first seed whose hold allows it."""
+    for seed in itertools.count(rig.seed):
+        with Supervisor(settings, dataclasses.replace(rig, seed=seed), **options) as engine:
+            if reach(engine, state, start):
+                assert (engine.state, engine.sample) == (state, start)
+                yield engine
+                return
+
+
+def reach(engine: Supervisor, state: str, start: int) -> bool:
+    """Bring it there; False where its hold is not verified when that is asked for."""
     assert engine.load(good()).done
     assert engine.reset().done
-    engage = {"engaging": 60, "control": 300, "disengaging": 300}.get(state, 0)
-    wait = {"safe": 30, "identify": 40, "disengaging": 340}.get(state, engage)
-    engine.run(start - min(wait, start - HOLDING), keep=False)
+    wait = {"safe": 30, "identify": 40, "engaging": 60, "control": 300, "disengaging": 340}.get(state, 0)
+    engine.run(start - wait, keep=False)
+    if not engine.file.status["hold_verified"]:
+        return False
     if state == "safe":
         engine.stop()
     elif state == "identify":
-        engine.command("excite", values=[0.0])
-    elif engage:
-        engine.command("engage", values=[1.0])
+        assert engine.command("excite", values=[0.0]).done
+    elif wait:
+        assert engine.command("engage", values=[1.0]).done
     if state == "disengaging":
-        engine.run(max(0, start - 40 - engine.sample), keep=False)
-        engine.command("disengage")
+        engine.run(300, keep=False)
+        assert engine.command("disengage").done
     engine.run(start - engine.sample, keep=False)
+    return True
 
 
 def _ask(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[np.ndarray], list[str]]:

@@ -110,6 +110,8 @@ def _as_locked(cls: type, field: _ArrayField, value: Any) -> np.ndarray:
     either = len(field.kinds) == 2
     try:
         kind = np.result_type(np.asarray(value), float) if either else next(iter(field.kinds), None)
+        if kind is not None and kind.kind != "c" and np.iscomplexobj(value):  # NumPy would drop a part
+            raise TypeError("complex ones where real ones belong")
         array = np.array(value, dtype=kind)
     except (ValueError, TypeError) as error:
         raise ConfigError(

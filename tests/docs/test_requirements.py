@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from engine_campaigns import CAMPAIGNS, TWENTIETH, table
+
 ROOT = Path(__file__).parents[2]
 ROWS = [
     [cell.strip() for cell in line.strip("|").split("|")]
@@ -44,3 +46,12 @@ def test_each_test_that_is_named_exists():
         named = re.findall(r"`([^`]+)`", tests)
         assert named, number
         assert set(named) <= functions, number
+
+
+def test_the_table_of_campaigns_is_what_the_tests_run():
+    """What runs less than a twentieth says what that would cost; each is asked for by a test."""
+    assert "\n".join(table()) in (ROOT / "docs/reference/requirements.md").read_text()
+    text = "".join(file.read_text() for file in (ROOT / "tests").rglob("test_*.py"))
+    for name, (whole, quick, cost) in CAMPAIGNS.items():
+        assert f'_of("{name}")' in text, name
+        assert (TWENTIETH * quick < whole) == (cost is not None), name

@@ -14,7 +14,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.control.law.compensator import Compensator
-from middeck.errors import DataError
+from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.laws.blacklists import load_blacklist, write_blacklist
 from middeck.files.laws.packages import write_package
@@ -219,3 +219,10 @@ def test_only_a_verdict_that_holds_every_step_admits(files, capfd):
         Path(paper).write_text(json.dumps(seal(body)))
         with pytest.raises(DataError, match=f"was tried without {kind}"):
             load_verdicts([paper])
+
+
+@pytest.mark.parametrize("step", ["blacklist", "interface", "poles", "vectors", "error bound"])
+def test_some_steps_cannot_be_left_out(step):
+    """A package that was not tried on a rig may be taken, not one of another rate or with other numbers."""
+    with pytest.raises(ConfigError, match=f"a verdict without {step}"):
+        load_verdicts([], without=("dry run", step))

@@ -137,6 +137,7 @@ WRITES = {
     ("reduce", "--output"): options.COMPONENTS,
     ("refine", "--output"): (".toml",),
     ("promise", "--output"): (".json",),
+    ("promise", "--plants"): (".json",),
     ("promise", "--figure"): options.FIGURES,
     ("outcome", "--output"): (".json",),
     ("outcome", "--figure"): options.FIGURES,

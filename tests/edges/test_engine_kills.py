@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine_campaigns import seeds_of
 from engine_cases import plain_settings, random_article, random_package
 from engine_supervised import settings
 from middeck.errors import ConfigError, DataError
@@ -75,8 +76,8 @@ def check_file(path, synced):
 
 
 @pytest.fixture
-def seeds(campaign):
-    return campaign(40)
+def seeds():
+    return seeds_of("kills of a supervisor, of its engine")
 
 
 def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine_campaigns import cases_of
 from engine_cases import plain_settings, random_article, random_package
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.commands import ANSWERS
@@ -85,7 +86,7 @@ def python_reads(data):
 
 def test_no_change_crashes_the_reader_or_passes_it(fuzzer):
     """Every package that it accepts is one for Python; of the refused ones a sample is compared."""
-    count, sample = (1_000_000, 20_000) if LONG else (5_000, 200)
+    count, sample = cases_of("changed packages, the engine's reader"), 20_000 if LONG else 200
     words, stricter = collections.Counter(), collections.Counter()
     for data, word in told_by(fuzzer, 1993, count, count // sample):
         words[word] += 1
@@ -235,7 +236,7 @@ def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
     ramp_at = layout("settings").fields["safe_ramp"][1]
     parent_at = places["asks"] + layout("asks").fields["supervisor"][1]
     values = [0, 1, -1, 2, 63, 64, 65, 255, 1 << 31, 1 << 62, -(1 << 62), 8, 7]
-    for _ in range(3000 if LONG else 24):
+    for _ in range(cases_of("changed shared files, an engine started on each")):
         data = bytearray(whole)
         struct.pack_into("<q", data, parent_at, 1)  # not its parent: it ends by itself
         struct.pack_into("<q", data, places["asks"], 20)

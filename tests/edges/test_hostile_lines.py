@@ -85,6 +85,7 @@ LINES = """
 2 | gate law.mdk model.json --environment lab --paper            | --environment is for articles
 2 | gate law.mdk model.json --set a=1 --paper                    | --set is for articles
 2 | gate law.mdk model.json --sweep --paper                      | first bending
+4 | gate law.mdk survey/promise.json --paper                     | names no file of its plants
 2 | gate law.mdk model.json --paper --rig-port 5000              | --paper with a rig
 2 | gate law.mdk model.json --rig-port 70000                     | not in the range
 2 | gate law.mdk model.json --driver none.c                      | cannot be read
@@ -123,6 +124,7 @@ LINES = """
 2 | promise survey/promise.toml articles/mace-simple.toml        | looks like an article
 2 | promise articles/mace-simple.toml survey/cut.toml            | survey/cut.toml
 2 | promise articles/mace-simple.toml survey/promise.toml --date 2026-02-30               | is no date
+2 | promise articles/mace-simple.toml survey/promise.toml --plants plants.json           | in the same folder
 2 | promise articles/mace-simple.toml survey/promise.toml -o survey/mace-simple-lab.json | be written over
 2 | refine articles/mace-simple.toml survey/refine.toml -o articles/mace-simple.toml | be written over
 2 | outcome survey/promise.json survey/outcome.toml -o survey/mace-simple-orbit.json | be written over

@@ -170,7 +170,7 @@ def test_rounded_time_stamps_are_even(tmp_path: Path) -> None:
         (HEADER + "0.0,1,2\n0.1,nan,3\n", "channel torque", "not finite"),
         (HEADER + "nan,1,2\n0.1,2,3\n", "sample 0", "time is not finite"),
         (HEADER, "r.csv", "0 samples"),
-        ("time [s],y:a [rad]\n0.0,1\n0.1,2\n", "r.csv", "no input channels"),
+        ("time [s],y:a [rad]\n0.0,1\n0.1,2\n", "r.csv", "no input channels; there is a"),
         ("time [s],torque [N m]\n0.0,1\n0.1,2\n", "r.csv", "nothing says which channels are inputs"),
         ("time [s],u:torque\n0.0,1\n", ":1", "column 2 is headed 'u:torque'"),
         ("time [min],u:t [V],y:a [V]\n0,1,2\n", ":1", "not time [s]"),

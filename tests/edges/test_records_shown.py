@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
+from middeck.errors import ConfigError
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 
@@ -83,3 +85,10 @@ def test_five_fields_are_given_by_name() -> None:
     with pytest.raises(TypeError, match="Many: 5 fields by position"):
         record(of(5))
     assert record(kw_only=True)(of(5))(a=1.0, b=2.0, c=3.0, d=4.0, e=5.0).e == 5.0
+
+
+@pytest.mark.parametrize("A", [np.array([[1.0 + 1.0j]]), [[1.0j]], np.array([[1.0 + 0.0j]])])
+def test_no_imaginary_part_is_dropped(A):
+    """NumPy drops it with a warning at most."""
+    with pytest.raises(ConfigError, match=r"StateSpace\.A: no array of numbers: complex ones"):
+        StateSpace(A, [[1.0]], [[1.0]], [[0.0]])

@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck
+from engine_campaigns import cases_of
 from engine_cases import plain_settings, random_article, random_package
 from middeck.errors import ConfigError, DataError
 from middeck.files.records import load_record, read_record
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.recording.recorder import BLOCK, Recorder
+from middeck.realtime.engine.recording.recorder import BLOCK, Recorder, run_head
 from middeck.realtime.engine.recording.run_file import decode_run, read_run
 from middeck.realtime.engine.recording.run_frames import (
     Frame,
@@ -28,8 +29,6 @@ from middeck.realtime.engine.recording.run_frames import (
     encode_head,
     frames_in,
 )
-from middeck.realtime.engine.recording.run_head import run_head
-from repeats import LONG
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SAMPLES, STOPPED = 1500, 1200
@@ -91,7 +90,7 @@ def test_a_flipped_bit_takes_its_block_and_says_which(recorded):
     """Wherever it is: all else comes back to the bit, or nothing does and the reason is said."""
     data, records = recorded[0].read_bytes(), recorded[1]
     rng = np.random.default_rng(1993)
-    for _ in range(2000 if LONG else 100):
+    for _ in range(cases_of("run files with a flipped bit")):
         place = int(rng.integers(8 * len(data)))
         changed = bytearray(data)
         changed[place // 8] ^= 1 << place % 8
@@ -114,7 +113,7 @@ def test_a_file_cut_anywhere_gives_every_whole_block(recorded):
     ends = {frame.end for frame in frames_of(data)}
     begin = decode_head(data, "").begin
     rng = np.random.default_rng(7)
-    for size in (*ends, *rng.integers(0, len(data), 1000 if LONG else 100)):
+    for size in (*ends, *rng.integers(0, len(data), cases_of("run files cut anywhere"))):
         if size < begin // 2:
             with pytest.raises(DataError):
                 decode_run(data[:size])
@@ -133,7 +132,7 @@ def test_no_bytes_make_the_reader_stumble(recorded):
     document, begin = decode_head(data, "").document, decode_head(data, "").begin
     small = data[:begin] + b"".join(data[f.start : f.end] for f in frames_of(data) if f.kind != 1)
     rng = np.random.default_rng(3)
-    for _ in range(100_000 if LONG else 400):
+    for _ in range(cases_of("run files of changed bytes")):
         changed = bytearray(small)
         for _ in range(rng.integers(1, 6)):
             at = int(rng.integers(len(changed)))

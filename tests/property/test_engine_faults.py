@@ -8,26 +8,27 @@ import itertools
 import numpy as np
 import pytest
 
-from engine_faults import ARTICLE, HOLDING, KINDS, RIG, STATES, fault_settings, play, reach
+from engine_campaigns import cases_of
+from engine_faults import ARTICLE, HOLDING, KINDS, RIG, STATES, engine_in, fault_settings, play
 from engine_rigs import (
     PIECE_S,
     end_of_normal_operation,
     engaging_step,
     nominal_article,
 )
-from middeck.realtime.engine.process.supervisor import Supervisor
 from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SEEDS = range(25)
+ARTICLES = repeats(["dm", "simple"])
 MOVING = tuple(state for state in STATES if state != "safe")
 
 
 def _cases(kind):
-    """Every state and seed; first a state that moves from kind to kind, then one under control."""
-    cases = list(itertools.product(SEEDS, STATES))
-    first = (0, STATES[KINDS.index(kind) % len(STATES)])
-    return [first, (1, "control"), *(case for case in cases if case not in (first, (1, "control")))]
+    """Every state and seed; first a state that moves from kind to kind, one under control, then another."""
+    cases, at = list(itertools.product(SEEDS, STATES)), KINDS.index(kind)
+    first = [(0, STATES[at % len(STATES)]), (1, "control"), (2, STATES[(at + 2) % len(STATES)])]
+    return [*first, *(case for case in cases if case not in first)]
 
 
 def test_there_are_many_kinds():
@@ -38,7 +39,7 @@ def test_there_are_many_kinds():
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_ends_in_safe_or_in_correct_completion(kind):
     wrong = {}
-    for seed, state in repeats(_cases(kind), quick=2):
+    for seed, state in _cases(kind)[: cases_of("kinds of fault in every state") // len(KINDS)]:
         ending = play(kind, state, seed)
         if ending.why:
             wrong[seed, state] = ending
@@ -50,15 +51,12 @@ def test_it_ends_in_safe_or_in_correct_completion(kind):
 def test_a_sample_that_cannot_be_trips_in_itself(kind, state):
     """The command of that very sample is on its way from the last one to the safe state's."""
     settings = fault_settings()
-    for seed in repeats(range(25)):
+    for seed in range(cases_of("samples that cannot be, in every state") // (3 * len(MOVING))):
         rng = np.random.default_rng([7, seed])
         start = HOLDING + int(rng.integers(100, 400))
         rig = dataclasses.replace(nominal_article(*ARTICLE), faults=RIG[kind](rng, start), seed=seed)
-        with Supervisor(
-            settings, rig, waveform=0.02 * rng.standard_normal((50, len(settings.drives)))
-        ) as engine:
-            reach(engine, state, start)
-            assert engine.state == state
+        wave = 0.02 * rng.standard_normal((50, len(settings.drives)))
+        with engine_in(state, start, rig, settings, waveform=wave) as engine:
             engine.events()
             (sample,) = engine.run(1)
             (trip,) = [event for event in engine.events() if event.trips]
@@ -70,15 +68,13 @@ def test_a_sample_that_cannot_be_trips_in_itself(kind, state):
 
 @pytest.mark.parametrize("state", STATES)
 def test_stop_takes_one_sample(state):
-    for seed in repeats(range(25)):
+    for seed in range(cases_of("STOP in every state") // len(STATES)):
         rng = np.random.default_rng([8, seed])
         start = HOLDING + int(rng.integers(100, 400))
         rig = dataclasses.replace(nominal_article(*ARTICLE), seed=seed)
         settings = fault_settings()
-        with Supervisor(
-            settings, rig, waveform=0.02 * rng.standard_normal((50, len(settings.drives)))
-        ) as engine:
-            reach(engine, state, start)
+        wave = 0.02 * rng.standard_normal((50, len(settings.drives)))
+        with engine_in(state, start, rig, settings, waveform=wave) as engine:
             engine.events()
             engine.stop()
             engine.run(1, keep=False)
@@ -86,17 +82,18 @@ def test_stop_takes_one_sample(state):
             assert (engine.state, trip.kind, trip.sample) == ("safe", "stop", start)
 
 
-@pytest.mark.parametrize("article", repeats(["dm", "simple"]))
+@pytest.mark.parametrize("article", ARTICLES)
 def test_engaging_adds_at_most_one_hundredth_of_the_limit_to_a_step(article):
     """Sample by sample, beside the step that hold or whole law would take there."""
-    for seed in repeats(range(25)):
+    for seed in range(cases_of("engaging and disengaging") // len(ARTICLES)):
         assert engaging_step(seed, article) <= 0.01
 
 
-@pytest.mark.parametrize("article", repeats(["dm", "simple"]))
+@pytest.mark.parametrize("article", ARTICLES)
 def test_nothing_trips_in_normal_operation(article):
-    """Under the study's disturbance and noise: 24 simulated hours; `make test` runs half a minute."""
-    seconds = PIECE_S * len(repeats(range(60)))
-    for seed in repeats(range(24)):
+    """Under the study's disturbance and noise: 24 simulated hours; `make test` runs two minutes."""
+    pieces = cases_of("normal operation: half minutes of 24 h") // len(ARTICLES)
+    seconds = PIECE_S * min(60, pieces)
+    for seed in range(max(1, pieces // 60)):
         state, events = end_of_normal_operation(seed, article, seconds)
         assert state == "control", events

@@ -20,6 +20,9 @@ from middeck.files.nastran.components.external_write import write_external
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
 from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, write_op4
+from middeck.files.promises.plans import load_plan
+from middeck.files.refinements.promised_loads import load_promised_loads
+from middeck.files.studies.documents import load_study
 
 SI = parse_units("m-kg-s-N")
 DATA = Path("data/nastran-superelement").resolve()
@@ -137,6 +140,30 @@ def with_positions(path, x):
     keys = "\n".join(f"{axis}_m = {float(value)!r}" for axis, value in zip("xyz", x, strict=True))
     path.write_text(path.read_text().replace("POSITION", keys))
     return path
+
+
+def test_a_promise_and_a_study_name_the_files_of_components(tmp_path, component, capfd):
+    """Their matrices are what the article is made of: a changed file is another article."""
+    write_component(tmp_path / "part.npz", component)
+    path = with_positions(article(tmp_path), component.positions[1])
+    for name in ("promise.toml", "mace-simple-lab.json"):
+        shutil.copy(DATA.parent / "virtual-survey" / name, tmp_path)
+    survey = '[[survey]]\nname = "s"\nmodes = "mace-simple-lab.json"\nenvironment = "orbit"\n'
+    unknown = '[[unknown]]\nname = "m"\nparameters = ["members.E"]\nspread = 0.1\n'
+    (tmp_path / "refine.toml").write_text(f'schema = "middeck.refinement/1"\n{survey}{unknown}')
+    loaded = load_plan(tmp_path / "promise.toml", path)
+    assert tmp_path / "part.npz" in loaded.files
+    (tmp_path / "loads.toml").write_text(
+        'schema = "middeck.promised-loads/1"\nrefinement = "refine.toml"\nenvironment = "orbit"\n'
+        '[[load_case]]\nname = "push"\n[[load_case.load]]\nframe = "a"\nforce_n = [1.0, 0.0, 0.0]\n'
+        '[[gauge]]\nname = "g"\nat = "b"\ndirection = [1.0, 0.0, 0.0]\n'
+    )
+    assert tmp_path / "part.npz" in load_promised_loads(tmp_path / "loads.toml", path).files
+    assert middeck(capfd, "new", tmp_path / "own").code == 0
+    shutil.copy(tmp_path / "part.npz", tmp_path / "own")
+    with (tmp_path / "own/article.toml").open("a") as text:
+        text.write('[[component]]\nname = "part"\nfile = "part.npz"\nnodes = { a = "n1", b = "n2" }\n')
+    assert "part.npz" in dict(load_study(tmp_path / "own/study.toml").inputs)
 
 
 def test_an_article_finds_its_component_beside_itself(tmp_path, component, capfd):
@@ -325,10 +352,37 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
         ('b = "b" }', 'b = "z" }', "no frame of this name"),
         ('file = "part.npz"', 'file = "part.op4"', "do not state their units"),
         ('name = "part"\n', "", "missing"),
+        ('"part.npz"', '"part.npz"\ncards = ["part.pch"]', r"not of \.npz"),
     ):
         path.write_text(good.replace(old, new))
         with pytest.raises((ConfigError, DataError), match=said):
             md.load_structure(path)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_a_file_in_other_units(tmp_path, component, ending):
+    """Matrices in mm, t and ms, each entry by its dimension: forces of shifts, moments of turns."""
+    length, mass, time = 1e-3, 1e3, 1e-3
+    arms = np.array([0, 0, 0, 1, 1, 1] * 2 + [1] * component.modal)  # powers of length, of row and column
+    per = length ** (arms[:, None] + arms) * mass
+    assert component.outputs == ("m x", "m y", "m z", "m turn about x", "m turn about y", "m turn about z")
+    lengths = np.array([1, 1, 1, 0, 0, 0])
+    write_component(
+        tmp_path / f"part.{ending}",
+        dataclasses.replace(
+            component,
+            positions=component.positions / length,
+            stiffness=component.stiffness / (per / time**2),
+            mass=component.mass / per,
+            damping=component.damping / (per / time),
+            recovery=component.recovery * length ** (1.0 - arms) / length ** lengths[:, None],
+        ),
+    )
+    path = with_positions(article(tmp_path), component.positions[1])
+    path.write_text(path.read_text().replace('"part.npz"', f'"part.{ending}"\nunits = "mm-t-ms"'))
+    (found,) = md.load_structure(path).components
+    for key in ("positions", "stiffness", "mass", "damping", "recovery"):
+        np.testing.assert_allclose(getattr(found, key), getattr(component, key), rtol=1e-12, err_msg=key)
 
 
 @pytest.mark.parametrize("form", [1, 2])

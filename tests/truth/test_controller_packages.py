@@ -9,6 +9,7 @@ import pytest
 import scipy.linalg as sla
 import scipy.signal
 
+from engine_campaigns import cases_of, seeds_of
 from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.law.pd_loops import PDLoops
 from middeck.control.lqg.design import design_lqg
@@ -32,7 +33,6 @@ from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, compile_law, ports, random_law, worst_error
 from plant_builders import unit_weights
-from repeats import LONG
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -48,7 +48,7 @@ def test_the_law_is_the_compensator(form, allowed, tmp_path):
     rng = np.random.default_rng(11)
     law = random_law(rng, 60, 14, 5)
     package = package_law(law, "law", form=form)
-    y = rng.standard_normal((100_000 if LONG else 4000, 14))
+    y = rng.standard_normal((cases_of("samples of a law beside its compensator"), 14))
     truth = simulate(law.sampled, y, np.zeros(60))[0]
     scale = np.abs(truth).max()
     assert np.abs(compile_law(package, tmp_path)(y) - truth).max() < allowed * scale
@@ -259,9 +259,9 @@ def test_peaks_are_bounded_from_above_and_closely():
 
 
 @pytest.mark.parametrize("applied", [False, True])
-def test_single_precision_stays_within_its_bound(applied, tmp_path, campaign):
+def test_single_precision_stays_within_its_bound(applied, tmp_path):
     ratios = []
-    for seed in campaign(40):
+    for seed in seeds_of("single precision within its bound: laws"):
         rng = np.random.default_rng(seed)
         states, inputs, outputs = rng.integers(1, 16), rng.integers(1, 4), rng.integers(1, 3)
         law = random_law(rng, int(states), int(inputs), int(outputs), applied=applied, radii=(0.8, 0.998))

@@ -17,9 +17,8 @@ from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.launch import DriverRig, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
-from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST
+from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST, EngineRig
 from middeck.realtime.engine.trials.trial import Stage, run_trial
 from middeck.realtime.engine.trials.udp_client import RigClient
 
@@ -185,6 +184,23 @@ def test_a_rig_with_other_sensors_is_told_as_the_rig_s(computer):
     assert not trial.blamed
 
 
+class ComplexSensors(TwoSensors):
+    def read(self):
+        return np.full(SENSORS, 0.01 + 0.3j)
+
+
+@pytest.mark.parametrize("computer", ["engine", "reference"])
+def test_a_rig_that_reads_complex_numbers_is_refused(computer, capfd):
+    """Their real parts alone are no readings; the rig's process says so."""
+    settings, stages = plain_settings(answer_s=0.5), (Stage("standby", 0.1),)
+    trial = run_trial(random_package(input_range=10.0), settings, ComplexSensors(), stages, computer=computer)
+    said = trial.trip if computer == "reference" else capfd.readouterr().err
+    assert "the rig reads numbers of type complex128" in said
+    assert trial.trip
+    assert len(trial.y) == 0 or not np.any(trial.y)
+    assert not trial.blamed
+
+
 def test_a_rig_that_answers_again_is_heard_again():
     """After it was lost, as soon as an answer comes at once."""
     with (
@@ -209,3 +225,21 @@ def test_a_slow_rig_is_no_engine_that_does_not_answer(monkeypatch):
         engine.reset()
         assert len(engine.run(50)) == 50
         assert kinds(engine) == ["reset done"]
+
+
+def test_a_slow_rig_that_was_lost_is_waited_for_after_a_reset():
+    """It was silent once; SAFE asks it in passing, but a reset is taken only where it was just heard."""
+
+    def slowly(magic, sample):
+        time.sleep(0.005)
+        return [] if 5 <= sample < 40 else [sensors_of(magic, sample)]
+
+    with answering(slowly) as rig, Supervisor(plain_settings(answer_s=1.0), rig) as engine:
+        engine.reset()
+        engine.run(60)
+        assert (engine.state, kinds(engine)) == ("safe", ["reset done", "rig dead"])
+        while not engine.reset().done:
+            time.sleep(0.05)
+            engine.run(1)
+        assert np.ptp(engine.run(30)["y"][:, 0]) > 0.0
+        assert (engine.state, kinds(engine)) == ("ready", ["reset done"])

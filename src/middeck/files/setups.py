@@ -34,6 +34,12 @@ def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure
     return build_article(article)
 
 
+def article_files(path: str | Path) -> tuple[Path, ...]:
+    """The file of an article, and those of its components."""
+    parts = read_source(path, looks.ARTICLE).data.get("component", ())
+    return (Path(path), *(Path(path).parent / f for c in parts for f in (c["file"], *c.get("cards", ()))))
+
+
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
     """The environment in file ``path``, or "orbit"; raises `ConfigError` with all its faults.
 

@@ -17,14 +17,23 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.errors import ConfigError
+from middeck.files.disk.looks import PROMISE, looks_like
 from middeck.files.measured.models import load_model
+from middeck.files.promises.plants import PromisedPlants, load_promised_plants
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.structure.modes.results.dispersed_modes import dispersed_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plants.mode_shift import shift_modes
-from middeck.systems.plants.plant import Plant, delay_plant, name_states, remove_delays
+from middeck.systems.plants.plant import (
+    Plant,
+    delay_plant,
+    group_ports,
+    name_states,
+    remove_delays,
+    select_ports,
+)
 from middeck.systems.plants.standard_sweep import DispersedModes
 from middeck.values import record
 
@@ -40,11 +49,13 @@ class Gathered:
     Attributes:
         hold_unknown: Those of models that do not say whether the inputs of their data were held.
         dispersed: Of articles, the modes that a sweep shifts.
+        promises: Those whose plants are there.
     """
 
     plants: dict[str, Plant]
     hold_unknown: tuple[str, ...]
     dispersed: dict[str, DispersedModes]
+    promises: tuple[PromisedPlants, ...]
 
 
 @record
@@ -56,7 +67,7 @@ class Shift:
 
 
 def gather_plants(tried: Tried, law: Law) -> Gathered:
-    """Each article in each environment (``lab`` by default) and each model; all with the delay added."""
+    """Each article in each environment (``lab`` by default), model and promised plant, all with the delay."""
     asked = {"--set": tried.overrides, "--load-case": tried.load_case, "--environment": tried.environments}
     unused = [key for key, given in asked.items() if given]
     if unused and all(s.lower().endswith(".json") for s in tried.plants):
@@ -66,7 +77,14 @@ def gather_plants(tried: Tried, law: Law) -> Gathered:
     found: dict[str, Plant] = {}
     unknown: list[str] = []
     dispersed: dict[str, DispersedModes] = {}
+    promises: list[PromisedPlants] = []
     for source in tried.plants:
+        if looks_like(source) == PROMISE:
+            promises.append(load_promised_plants(source))
+            name = _new_name(source, found)
+            for draw, plant in promises[-1].plants.items():
+                found[f"{name}: {draw}"] = delay_plant(_model(source, plant, law), tried.delay_s)
+            continue
         if source.lower().endswith(".json"):
             name, model = _new_name(source, found), load_model(source)
             found[name] = delay_plant(_model(source, model, law), tried.delay_s)
@@ -78,7 +96,7 @@ def gather_plants(tried: Tried, law: Law) -> Gathered:
             modes, plant = _article(case, law, tried.count)
             found[name] = delay_plant(plant, tried.delay_s)
             dispersed[name] = dispersed_modes(modes, tried.count)
-    return Gathered(found, tuple(unknown), dispersed)
+    return Gathered(found, tuple(unknown), dispersed, tuple(promises))
 
 
 def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
@@ -110,11 +128,13 @@ def _require_ports(wanted: Sequence[str], there: Sequence[str], verb: str, lacks
         )
 
 
-def _model(source: str, model: MeasurementModel, law: Law) -> Plant:
+def _model(source: str, model: MeasurementModel | Plant, law: Law) -> Plant:
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     with reading(source):
         _require_ports(u, [p.name for p in model.inputs], "drives", "the model has no such input")
         _require_ports(y, [p.name for p in model.outputs], "reads", "the model has no such output")
+        if isinstance(model, Plant):
+            return group_ports(select_ports(model, u, y), w=u, u=u, z=y, y=y)
         return measured_plant(model, w=u, u=u, z=y, y=y)
 
 

@@ -121,12 +121,12 @@ def verb(
     """Steps before a controller package may run.
 
     Blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each
-    environment, or a fitted model.json, with and without shifted modes) stable with margin at eleven points
-    of the fade, without growth while motors are limited; with --engaged also while that package fades out and
-    this one in; with --adaptive also a proof that each loop decays at every gain and for every move within
-    the rate. With --hold the engine's
-    hold is closed beside the package. Then a dry run with noise on each PLANT, and on a rig, if one is given,
-    a shadow run and engagement at a share and at full authority: by the engine, or by the reference law where
+    environment, a fitted model.json, or a promise.json with the plants that it was made on; with and without
+    shifted modes) stable with margin at eleven points of the fade, without growth while motors are limited;
+    with --engaged also while that package fades out and this one in; with --adaptive also a proof that each
+    loop decays at every gain and for every move within the rate. With --hold the engine's hold is closed
+    beside the package. Then a dry run with noise on each PLANT, and on a rig, if one is given, a shadow run
+    and engagement at a share and at full authority: by the engine, or by the reference law where
     no C compiler is at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and
     environments.
     """
@@ -148,7 +148,12 @@ def verb(
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     linear = sum_of_laws(beside, [1.0] * len(beside))
-    models = all_plants(gather_plants(tried, linear), linear, tried)
+    gathered = gather_plants(tried, linear)
+    for _, output, _ in given["paths"]:
+        if any(output in promise.inner for promise in gathered.promises):
+            what = f"the plants of the promise have an inner loop at {output}"
+            raise ConfigError(what, where="--hold", hint="a plan without [inner], or no --hold there")
+    models = all_plants(gathered, linear, tried)
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
     trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])
     trials = None if given["paper"] else trials
@@ -157,7 +162,9 @@ def verb(
         package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine,
         engaged=engaged,
     )  # fmt: skip
-    document = describe(verdict, margins, trials)
+    document = describe(verdict, margins, trials) | {
+        "promises": [promise.sha256 for promise in gathered.promises]
+    }
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
     if blacklist_file is not None and verdict.tripped:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import click
 
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NAMED = 4
 """Lost cases of a sweep that the screen names; the document has all."""
@@ -32,6 +30,13 @@ Examples:
 @click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
 @options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed document.")
+@options.written(
+    "--plants",
+    "plants_file",
+    endings=(".json",),
+    metavar="PLANTS.json",
+    help="Write the drawn plants beside it: `middeck gate` and `qualify` take the promise then.",
+)
 @figures.figure
 @options.printing
 def verb(
@@ -40,6 +45,7 @@ def verb(
     load_cases: str | None,
     date: str | None,
     target: str | None,
+    plants_file: str | None,
     figure_file: str | None,
     as_json: bool,
 ) -> None:
@@ -60,8 +66,14 @@ def verb(
             where="promise",
             hint="PLAN, or --load-cases FILE",
         )
+    folder = None if plan is None or target is None else Path(target).parent
+    if plants_file is not None and Path(plants_file).parent != folder:
+        raise ConfigError(f"--plants {plants_file}", hint="a PLAN, and -o PROMISE.json in the same folder")
     body, day = find_document(article, "article"), options.day(date)
-    document = _at_rest(body, str(load_cases), day) if plan is None else _of_loops(body, plan, day)
+    if plan is None:
+        document = _at_rest(body, str(load_cases), day)
+    else:
+        document = _of_loops(body, plan, day, plants_file)
     if target is not None:
         write_json(target, document)
     if figure_file is not None:
@@ -70,10 +82,13 @@ def verb(
     show(as_json, document if as_json else warnings, *_blocks(document, target))
 
 
-def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
+def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[str, Any]:
     from middeck.cli.shown.blame import reading
+    from middeck.files.json.hash_seal import SEAL
+    from middeck.files.json.output import write_json
     from middeck.files.promises.documents import hash_files, promise_document
     from middeck.files.promises.plans import load_plan
+    from middeck.files.promises.plants import plants_document
     from middeck.updating.promise.promise import promise
     from middeck.updating.refinement.refine import refine
 
@@ -83,7 +98,12 @@ def _of_loops(body: Path, plan: str, day: str) -> dict[str, Any]:
     with reading(body, plan):
         refined = refine(loaded.structure, *loaded.refinement.of_refine)
         promised = promise(refined, loaded.plan)
-    return promise_document(refined, loaded.plan, promised, files=files, date=day)
+    plants = None
+    if plants_file is not None:
+        drawn = plants_document(promised, loaded.plan)
+        write_json(plants_file, drawn)
+        plants = Path(plants_file).name, drawn[SEAL]
+    return promise_document(refined, loaded.plan, promised, files=files, date=day, plants=plants)
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:

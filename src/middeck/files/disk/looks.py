@@ -12,7 +12,7 @@ PROMISE, PACKAGE, RUN = "a promise", "a controller package", "a run of the engin
 BLACKLIST = "a blacklist of packages"
 VERDICT = "a verdict of the gate"
 REFINEMENT, CANDIDATES, PLAN = "a refinement", "a list of candidate tests", "the plan of a promise"
-OUTCOME, LOADS = "an outcome", "promised load cases"
+OUTCOME, LOADS, DRAWN = "an outcome", "promised load cases", "the plants of a promise"
 FOLDER, EMPTY, BINARY, TEXT = "a folder", "an empty file", "a binary file", "plain text"
 TABLE, ARCHIVE, ARRAY = "a table of numbers", "an archive of arrays (NPZ)", "one array (NPY)"
 MAT, HDF5, UNIVERSAL = "a MATLAB file", "an HDF5 file", "a universal file"
@@ -67,6 +67,7 @@ SCHEMAS = {
     "promise-plan": PLAN,
     "outcome": OUTCOME,
     "promised-loads": LOADS,
+    "promised-plants": DRAWN,
 }
 PARTS = (
     "node",

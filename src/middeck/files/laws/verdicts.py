@@ -6,11 +6,13 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
-from middeck.errors import DataError
+from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import read_sealed
 
 VERDICT = "middeck.gate/4"
 ONCE = ("blacklist", "interface", "poles", "vectors", "error bound", "shadow run", "engagement")
+ALWAYS = frozenset(ONCE[:5])
+"""Steps that nobody may leave out."""
 ON_EACH_MODEL = ("model", "recovery", "dry run")
 
 
@@ -18,9 +20,12 @@ def load_verdicts(paths: Iterable[str | Path], *, without: Collection[str] = ())
     """The hold of each package that has passed, by its SHA-256: what `Supervisor` takes as ``admitted``.
 
     ``without`` names steps that a verdict may lack: ("dry run", "shadow run", "engagement") takes those on
-    paper too, and by default every step counts. Raises `DataError` for another file or a changed one, for a
-    package that did not pass or was not tried so far, and for one package beside two holds.
+    paper too, and by default every step counts. Raises `ConfigError` for one of `ALWAYS`; `DataError` for
+    another file or a changed one, for a package that did not pass or was not tried so far, and for one
+    package beside two holds.
     """
+    if over := sorted(ALWAYS & set(without)):
+        raise ConfigError(f"a verdict without {', '.join(over)}", hint="every package must pass these steps")
     admitted: dict[str, str] = {}
     for path in paths:
         found = read_sealed(path, VERDICT)

@@ -11,15 +11,15 @@ import numpy as np
 import scipy
 
 from middeck import __version__
-from middeck.files.disk.digest import sha256_of
-from middeck.files.json.hash_seal import seal
+from middeck.files.disk.atomic import sha256_of
+from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import PROMISE
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.orbit.shapes import promised_shapes
-from middeck.updating.promise.confidence import draws_needed, level
+from middeck.updating.promise.confidence import draws_needed
 from middeck.updating.promise.draws import LoopSpread
-from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
+from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook, level
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise
@@ -43,8 +43,12 @@ def promise_document(
     *,
     files: Sequence[tuple[str, str]],
     date: str,
+    plants: tuple[str, str] | None = None,
 ) -> dict[str, Any]:
-    """The sealed document: what was promised when, on what, by which versions and seed."""
+    """The sealed document: what was promised when, on what, by which versions and seed.
+
+    ``plants`` are name and seal of the file of its plants (`plants_document`).
+    """
     said = {
         "seed": plan.seed,
         "draws": plan.draws,
@@ -61,6 +65,8 @@ def promise_document(
             for name, p in promises.items()
         ],
     }
+    if plants is not None:
+        said["plants"] = dict(zip(("name", SEAL), plants, strict=True))
     return seal(_head(refined, files, date) | said)
 
 

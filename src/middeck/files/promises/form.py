@@ -82,12 +82,20 @@ class SaidPlace(Said):
     compensators: Annotated[tuple[SaidLoop, ...], Field(strict=False)] = ()
 
 
+class SaidPlants(Said):
+    """The file of the plants that were drawn."""
+
+    name: str
+    sha256: str
+
+
 class SaidForm(Said):
     """A promise."""
 
     schema_: Literal["middeck.promise/1"] = Field(alias="schema")
     date: str
     shares: Annotated[tuple[Share, ...], Field(strict=False)] = ()
+    plants: SaidPlants | None = None
     environments: Annotated[tuple[SaidPlace, ...], Field(strict=False, min_length=1)]
 
 

@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.files.disk.looks import PLAN
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
-from middeck.files.setups import find_document, load_setup, load_structure
+from middeck.files.setups import article_files, find_document, load_setup, load_structure
 from middeck.files.toml.form import Form, Log10Authority, NotNegative, Positive, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure
@@ -186,7 +186,7 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
             first_bending=0.01 * form.sweep.first_bending_percent, others=0.01 * form.sweep.others_percent
         ),
     )
-    files = (Path(path), Path(article), *refinement.files, *found.values(), *laws.values())
+    files = (Path(path), *article_files(article), *refinement.files, *found.values(), *laws.values())
     return LoadedPlan(
         structure=load_structure(article), plan=plan, refinement=refinement, files=tuple(dict.fromkeys(files))
     )

@@ -32,8 +32,8 @@ MOST_BYTES = 2**31
 SPARSE = "MATLAB_sparse"  # attribute of a group: the number of rows
 MOST_FILLED = 2**26  # entries of a sparse matrix that is filled: half a gigabyte
 BROKEN = (
-    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, NotImplementedError),
-    *(MemoryError, OverflowError, RuntimeError, AssertionError, zlib.error, MatReadError),
+    *(ValueError, TypeError, LookupError, AttributeError, OSError, EOFError, MemoryError, ArithmeticError),
+    *(RuntimeError, AssertionError, zlib.error, MatReadError),
 )
 
 
@@ -114,8 +114,10 @@ def _rate_of_times(time: np.ndarray, where: str) -> tuple[float, float]:
 def mat_arrays(file: Path) -> dict[str, np.ndarray]:
     """All variables by name, of either version; those of a structure as ``run.force``, cells as texts."""
     with open(file, "rb") as stream:
-        is_hdf5 = stream.read(19) == b"MATLAB 7.3 MAT-file"
-    return _read_73(file) if is_hdf5 else _read_5(file)
+        begin = stream.read(19)
+    if begin.startswith((b"# Created by Octave", b"Octave-1", b"\x89HDF")):
+        raise DataError("Octave's own form or HDF5, not a MAT file", where=str(file), hint="save it with -v7")
+    return _read_73(file) if begin == b"MATLAB 7.3 MAT-file" else _read_5(file)
 
 
 def _four_axes(x: np.ndarray) -> np.ndarray:

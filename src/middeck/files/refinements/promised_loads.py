@@ -11,7 +11,7 @@ from middeck.files.articles.boundary_form import LoadCaseForm, build_load_cases
 from middeck.files.disk.looks import LOADS
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import GaugeForm, build_gauge
-from middeck.files.setups import find_document, load_setup, load_structure
+from middeck.files.setups import article_files, find_document, load_setup, load_structure
 from middeck.files.toml.form import Form, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import LoadCase, Structure
@@ -82,5 +82,5 @@ def load_promised_loads(path: str | Path, article: str | Path) -> PromisedLoads:
         since_unloaded=form.since == "unloaded",
         series=form.series,
         modes=form.modes,
-        files=tuple(dict.fromkeys((Path(path), Path(article), *refinement.files, place))),
+        files=tuple(dict.fromkeys((Path(path), *article_files(article), *refinement.files, place))),
     )

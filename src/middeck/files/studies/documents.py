@@ -11,11 +11,11 @@ from middeck.errors import ConfigError
 from middeck.files.articles.checks import article_findings
 from middeck.files.articles.form import ArticleForm
 from middeck.files.articles.names import attach_names
-from middeck.files.disk.digest import sha256_of
+from middeck.files.disk.atomic import sha256_of
 from middeck.files.disk.looks import STUDY
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment
-from middeck.files.setups import build_article, join_findings
+from middeck.files.setups import article_files, build_article, join_findings
 from middeck.files.studies import form as study_form
 from middeck.files.studies.checks import fixed_axes, signal_findings
 from middeck.files.studies.promise import PromiseForm
@@ -143,7 +143,8 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     study, structures, surroundings = _check(source, articles, environments, overrides)
     form = cast("study_form.StudyForm", study.form)
     records = [] if form.mirror is None else [base / form.mirror.train, base / form.mirror.test]
-    files = [Path(path), *(Path(s.file) for s in (*articles.values(), *environments.values())), *records]
+    bodies = [file for s in articles.values() for file in article_files(s.file)]
+    files = [Path(path), *bodies, *(Path(s.file) for s in environments.values()), *records]
     built = {name: build_article(c) for name, c in structures.items()}
     attach = {name: attach_names(c.data) for name, c in structures.items()}
     cases = tuple(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from difflib import get_close_matches
 
@@ -12,7 +13,7 @@ from jaxtyping import Bool, Complex, Float
 from middeck.errors import ConfigError, DataError
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.elements.frames import PosePoints, pose_jacobian
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
@@ -204,14 +205,17 @@ def straight_channels(
 
     Raises `ConfigError` for a port that the model does not have.
     """
-    rest = modes.equilibrium
+    sensors, actuators = _port_names(node, direction)
+    straight = {(p.name, SENSOR): p.unit == "m" for p in output_rows(modes.equilibrium, sensors).ports}
+    straight |= {(p.name, ACTUATOR): p.unit == "N" for p in input_rows(modes.equilibrium, actuators).ports}
+    channels = zip(node, direction, strict=True)
+    return np.array([straight.get((name, way), way in STRAIGHT) for name, way in channels], dtype=bool)
 
-    def is_straight(name: str, way: str) -> bool:
-        if way == SENSOR:
-            return output_rows(rest, [name]).ports[0].unit == "m"
-        return input_rows(rest, [name]).ports[0].unit == "N" if way == ACTUATOR else way in STRAIGHT
 
-    return np.array([is_straight(*channel) for channel in zip(node, direction, strict=True)], dtype=bool)
+def _port_names(node: Sequence[str], direction: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Sensors and actuators among the channels."""
+    channels = list(zip(node, direction, strict=True))
+    return [name for name, way in channels if way == SENSOR], [n for n, way in channels if way == ACTUATOR]
 
 
 def sort_rms(
@@ -240,17 +244,16 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
         np.array([frame for frame, _ in places], dtype=int),
         np.array([offset for _, offset in places]).reshape(-1, 3),
     )
-    motions = pose_jacobian(model.tree, points, frame_poses(model.tree, modes.equilibrium.config))
+    motions = pose_jacobian(model.tree, points, modes.equilibrium.poses)
     # Rows of all motions, then those of ports, of angles and of travels of joints.
-    ports: list[np.ndarray] = []
+    ports = _port_rows(modes, node, direction)
     own: list[int] = []
     row: list[int] = []
-    at_ports = 6 * len(node)
-    at_joints = at_ports + placed.count(False)
+    port = itertools.count(6 * len(node))
+    at_joints = 6 * len(node) + len(ports)
     for k, (name, way) in enumerate(zip(node, direction, strict=True)):
         if way in PORTS:
-            row.append(at_ports + len(ports))
-            ports.append(_port_row(modes, name, way))
+            row.append(next(port))
         elif way in (ANGLE, TRAVEL):
             row.append(at_joints + len(own))
             own.append(_joint(model, name, way))
@@ -271,17 +274,20 @@ def seen(rows: sp.csr_array, modes: Modes) -> Float[np.ndarray, "channel mode"]:
     return np.where(size.max(axis=0, initial=0.0) > UNSEEN * size.max(initial=0.0), motion, 0.0)
 
 
-def _port_row(modes: Modes, name: str, way: str) -> np.ndarray:
-    if way == ACTUATOR:
-        return np.real(input_rows(modes.equilibrium, [name]).force[0])
-    read = output_rows(modes.equilibrium, [name])
-    if not np.any(read.position[0]) or np.any(read.acceleration[0]):
-        raise ConfigError(
-            f"sensor {name!r} reads no displacement",
-            where="measured channels",
-            hint="the angle or travel itself; its rate and an acceleration are no channel",
-        )
-    return np.real(read.position[0])
+def _port_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> list[np.ndarray]:
+    """Of the channels that are ports, in their order."""
+    sensors, actuators = _port_names(node, direction)
+    read = output_rows(modes.equilibrium, sensors)
+    for name, position, acceleration in zip(sensors, read.position, read.acceleration, strict=True):
+        if not np.any(position) or np.any(acceleration):
+            raise ConfigError(
+                f"sensor {name!r} reads no displacement",
+                where="measured channels",
+                hint="the angle or travel itself; its rate and an acceleration are no channel",
+            )
+    force = input_rows(modes.equilibrium, actuators).force
+    rows = {SENSOR: iter(np.real(read.position)), ACTUATOR: iter(np.real(force))}
+    return [next(rows[way]) for way in direction if way in PORTS]
 
 
 def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.mesh import lay_out
-from middeck.structure.elements.frames import Poses, frame_poses, points_in_world
+from middeck.structure.elements.frames import Poses, points_in_world
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.component import body_of
@@ -78,7 +78,7 @@ def summarise(structure: Structure) -> Summary:
     """
     check_structure(structure)
     model = lay_out(dataclasses.replace(structure, members=(), components=()))
-    poses = frame_poses(model.tree, model.rest)
+    poses = model.drawn
     points = points_in_world(model.points, poses)
     rods = _rods(structure)
     mass, centre, inertia = _mass_properties(structure, rods, points[model.body_point], poses)

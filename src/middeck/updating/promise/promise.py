@@ -40,6 +40,7 @@ class Promise:
 
     Attributes:
         modes: Frequencies, with their intervals.
+        plants: Those drawn, inner loops closed and delays in.
         outlooks: In the order of the plan: compensators given, then those of the ladder.
         rest_rms: Of the performance without any compensator, by draw.
         bound: By name, over the first ``plan.bounded`` draws, without friction and over all frequencies.
@@ -50,6 +51,7 @@ class Promise:
     """
 
     modes: Prediction
+    plants: tuple[Plant, ...]
     outlooks: tuple[Outlook, ...]
     rest_rms: Float[np.ndarray, " draw"]
     bound: Mapping[str, RobustBound]
@@ -133,6 +135,7 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
     best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
     return Promise(
         modes=predicted.below(plan.modes),
+        plants=drawn.plants,
         outlooks=outlooks,
         rest_rms=alone,
         bound={name: _bound(law, some, plan) for name, law in laws.items()},

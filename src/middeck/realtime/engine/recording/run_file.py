@@ -13,8 +13,14 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.commands import Event, read_event
-from middeck.realtime.engine.recording.run_frames import Frame, Kind, Unreadable, decode_head, frames_in
-from middeck.realtime.engine.recording.run_head import SCHEMA
+from middeck.realtime.engine.recording.run_frames import (
+    SCHEMA,
+    Frame,
+    Kind,
+    Unreadable,
+    decode_head,
+    frames_in,
+)
 from middeck.signals.ports import Port
 from middeck.values import record
 

@@ -19,7 +19,7 @@ from typing import Any
 from middeck.errors import DataError
 from middeck.values import record
 
-MAGIC, FORMAT = b"MIDDECKR", 1
+MAGIC, FORMAT, SCHEMA = b"MIDDECKR", 1, "middeck.run/1"
 _HEAD = struct.Struct("<8sIII")
 _FRAME = struct.Struct("<8sIIQQQII")
 _TESTED = _FRAME.size - 4

@@ -5,7 +5,6 @@
 
 #include "hold.h"
 #include "kernel.h"
-#include "numbers.h"
 
 enum { RAMPS = 5, COASTS = 4 }; /* the safe state has taken over after so many of its ramps, and of the longest coast */
 

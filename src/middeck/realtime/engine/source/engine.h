@@ -5,8 +5,22 @@
 #include "monitors.h"
 #include "outward.h"
 #include "package.h"
-#include "proof.h"
 #include "sensors.h"
+
+static inline real larger(real a, real b)
+{
+    return a > b ? a : b;
+}
+
+static inline int all_finite(const real *v, whole count)
+{
+    whole i;
+
+    for (i = 0; i < count; ++i)
+        if (!(v[i] - v[i] == 0))
+            return 0;
+    return 1;
+}
 
 /* A place for a package, and the law that runs from it. */
 typedef struct {

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "kernel.h"
-#include "numbers.h"
 
 void engine_fade_from_last(engine *e)
 {

@@ -1,11 +1,9 @@
 #define _POSIX_C_SOURCE 200809L
-#include "loader.h"
+#include "queue.h"
 
 #include <pthread.h>
 #include <string.h>
 #include <time.h>
-
-#include "words.h"
 
 enum answer load_package(const shared *f, engine *e, whole slot, whole size, int with_proof)
 {

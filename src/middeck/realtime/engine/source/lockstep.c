@@ -5,7 +5,6 @@
 
 #include "clocks.h"
 #include "queue.h"
-#include "words.h"
 
 /* Until the supervisor lets it run on; 0 where the supervisor is gone, or a signal asks for the end. */
 static int wait_for_leave(const queue *q, const shared *f, const engine *e, pid_t parent)

@@ -8,7 +8,6 @@
 
 #include "clocks.h"
 #include "publish.h"
-#include "words.h"
 
 static engine the_engine;
 static shared the_file;

@@ -2,7 +2,7 @@
 #ifndef MIDDECK_MONITORS_H
 #define MIDDECK_MONITORS_H
 
-#include "trip.h"
+#include "sensors.h"
 
 typedef struct {
     real section[MONITORS][2][2];

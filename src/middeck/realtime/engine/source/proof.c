@@ -1,8 +1,6 @@
-#include "proof.h"
+#include "package.h"
 
 #include <string.h>
-
-#include "package.h"
 
 enum { MARK = 8, HASH = 32, BOUNDS = MARK + 2 * HASH, SEAL = BOUNDS + 3 * (int)sizeof(real) };
 static const real ROUNDING = 1e-9; /* of the rate, which is one a sample there and one a second here */

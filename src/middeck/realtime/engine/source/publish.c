@@ -2,8 +2,6 @@
 
 #include <string.h>
 
-#include "words.h"
-
 void publish_events(shared *f, engine *e)
 {
     int k;

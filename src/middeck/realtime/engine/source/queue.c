@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "publish.h"
-#include "words.h"
 
 static whole size_asked(const command *c)
 {

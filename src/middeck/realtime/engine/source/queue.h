@@ -3,8 +3,17 @@
 #define MIDDECK_QUEUE_H
 
 #include "engine.h"
-#include "loader.h"
 #include "mapped.h"
+
+/* A package on its way into a slot. */
+typedef struct {
+    int wanted, done; /* words that both sides read */
+    whole slot, size;
+    int with_proof;
+    enum answer found;
+    const shared *file;
+    engine *engine;
+} loading;
 
 /* Of the engine's one file: the commands that have been carried out before their turn, and the package under way. */
 typedef struct {
@@ -12,6 +21,12 @@ typedef struct {
     int under_way;
     whole early[COMMANDS]; /* numbers of commands carried out, or withdrawn, before their turn */
 } queue;
+
+/* Copy what waits to be loaded, then check the copy: what is checked is what will run. */
+enum answer load_package(const shared *f, engine *e, whole slot, whole size, int with_proof);
+
+/* Start the thread that checks a package beside the loop, which asks for it by two words; 0 where there is none. */
+int start_loader(loading *l);
 
 /* Carry out what is due; 1 where the end was asked for. */
 int take_commands(queue *q, shared *f, engine *e);

@@ -7,7 +7,6 @@
 
 #include "clocks.h"
 #include "queue.h"
-#include "words.h"
 
 enum { GRANTED_PRIORITY = 1, GRANTED_MEMORY = 2, GRANTED_PROCESSOR = 4 };
 static const whole SECOND = 1000000000;

@@ -4,7 +4,6 @@
 
 #include "clocks.h"
 #include "publish.h"
-#include "words.h"
 
 whole now_ns(void)
 {

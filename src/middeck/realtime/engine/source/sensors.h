@@ -1,8 +1,23 @@
-/* Tests of each sensor: finite, range, stuck, spread. */
+/* Tests of each sensor: finite, range, stuck, spread; and the first cause of a trip in a sample. */
 #ifndef MIDDECK_SENSORS_H
 #define MIDDECK_SENSORS_H
 
-#include "trip.h"
+#include "shared.h"
+
+typedef struct {
+    whole kind, channel;
+    real value, limit;
+} trip_cause;
+
+static inline void blame(trip_cause *cause, enum trip kind, whole channel, real value, real limit)
+{
+    if (cause->kind == NO_TRIP) {
+        cause->kind = kind;
+        cause->channel = channel;
+        cause->value = value;
+        cause->limit = limit;
+    }
+}
 
 typedef struct {
     real value[CHANNELS]; /* the last good ones */

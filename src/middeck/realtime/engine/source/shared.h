@@ -2,7 +2,7 @@
  *
  * Every field takes eight bytes (or a text of whole eights), so that there is no padding and the layout is the same in
  * C and in layout.py, which a test compares. Regions follow each other in the order of "places". A word is written by
- * one side only; the other reads it by the atomics of words.h.
+ * one side only; the other reads it by the atomics of mapped.h.
  */
 #ifndef MIDDECK_SHARED_H
 #define MIDDECK_SHARED_H

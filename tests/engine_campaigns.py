@@ -1,0 +1,67 @@
+"""Seeded campaigns of the real-time computer: how much of each `make test` runs.
+
+Where that is less than a twentieth, it says what a twentieth would cost.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from repeats import LONG
+
+TWENTIETH = 20
+SEED = 1993
+
+
+class Campaign(NamedTuple):
+    """Cases of the whole, those that `make test` runs, and CPU seconds of a twentieth where it runs fewer."""
+
+    whole: int
+    quick: int
+    twentieth_s: float | None = None
+
+
+CAMPAIGNS = {
+    "samples of a law beside its compensator": Campaign(100_000, 5000),
+    "single precision within its bound: laws": Campaign(40, 2),
+    "changed packages, the engine's reader": Campaign(1_000_000, 10_000, 9),
+    "changed packages, the reader in Python": Campaign(1_000_000, 10_000, 9),
+    "changed shared files, an engine started on each": Campaign(3000, 24, 8),
+    "random packages at the gate, models of two modes": Campaign(1000, 50),
+    "random packages at the gate, the study's articles": Campaign(1000, 2, 80),
+    "cross-fades that grow": Campaign(200, 10),
+    "adaptive gains of random loops": Campaign(600, 30),
+    "kinds of fault in every state": Campaign(43 * 6 * 25, 43 * 3, 20),
+    "samples that cannot be, in every state": Campaign(3 * 5 * 25, 3 * 5 * 2),
+    "STOP in every state": Campaign(6 * 25, 6 * 2),
+    "engaging and disengaging": Campaign(2 * 25, 3),
+    "normal operation: half minutes of 24 h": Campaign(2 * 24 * 60, 4, 21),
+    "random packages past the gate": Campaign(1000, 10, 37),
+    "packages that only the truth destabilises, past the gate": Campaign(1000, 6, 16),
+    "kills of a supervisor, of its engine": Campaign(40, 2),
+    "run files with a flipped bit": Campaign(2000, 100),
+    "run files cut anywhere": Campaign(1000, 100),
+    "run files of changed bytes": Campaign(100_000, 5000),
+}
+
+
+def cases_of(name: str) -> int:
+    """How many cases of a campaign this run takes."""
+    return CAMPAIGNS[name].whole if LONG else CAMPAIGNS[name].quick
+
+
+def seeds_of(name: str) -> range:
+    """As many seeds."""
+    return range(SEED, SEED + cases_of(name))
+
+
+def table() -> list[str]:
+    """The rows of the requirements' page."""
+    rows = [
+        "| campaign | cases | in `make test` | share | CPU s of a twentieth |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, (whole, quick, cost) in CAMPAIGNS.items():
+        share = f"1/{whole / quick:.3g}"
+        rows.append(f"| {name} | {whole} | {quick} | {share} | {'-' if cost is None else cost} |")
+    return rows
