@@ -70,15 +70,12 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
     disagree at the highest order, right of every line that was tried.
 
-    >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plants.plant import Plant, delay_plant
-    >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
-    >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
-    ...     outputs=(way,))
-    >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
-    >>> [decide_stability(delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
+    >>> import middeck as md
+    >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])
+    >>> none, gain = np.zeros((0, 1)), -np.eye(1)
+    >>> law = md.systems.StateSpace(none @ none.T, none, none.T, gain)
+    >>> P = md.Compensator(law, integrator.outputs, integrator.inputs)
+    >>> [decide_stability(md.delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
     [True, False]
     """
     return decide_loop(form_loop(plant, law))
