@@ -23,7 +23,7 @@ from middeck.files.promises import outcomes
 from middeck.files.promises import plans as promise_plans
 from middeck.files.refinements import candidates as candidate_files
 from middeck.files.refinements import documents as refinements
-from middeck.files.refinements import gauge_form, promised_loads, response_form
+from middeck.files.refinements import gauge_form, promised_loads, response_form, unknown_form
 from middeck.files.studies import form as study_form
 from middeck.files.studies import promise as study_promise
 from middeck.files.toml.form import Form, unit_of
@@ -89,7 +89,7 @@ FORMS: list[type[Form]] = [
     gauge_form.StaticForm,
     gauge_form.GaugeForm,
     gauge_form.ReadingForm,
-    response_form.UnknownForm,
+    unknown_form.UnknownForm,
     candidate_files.CandidatesForm,
     candidate_files.CandidateForm,
     gauge_form.PlannedStaticForm,
@@ -143,6 +143,7 @@ def test_every_form_has_its_table():
         gauge_form,
         refinements,
         response_form,
+        unknown_form,
         candidate_files,
         promise_plans,
         promised_loads,

@@ -11,15 +11,15 @@ import numpy as np
 import scipy
 
 from middeck import __version__
-from middeck.files.disk.atomic import sha256_of
+from middeck.files.disk.digest import sha256_of
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import PROMISE
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.orbit.shapes import promised_shapes
-from middeck.updating.promise.confidence import draws_needed
+from middeck.updating.promise.confidence import draws_needed, level
 from middeck.updating.promise.draws import LoopSpread
-from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook, level
+from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from middeck.errors import DataError
-from middeck.files.disk.atomic import sha256_of
+from middeck.files.disk.digest import sha256_of
 from middeck.files.disk.looks import OUTCOME
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes

@@ -14,12 +14,8 @@ from middeck.files.disk.looks import ARTICLE, REFINEMENT, SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted, load_standing
 from middeck.files.measured.modes import load_measured_modes
 from middeck.files.refinements.gauge_form import StaticForm, build_static, static_findings, value_of
-from middeck.files.refinements.response_form import (
-    AntiResonanceForm,
-    ResponseForm,
-    UnknownForm,
-    build_response,
-)
+from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
+from middeck.files.refinements.unknown_form import UnknownForm
 from middeck.files.setups import find_document, load_setup, load_structure
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source

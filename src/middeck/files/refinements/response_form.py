@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.files.disk.looks import SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted
 from middeck.files.records import load_response
-from middeck.files.toml.form import Finite, Form, NotNegative, Positive
+from middeck.files.toml.form import Form, NotNegative, Positive
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.updating.residuals.measured_response import AntiResonance, MeasuredResponse
@@ -80,13 +80,3 @@ def _load(file: Path, form: ResponseForm) -> FrequencyResponse | ModelCovariance
         )
     response = load_response(file)
     return dataclasses.replace(response, variance=(form.relative_std * np.abs(response.H)) ** 2)
-
-
-class UnknownForm(Form):
-    """Parameters that move together, and how well they are known before."""
-
-    name: str
-    parameters: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
-    spread: Positive
-    mean: Finite = 0.0
-    added: bool = False

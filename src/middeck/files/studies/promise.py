@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from middeck.files.refinements.response_form import UnknownForm
+from middeck.files.refinements.unknown_form import UnknownForm
 from middeck.files.toml.form import Finite, Form, Log10Authority, NotNegative, Positive, whole, within
 
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]

@@ -26,8 +26,9 @@ from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.links_and_components import Tied
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
+from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
-from middeck.structure.sensitivity.softened import group_modes, soften_modes
+from middeck.structure.sensitivity.softened import soften_modes
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
 from middeck.values import record
 

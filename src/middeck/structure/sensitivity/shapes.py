@@ -35,8 +35,9 @@ from middeck.structure.sensitivity.frequencies import mode_multipliers
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
+from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
-from middeck.structure.sensitivity.softened import group_modes, soften_modes
+from middeck.structure.sensitivity.softened import soften_modes
 from middeck.values import record
 
 

@@ -23,6 +23,7 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, node_shifts, solve_equilibrium
 from middeck.structure.rest.imbalance import article_size
 from middeck.structure.sensitivity.parameters import Parameter, Path, read_parameter
+from middeck.structure.sensitivity.repeated_modes import group_modes
 
 # Up to this ratio rounding is 1e-5 of a derivative, and nothing is made softer.
 LEFT_ALONE = 1e8
@@ -195,15 +196,3 @@ def _aligned(modes: Modes, softer: Modes, count: int) -> Float[np.ndarray, "coor
         U, _, Vt = sla.svd(shapes[:, own].T @ (modes.mass @ modes.shapes[:, own]))
         shapes[:, own] = shapes[:, own] @ (U @ Vt)
     return shapes
-
-
-# Frequencies are equal when their squares differ by less than this part: far above rounding, and far below
-# what any measurement tells apart.
-EQUAL = 1e-6
-
-
-def group_modes(modes: Modes, count: int) -> tuple[tuple[int, ...], ...]:
-    """Runs of equal frequencies among the lowest ``count``; the rigid modes are one."""
-    lam = modes.omega[:count] ** 2
-    apart = np.flatnonzero(np.diff(lam) > EQUAL * lam[1:]) + 1
-    return tuple(tuple(int(m) for m in g) for g in np.split(np.arange(count), apart) if len(g))
