@@ -234,9 +234,8 @@ def sort_rms(
 def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> sp.csr_array:
     """Readings of the channels per unit of every coordinate, at the rest state of ``modes``.
 
-    A channel may stand on an attach point too, or on a point inside a component whose shifts its outputs
-    give. Raises `ConfigError` for a node, a direction, a joint angle or a port that the model does not have,
-    and for an accelerometer.
+    A channel may stand on an attach point or inside a component too. Raises `ConfigError` for a node, a
+    direction, a joint angle or a port that the model does not have, and for an accelerometer.
     """
     model = modes.equilibrium.model
     inside = points_inside(model)

@@ -4,7 +4,6 @@ number."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -75,7 +74,7 @@ def _is_located(model: Model, measured: MeasuredModes, name: str) -> bool:
 
 
 def _place(
-    model: Model, number: str, at: np.ndarray | None, kinds: Sequence[Mapping[str, np.ndarray]]
+    model: Model, number: str, at: np.ndarray | None, kinds: list[dict[str, np.ndarray]]
 ) -> tuple[str | None, list[str]]:
     """The node of the model, and what is odd about it."""
     by_number = next((name for names in kinds if (name := _with_number(names, number))), None)
@@ -92,7 +91,7 @@ def _place(
     return near[0], odd if by_number else []
 
 
-def _with_number(names: Iterable[str], number: str) -> str | None:
+def _with_number(names: dict[str, np.ndarray], number: str) -> str | None:
     """The only one of this number, or with it at the end."""
     alike = [n for n in names if n.isdigit() and int(n) == int(number)] or [
         n for n in names if (m := re.search(r"\d+$", n)) and int(m[0]) == int(number)
@@ -100,7 +99,7 @@ def _with_number(names: Iterable[str], number: str) -> str | None:
     return alike[0] if len(alike) == 1 else None
 
 
-def _near(places: Mapping[str, np.ndarray], at: np.ndarray, reach: float) -> list[str]:
+def _near(places: dict[str, np.ndarray], at: np.ndarray, reach: float) -> list[str]:
     return [n for n, x in places.items() if np.linalg.norm(x - at) <= reach]
 
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import points_in_world
 from middeck.structure.model.component import WAYS, Component, rigid_vectors
 from middeck.structure.modes.solve import Modes
 
@@ -87,23 +88,19 @@ def points_inside(model: Model) -> dict[str, tuple[int, InnerPoint]]:
 
 def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "3"]:
     """Where a point inside component ``k`` was drawn [m]."""
-    part, element = model.structure.components[k], model.components[k]
-    frame, offset = model.points.frame[element.point], model.points.offset[element.point]
-    grids = model.drawn.p[frame] + np.einsum("gij,gj->gi", model.drawn.R[frame], offset)
-    return grids.mean(axis=0) + part.axes @ (point.place - part.positions.mean(axis=0))
+    part, drawn = model.structure.components[k], points_in_world(model.points, model.drawn)
+    arm = part.axes @ (point.place - part.positions.mean(axis=0))
+    return np.asarray(drawn[model.components[k].point].mean(axis=0) + arm)
 
 
 def motion_inside(modes: Modes, k: int, name: str, way: int) -> Float[np.ndarray, " coordinate"]:
-    """Motion of a point inside component ``k``, one of six along W, per unit of every coordinate."""
+    """One of six motions along W of a point inside component ``k``, per unit of every coordinate."""
     at = modes.equilibrium
     part = at.model.structure.components[k]
-    outputs = [f"{name} {w}" for w in (WAYS[:3] if way < 3 else WAYS[3:])]
+    outputs = [f"{name} {w}" for w in WAYS[way - way % 3 :][:3]]
     if part.recovery is None or not set(outputs) <= set(part.outputs):
-        raise ConfigError(
-            f"component {part.name!r} has no output {name} {WAYS[way]}",
-            where="measured channels",
-            hint="leave the channel out",
-        )
+        what = f"component {part.name!r} has no output {name} {WAYS[way]}"
+        raise ConfigError(what, where="measured channels", hint="leave the channel out")
     state, rows = component_states(at.model, at.config, at.loads)[k]
     recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ at.model.components[k].basis
-    return np.asarray((state.axes @ part.axes @ recovery @ state.seen(rows.toarray()))[way % 3])
+    return np.asarray((state.axes @ part.axes)[way % 3] @ recovery @ state.seen(rows.toarray()))
