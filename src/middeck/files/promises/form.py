@@ -82,11 +82,19 @@ class SaidPlace(Said):
     compensators: Annotated[tuple[SaidLoop, ...], Field(strict=False)] = ()
 
 
+class SaidFile(Said):
+    """A file that the promise stands on."""
+
+    name: str
+    sha256: str
+
+
 class SaidForm(Said):
     """A promise."""
 
     schema_: Literal["middeck.promise/1"] = Field(alias="schema")
     date: str
+    files: Annotated[tuple[SaidFile, ...], Field(strict=False)] = ()
     shares: Annotated[tuple[Share, ...], Field(strict=False)] = ()
     environments: Annotated[tuple[SaidPlace, ...], Field(strict=False, min_length=1)]
 
