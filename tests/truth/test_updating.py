@@ -23,8 +23,15 @@ from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
-from middeck.updating.refinement.posterior import KNOWN, Linear, estimate, unseen_deviations
-from middeck.updating.refinement.refine import refine
+from middeck.updating.refinement.posterior import (
+    KNOWN,
+    Linear,
+    estimate,
+    estimate_at,
+    excess,
+    unseen_deviations,
+)
+from middeck.updating.refinement.refine import Refined, off_the_rest, refine
 from middeck.updating.residuals.surveys import Survey, compare
 from middeck.updating.unknowns.unknowns import Unknown, bind, change
 from repeats import repeats
@@ -308,6 +315,69 @@ def test_the_sheet_is_refined_far_below_its_errors(seed: int):
     before = case.log_errors(sheet, sheet.frequency_hz[ten], ten, true)
     assert np.mean(before**2) > 25.0**2 * np.mean(error**2)
     assert np.max(np.abs(error / predicted.log_std)) < 3.5
+
+
+def test_what_an_estimate_leaves_is_as_large_as_it_is_let_expect():
+    """Its square is one in the mean over y drawn as the problem says; nine times as much for thrice y."""
+    rng = np.random.default_rng(2)
+    known = np.full(4, KNOWN)
+    problem = Linear(
+        y=np.zeros(9), std=rng.uniform(0.5, 2.0, 9), J=rng.standard_normal((9, 3)), spread=np.ones(3),
+        S=rng.standard_normal((9, 4)), rest=rng.uniform(0.0, 1.0, 9), sort=known,
+        row_sort=np.zeros(9, dtype=int), sorts=1,
+    )  # fmt: skip
+    rows = np.arange(9) < 7
+    squares = []
+    for _ in range(600):
+        noise = np.hypot(problem.std, 0.3 * np.sqrt(problem.rest)) * rng.standard_normal(9)
+        y = problem.J @ rng.standard_normal(3) + problem.S @ rng.standard_normal(4) + noise
+        drawn = dataclasses.replace(problem, y=y)
+        squares.append(excess(drawn, estimate_at(drawn, np.array([0.3])), rows) ** 2)
+    # Of chi square over three degrees of freedom or so: a deviation of 0.035 in the mean of 600.
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.14)
+    thrice = dataclasses.replace(drawn, y=3.0 * y)
+    assert excess(thrice, estimate_at(thrice, np.array([0.3])), rows) ** 2 == pytest.approx(9.0 * squares[-1])
+    alone = np.arange(9) == 0
+    assert excess(drawn, estimate_at(drawn, np.array([0.3])), alone) == 0.0
+
+
+def twice_surveyed(off: float, seed: int = 0, noise: float = 1e-3) -> Refined:
+    """Two surveys of one mast that each state 0.1 %, the second ``off`` in all of its frequencies."""
+    modes = modes_of(mast(EI=1.05, split=1.3), clamped())
+    rng, surveys = np.random.default_rng([seed, 3]), []
+    for k, factor in enumerate((1.0, 1.0 + off)):
+        one = survey_of(modes, MeasurementNoise(1e-3, 0.02), seed)
+        hz = factor * modes.frequency_hz[:6] * (1.0 + noise * rng.standard_normal(6))
+        measured = dataclasses.replace(one.measured, frequency_hz=hz, frequency_std_hz=1e-3 * hz)
+        surveys.append(dataclasses.replace(one, name=f"test {k}", measured=measured))
+    return refine(mast(split=1.3), surveys, (MODULUS, TOP))
+
+
+def test_surveys_that_contradict_are_said_to():
+    """One per cent apart where each states 0.1 %: said, by how much and which way, and no longer believed."""
+    sound, off = twice_surveyed(0.0), twice_surveyed(0.01)
+    assert not any("contradict" in line for line in findings(sound))
+    (said,) = [line for line in findings(off) if "contradict" in line]
+    means = dict(off_the_rest(off))
+    assert [means["test 0"], means["test 1"]] == pytest.approx([-0.005, 0.005], abs=5e-4)
+    assert f"test 0 by {100.0 * means['test 0']:+.2g} %, test 1 by {100.0 * means['test 1']:+.2g} %" in said
+    np.testing.assert_array_equal(sound.compared[0].std[:6], sound.compared[0].survey.std[:6])
+    narrow, wide = (predict_modes(one, clamped(0.0), count=6) for one in (sound, off))
+    assert np.all(wide.log_std > 2.0 * narrow.log_std)
+
+
+@pytest.mark.parametrize("first", repeats([0, 10, 20], 1))
+def test_intervals_hold_where_surveys_know_less_than_they_state(first: int):
+    """Frequencies off by four times what is stated: of 24 intervals a few miss, where most would."""
+    true = modes_of(mast(EI=1.05, split=1.3), clamped(0.0)).frequency_hz[:6]
+    missed = said = 0
+    for seed in range(first, first + 4):
+        found = twice_surveyed(0.0, seed, 4e-3)
+        said += any("contradict" in line for line in findings(found))
+        told = predict_modes(found, clamped(0.0), count=6)
+        missed += int(np.sum(np.abs(np.log(told.frequency_hz / true)) > 1.96 * told.log_std))
+    assert said >= 3
+    assert missed <= 5  # one expected, and modes of one survey miss together
 
 
 @pytest.mark.parametrize(
