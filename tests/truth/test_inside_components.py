@@ -14,6 +14,7 @@ from middeck.errors import ConfigError
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, drawn_at, measure_modes
 from middeck.structure.correlation.placing import place_channels
 from middeck.structure.model.article import Structure
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import WAYS, Component
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
@@ -43,8 +44,8 @@ def floating(article: Structure) -> Modes:
     return solve_modes(solve_equilibrium(article, Environment.orbit()))
 
 
-def articles() -> tuple[Structure, Structure]:
-    whole, part = bent_beam(np.random.default_rng(11))
+def articles(stiffness: float = 100.0) -> tuple[Structure, Structure]:
+    whole, part = bent_beam(np.random.default_rng(11), stiffness)
     made = with_component(whole, part, count=66, recover=["m"])
     return whole, dataclasses.replace(made, components=(turned(made.components[0]),))
 
@@ -60,6 +61,19 @@ def test_a_point_inside_moves_as_in_the_whole_article(both: tuple[Modes, Modes])
     np.testing.assert_allclose(reduced.frequency_hz, whole.frequency_hz, rtol=1e-6)
     sign = np.sign(np.sum(whole.shape * reduced.shape, axis=0))
     np.testing.assert_allclose(reduced.shape * sign, whole.shape, atol=1e-5 * np.abs(whole.shape).max())
+
+
+def test_so_it_does_where_the_article_has_turned() -> None:
+    """Stiff, on a hinge under gravity: it hangs far from where it was drawn."""
+    hinge = Clamp(node="c", along="xyz", about="xy")
+    hung = Environment(title="hinge", gravity=np.array([3.0, -9.0, 1.0]), clamps=(hinge,))
+    rests = [solve_equilibrium(article, hung) for article in articles(1e7)]
+    since = rests[0].config.since_drawn
+    assert since is not None
+    assert np.abs(since.turn).max() > 0.3
+    whole, reduced = (measure_modes(solve_modes(rest), AT[:6], chosen=range(6)) for rest in rests)
+    sign = np.sign(np.sum(whole.shape * reduced.shape, axis=0))
+    np.testing.assert_allclose(reduced.shape * sign, whole.shape, atol=1e-4 * np.abs(whole.shape).max())
 
 
 def test_it_is_found_by_its_place(both: tuple[Modes, Modes]) -> None:

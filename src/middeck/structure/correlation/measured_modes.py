@@ -15,7 +15,7 @@ from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, pose_jacobian
 from middeck.structure.model.connectivity import some_names
-from middeck.structure.modes.results.component_outputs import drawn_inside, motion_inside, points_inside
+from middeck.structure.modes.results.component_outputs import drawn_inside, motions_inside, points_inside
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
@@ -250,12 +250,10 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
     )
     motions = pose_jacobian(model.tree, points, modes.equilibrium.poses)
     # Rows of all motions, then those of ports and within components, of angles and of travels of joints.
-    read = iter(_port_rows(modes, node, direction))
-    ports = [
-        next(read) if way in PORTS else motion_inside(modes, inside[name][0], name, AXES.index(way))
-        for (name, way), has in zip(channels, placed, strict=True)
-        if not has
-    ]
+    elsewhere = [channel for channel, has in zip(channels, placed, strict=True) if not has]
+    asked = [(inside[name][0], name, AXES.index(way)) for name, way in elsewhere if way not in PORTS]
+    read, moved = iter(_port_rows(modes, node, direction)), iter(motions_inside(modes, asked))
+    ports = [next(read if way in PORTS else moved) for _, way in elsewhere]
     own: list[int] = []
     row: list[int] = []
     port = itertools.count(6 * len(node))

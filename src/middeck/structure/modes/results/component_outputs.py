@@ -6,6 +6,7 @@ turns of the whole shift a point by their cross product with its place.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -93,14 +94,21 @@ def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "
     return np.asarray(drawn[model.components[k].point].mean(axis=0) + arm)
 
 
-def motion_inside(modes: Modes, k: int, name: str, way: int) -> Float[np.ndarray, " coordinate"]:
-    """One of six motions along W of a point inside component ``k``, per unit of every coordinate."""
+def motions_inside(
+    modes: Modes, asked: Sequence[tuple[int, str, int]]
+) -> list[Float[np.ndarray, " coordinate"]]:
+    """Of points inside components, by component, name and one of six ways along W, per unit coordinate."""
     at = modes.equilibrium
-    part = at.model.structure.components[k]
-    outputs = [f"{name} {w}" for w in WAYS[way - way % 3 :][:3]]
-    if part.recovery is None or not set(outputs) <= set(part.outputs):
-        what = f"component {part.name!r} has no output {name} {WAYS[way]}"
-        raise ConfigError(what, where="measured channels", hint="leave the channel out")
-    state, rows = component_states(at.model, at.config, at.loads)[k]
-    recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ at.model.components[k].basis
-    return np.asarray((state.axes @ part.axes)[way % 3] @ recovery @ state.seen(rows.toarray()))
+    states = component_states(at.model, at.config, at.loads) if asked else []
+    found: list[np.ndarray] = []
+    for k, name, way in asked:
+        part, (state, rows) = at.model.structure.components[k], states[k]
+        outputs = [f"{name} {w}" for w in WAYS[way - way % 3 :][:3]]
+        if part.recovery is None or not set(outputs) <= set(part.outputs):
+            what = f"component {part.name!r} has no output {name} {WAYS[way]}"
+            raise ConfigError(what, where="measured channels", hint="leave the channel out")
+        recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ at.model.components[k].basis
+        own = (state.axes @ part.axes)[way % 3] @ recovery
+        poses = own[: len(own) - state.modal].reshape(-1, 3) @ state.axes.T  # as by `seen`
+        found.append(np.asarray(rows.T @ np.concatenate([poses.ravel(), own[poses.size :]])))
+    return found
