@@ -173,7 +173,9 @@ def comparison_document(
 
 
 def _changed(promise: Mapping[str, Any], folder: Path | None) -> Iterator[str]:
-    for file in promise.get("files", ()) if folder is not None else ():
+    if folder is None:
+        return
+    for file in promise.get("files", ()):
         path = folder / Path(file["name"]).name
         if path.is_file() and sha256_of(path) != file["sha256"]:
             yield (
