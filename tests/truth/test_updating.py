@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 import middeck as md
 import structure_builders as build
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
@@ -269,6 +269,32 @@ def test_what_the_surveys_do_not_see_is_named():
     told = " ".join(findings(found))
     assert "2 measured modes for 3 unknowns" in told
     assert "a combination of modulus and top, but not each" in told
+
+
+def test_an_unknown_far_from_its_prior_is_named():
+    """A prior of 1 % for a modulus that is 5 % off: the number, and that its prior or the model is wrong."""
+    seen = survey_of(modes_of(mast(EI=1.05), clamped()), MeasurementNoise(1e-4, 0.02), chosen=(0, 1))
+    tight = dataclasses.replace(MODULUS, spread=0.01)
+    (said,) = [line for line in findings(refine(mast(), [seen], (tight,))) if "from its prior" in line]
+    assert said.startswith("modulus ends ")
+    assert 3.0 < float(said.split()[2]) < 5.0
+    assert not any("from its prior" in line for line in findings(refine(mast(), [seen], (MODULUS,))))
+
+
+def test_the_way_to_the_answer_may_lead_where_the_article_has_no_rest_state():
+    """A mast near buckling under its top: a full step softens it past that, half a step does not."""
+    heavy, half = mast(mass=10.0), Unknown(name="modulus", parameters=("members.E",), spread=0.5)
+    bound = bind((half,), heavy, clamped())
+    truth = np.array([np.log(0.86)])
+    with pytest.raises(NumericalError):
+        modes_of(*change(heavy, clamped(), bound, truth + np.log(0.9)))
+    seen = survey_of(modes_of(*change(heavy, clamped(), bound, truth)), TIGHT, chosen=(0, 1))
+    bare = dataclasses.replace(
+        seen.measured, node=(), direction=(), shape=seen.measured.shape[:0], shape_std=None, position_m=None
+    )
+    found = refine(heavy, [dataclasses.replace(seen, measured=bare)], (half,), 1e-6)
+    assert found.converged
+    assert found.x == pytest.approx(truth, abs=1e-3)
 
 
 def test_unknowns_are_weighed_before_they_are_refined():
