@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 import middeck as md
 import structure_builders as build
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
@@ -271,6 +271,16 @@ def test_what_the_surveys_do_not_see_is_named():
     assert "a combination of modulus and top, but not each" in told
 
 
+def test_an_unknown_far_from_its_prior_is_named():
+    """A prior of 1 % for a modulus that is 5 % off: the number, and that its prior or the model is wrong."""
+    seen = survey_of(modes_of(mast(EI=1.05), clamped()), MeasurementNoise(1e-4, 0.02), chosen=(0, 1))
+    tight = dataclasses.replace(MODULUS, spread=0.01)
+    (said,) = [line for line in findings(refine(mast(), [seen], (tight,))) if "from its prior" in line]
+    assert said.startswith("modulus ends ")
+    assert 3.0 < float(said.split()[2]) < 5.0
+    assert not any("from its prior" in line for line in findings(refine(mast(), [seen], (MODULUS,))))
+
+
 def test_unknowns_are_weighed_before_they_are_refined():
     """A modulus, the same again as half of it, and what moves nothing; the modulus is what is wrong."""
     idle = Unknown(name="axial", parameters=("member.mast.EA",), spread=0.1)
@@ -411,6 +421,8 @@ def test_surveys_that_cannot_be():
     far = dataclasses.replace(seen.measured, frequency_hz=1e4 * seen.measured.frequency_hz)
     with pytest.raises(ConfigError, match="resembles"):
         refine(mast(), [dataclasses.replace(seen, measured=far)], [MODULUS])
+    with pytest.raises(NumericalError, match="the rest state is not stable"):
+        refine(mast(EI=0.6, mass=8.0), [seen], [MODULUS])
     with pytest.raises(ConfigError, match="both the article and the environment"):
         Unknown(name="a", parameters=("members.E", "environment.bounce_hz"), spread=0.1)
     with pytest.raises(ConfigError, match=r"spread of 0\.0"):

@@ -162,7 +162,7 @@ def comparison_document(
             "versions": versions(),
             "outcome": first,
             "surveys": others,
-            "remarks": [*_changed(promise, beside), *remarks],
+            "remarks": [*([] if beside is None else _changed(promise, beside)), *remarks],
             "verdicts": [
                 _row(v, said[v.kind, v.name], o) | (_pairing(dict(named)[v.name]) if v.kind == "mode" else {})
                 for v, o in zip(verdicts, outcomes, strict=True)
@@ -172,9 +172,7 @@ def comparison_document(
     )
 
 
-def _changed(promise: Mapping[str, Any], folder: Path | None) -> Iterator[str]:
-    if folder is None:
-        return
+def _changed(promise: Mapping[str, Any], folder: Path) -> Iterator[str]:
     for file in promise.get("files", ()):
         path = folder / Path(file["name"]).name
         if path.is_file() and sha256_of(path) != file["sha256"]:

@@ -69,7 +69,7 @@ SMALL = 0.2
 LARGEST = 2.0
 HALVINGS = 6
 # Surveys whose frequencies are this many times farther from any one article than they state contradict.
-CONTRADICT = 2.5
+CONTRADICT = 2.0
 # Steps back that are not this much smaller than the last swing about the answer.
 SHRINKS = 0.7
 
