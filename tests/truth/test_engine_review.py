@@ -122,7 +122,7 @@ LOSING = """#include "rig.h"
 
 #include <stdlib.h>
 
-#include "publish.h"
+#include "queue.h"
 
 static whole written;
 

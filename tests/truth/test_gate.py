@@ -13,6 +13,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import limited_law, linear_law
 from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, check_recovery
@@ -384,9 +385,12 @@ def test_an_inner_loop_of_the_package_is_no_excuse():
 
 
 def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():
-    """Sample by sample with filters, an inner loop, and outputs and commands of which a share is applied."""
+    """Sample by sample with filters, an inner loop, and shares of outputs, steps and commands applied."""
     rng = np.random.default_rng(3)
-    for gains in ([0.0, 1.0], [0.3, 0.8], [1.0, 1.0], [0.0, 0.0]):
+    whole, part = [1.0, 1.0], [0.25, 1.0]
+    for gains, steps in (
+        ([0.0, 1.0], whole), ([0.3, 0.8], part), (whole, [0.01, 0.5]), (whole, whole), ([0.0, 0.0], whole),
+    ):  # fmt: skip
         section = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
         package = package_law(
             random_law(rng, 5, 2, 2), "law", filters=(InputFilter(1, section),), form="dense"
@@ -394,7 +398,8 @@ def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():
         paths = (LoopPath(0, 1, section), LoopPath(1, 0, section))
         package = add_test_vectors(dataclasses.replace(package, paths=paths, vectors=None))
         drives, commands = np.array(gains), np.array([0.2, 1.0])
-        limited = limited_law(package)(commands, drives).sampled
+        slews, before = np.array(steps), np.zeros(2)
+        limited = limited_law(package)(commands, drives, slews).sampled
         silent = dataclasses.replace(package.core, C=0.0 * package.core.C, D=0.0 * package.core.D)
         inner = ReferenceLaw(dataclasses.replace(package, core=silent, vectors=None))
         reference = ReferenceLaw(package)
@@ -405,7 +410,56 @@ def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():
             reference.compute(y)
             inner.compute(y)
             applied = drives * (inner.wanted + commands * (reference.wanted - inner.wanted))
+            before = applied = before + slews * (applied - before)
             reference.commit(applied)
             inner.commit(inner.wanted)
             np.testing.assert_allclose(limited.C @ x + limited.D @ y, applied, rtol=1e-9, atol=1e-12)
             x = limited.A @ x + limited.B @ y
+
+
+def lead(gain, zero, pole):
+    """u = -gain (1 + s / zero) / (1 + s / pole) y by Tustin's rule, limited in slew."""
+    a, b = 2.0 / PERIOD_S / zero, 2.0 / PERIOD_S / pole
+    n0, n1, d0, d1 = 1.0 + a, 1.0 - a, 1.0 + b, 1.0 - b
+    A, D = -d1 / d0, -gain * n0 / d0
+    C = -gain * n1 / d0 + A * D
+    law = SampledStateSpace([[A]], [[1.0]], [[C]], [[D]], period_s=PERIOD_S)
+    return Compensator(law, ports(0, 1, 1)[0], ports(0, 1, 1)[1])
+
+
+def swings_on(plant, package, start, seconds=30.0):
+    """Largest motion in the last quarter over that in the one before, from ``start`` at rest."""
+    law = package.core
+    step = sla.expm(np.block([[plant.dynamics.A, plant.dynamics.B], [np.zeros((1, 3))]]) * PERIOD_S)
+    x, z, u, seen = np.array([start, 0.0]), 0.0, 0.0, []
+    for _ in range(round(seconds / PERIOD_S)):
+        wanted = law.C[0, 0] * z + law.D[0, 0] * x[0]
+        u += np.clip(wanted - u, -package.slew[0], package.slew[0])
+        z = law.A[0, 0] * z + law.B[0, 0] * x[0]
+        x = step[:2, :2] @ x + step[:2, 2] * u
+        seen.append(np.hypot(*x))
+    quarter = len(seen) // 4
+    return max(seen[-quarter:]) / max(seen[-2 * quarter : -quarter])
+
+
+@pytest.mark.parametrize(("pole", "recovers"), [(60.0, False), (200.0, True)])
+def test_a_law_must_recover_from_its_limit_of_slew(pole, recovers):
+    """It is stable with the gate's margins; limited in slew it lags, and pumps the mode far from rest."""
+    w = 4.0 * np.pi
+    system = StateSpace([[0.0, w], [-w, -0.004 * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    y, u = ports(0, 1, 1)
+    plant = Plant(dynamics=system, inputs=u, outputs=y)
+    given = {"input_range": 100.0, "limit": 100.0, "ramp_s": 0.3}
+    slow = package_law(lead(0.5, 3.0, pole), "law", slew_rate=5.0, **given)
+    assert swings_on(plant, slow, 0.02) < 0.7
+    assert (swings_on(plant, slow, 1.0) < 0.7) == recovers
+    verdict = examine_package(slow, {"mode": plant})
+    assert verdict.passed == recovers
+    if not recovers:
+        assert verdict.steps[-1].name == "recovery mode"
+        assert "of each step of u0 is applied: a root at" in verdict.steps[-1].said
+    quick = package_law(lead(0.5, 3.0, pole), "law", **given)
+    assert examine_package(quick, {"mode": plant}).passed
+    motor = Drive(port=u[0], lower=-100.0, upper=100.0, slew_rate=5.0)
+    engine = EngineSettings(period_s=PERIOD_S, sensors=(SensorTest(port=y[0], range=100.0),), drives=(motor,))
+    assert examine_package(quick, {"mode": plant}, settings=engine).passed == recovers

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
@@ -38,19 +37,22 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
 
 def limited_law(
     package: ControllerPackage,
-) -> Callable[[Float[np.ndarray, " output"], Float[np.ndarray, " output"]], Compensator]:
+) -> Callable[..., Compensator]:
     """u = g (p + f c) of f and g: f is what the law's own limits let through, g what of outputs is applied.
 
     The compensator learns of both. At g = 0 an output stands still at its limit, at f = 0 the law is off.
+    With h for its slew an output moves by h of what is left, u = u_before + h (g (p + f c) - u_before).
     """
     whole, law, m = linear_law(package), unfold_law(package, single=False), len(package.inputs)
     own, loop, E = list(law.law), list(law.loop), law.G[:, m : m + len(package.outputs)]
     C, D, P, Q = law.H[own], law.J[own, :m], law.H[loop], law.J[loop, :m]
 
-    def limited(commands: np.ndarray, drives: np.ndarray) -> Compensator:
-        f, g = commands[:, None], drives[:, None]
-        u_x, u_y = g * (P + f * C), g * (Q + f * D)
-        A, B = law.F + E @ (u_x - P - C), law.G[:, :m] + E @ (u_y - Q - D)
+    def limited(commands: np.ndarray, drives: np.ndarray, slews: np.ndarray | float = 1.0) -> Compensator:
+        f, g, h = commands[:, None], (drives * slews)[:, None], np.broadcast_to(slews, len(drives))
+        before = np.diag(1.0 - h)[:, h < 1.0]
+        u_x, u_y = np.hstack([g * (P + f * C), before]), g * (Q + f * D)
+        F = np.hstack([law.F - E @ (P + C), np.zeros((len(law.F), before.shape[1]))]) + E @ u_x
+        A, B = np.vstack([F, u_x[h < 1.0]]), np.vstack([law.G[:, :m] + E @ (u_y - Q - D), u_y[h < 1.0]])
         made = SampledStateSpace(A, B, u_x, u_y, period_s=package.period_s)
         return dataclasses.replace(whole, dynamics=made)
 

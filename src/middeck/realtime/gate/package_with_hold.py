@@ -17,9 +17,9 @@ from middeck.signals.ports import Port
 def with_hold(package: ControllerPackage, settings: EngineSettings) -> ControllerPackage:
     """The law that an article sees, u = p + f c: ``package`` with the hold of ``settings`` as its inner loop.
 
-    Ports that only the hold has follow those of the package, with the ranges and limits of the settings.
-    Without a hold it is the package itself. Raises `ConfigError` for what no engine runs: other rates and
-    ports, an inner loop of its own, single precision.
+    Ports that only the hold has follow those of the package, with the ranges and limits of the settings; the
+    limits of slew are those of both. Where nothing is added it is the package itself. Raises `ConfigError`
+    for what no engine runs: other rates and ports, an inner loop of its own, single precision.
     """
     _require(not package.paths, "an inner loop of its own", "the hold belongs to the engine's settings")
     _require(not package.single, "single precision", "the engine runs the law in double precision")
@@ -29,6 +29,10 @@ def with_hold(package: ControllerPackage, settings: EngineSettings) -> Controlle
     for own, known in ((package.inputs, there), (package.outputs, drives)):
         lacking = [port.name for port in own if port not in known]
         _require(not lacking, f"without {', '.join(lacking)} of the package", "the same names and units")
+    own = np.array([settings.drives[drives.index(port)].slew_rate for port in package.outputs])
+    slew = np.minimum(package.slew, settings.period_s * own)
+    if np.any(slew < package.slew):
+        package = dataclasses.replace(package, slew=slew, vectors=None)
     if not settings.hold:
         return package
     inputs = _joined(package.inputs, [there[path.input] for path in settings.hold])

@@ -24,6 +24,8 @@ from middeck.systems.state_space.statespace import same_period
 from middeck.values import record
 
 FADES = tuple(k / 10.0 for k in range(11))
+SLEWS = tuple(0.5**k for k in range(1, 15))
+"""Shares of a step that a limit of slew lets through: lags with half the rate, and with a 16 000th of it."""
 NOT_DECIDED = (NumericalError, ConfigError, ValueError)
 """ValueError: of NumPy and SciPy, where numbers overflow."""
 FASTER = 2.0
@@ -155,7 +157,8 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
 def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held: bool) -> GateStep:
     """Nothing grows on ``plant`` while some outputs are limited, from none of what they are asked for to 0.9.
 
-    Limited are motors, u = g (p + c), and beside an inner loop or a hold the law's commands too, u = p + g c.
+    Limited are motors, u = g (p + c), in slew too where the package has such limits, and beside an inner
+    loop or a hold the law's commands, u = p + g c.
     What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
     by itself, or its own inner loop (p, where it is not ``held`` by the engine's) moves an article that rests
     without. These are loops that stay so: it is no proof for limits that come and go.
@@ -163,21 +166,23 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
     whole, off = np.ones(len(moved)), np.zeros(len(moved))
-    limits = [("", whole, drives) for drives in _limits(np.ones_like(moved))]
-    limits += [("the law's ", shares, whole) for shares in _limits(moved) if package.paths]
+    limits = [("", whole, drives, whole) for drives in _limits(np.ones_like(moved))]
+    limits += [("the law's ", shares, whole, whole) for shares in _limits(moved) if package.paths]
+    slews = _limits(np.isfinite(package.slew), SLEWS) if np.isfinite(package.slew).any() else ()
+    limits += [("each step of ", whole, whole, shares) for shares in slews]
     unheld = 0
     try:
         limited = limited_law(package)
         loop = form_loop(align_plant(plant, limited(whole, whole)), limited(whole, whole))
-        for whose, commands, drives in limits:
-            found = _decide(loop, limited(commands, drives))
+        for whose, commands, drives, steps in limits:
+            found = _decide(loop, limited(commands, drives, steps))
             fault = _unstable(found, off=True)
             excuses = [] if not fault or package.unstable else [drives] if held else [drives, off]
-            without = [_decide(loop, limited(off, g)) for g in excuses]
+            without = [_decide(loop, limited(off, g, steps)) for g in excuses]
             if without and all(w.growing and found.margin >= FASTER * w.margin for w in without):
                 unheld += 1
             elif fault:
-                least = commands * drives
+                least = commands * drives * steps
                 names = [port.name for port, g in zip(package.outputs, least, strict=True) if g < 1.0]
                 where = f"while {least.min():g} of {whose}{', '.join(names)} is applied"
                 return _step(step, [f"{where}: {fault}"], "")
@@ -187,7 +192,7 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     return _step(step, [], said + (f", but at {unheld} what does so without the law too" if unheld else ""))
 
 
-def _limits(places: np.ndarray) -> np.ndarray:
+def _limits(places: np.ndarray, levels: Sequence[float] = FADES[:-1]) -> np.ndarray:
     """Shares of outputs: each set of ``places`` at each; of more than `ALL_TOGETHER` each, all but each, all.
 
     Of 654 random laws of seven motors, stable by themselves, these few find all but three of those 654 that
@@ -197,8 +202,8 @@ def _limits(places: np.ndarray) -> np.ndarray:
     few = [np.eye(len(at)), 1.0 - np.eye(len(at)), np.ones((1, len(at)))]
     every = (np.arange(1, 1 << min(len(at), ALL_TOGETHER))[:, None] >> np.arange(len(at))) % 2
     sets = np.vstack(few) if len(at) > ALL_TOGETHER else every
-    shares = np.ones((len(sets) * (len(FADES) - 1), len(places)))
-    shares[:, at] = np.vstack([1.0 - (1.0 - share) * sets for share in FADES[:-1]])
+    shares = np.ones((len(sets) * len(levels), len(places)))
+    shares[:, at] = np.vstack([1.0 - (1.0 - share) * sets for share in levels])
     return shares
 
 

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "clocks.h"
-#include "publish.h"
+#include "queue.h"
 
 static engine the_engine;
 static shared the_file;

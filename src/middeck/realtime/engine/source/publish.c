@@ -1,4 +1,4 @@
-#include "publish.h"
+#include "queue.h"
 
 #include <string.h>
 

@@ -2,8 +2,6 @@
 
 #include <string.h>
 
-#include "publish.h"
-
 static whole size_asked(const command *c)
 {
     return c->value[0] >= 0 && c->value[0] <= LARGEST_PACKAGE ? (whole)c->value[0] : -1;

@@ -3,7 +3,7 @@
 #include <time.h>
 
 #include "clocks.h"
-#include "publish.h"
+#include "queue.h"
 
 whole now_ns(void)
 {
