@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import csv
+import importlib
+import json
+from collections import Counter
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from engine_campaigns import cases_of
 from engine_destabilising import SLOW_S, draw, judge, refused_on_paper
 from engine_rigs import closed_states, rig_case
-from repeats import LONG
+from repeats import LONG, repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
+ROOT = Path(__file__).parents[2]
 WHOLE = 1000
 RIGS = [("dm", "lab"), ("simple", "lab"), ("simple", "orbit"), ("dm", "orbit")]
 
@@ -47,6 +54,26 @@ def test_no_package_passes_the_gate_on_the_model_that_it_destabilises():
     rigs = [RIGS[k % len(RIGS) if LONG else 0] for k in seeds]
     found = [refused_on_paper(draw(seed, *rig).law, *rig) for seed, rig in zip(seeds, rigs, strict=True)]
     assert set(found) <= {"interface", "poles", "vectors", "model"}  # not "", which passes on paper
+
+
+def test_slow_packages_are_listed_one_by_one(monkeypatch):
+    """With what stopped each: the list has as many as the benchmark counts, and each comes out again."""
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    slow = importlib.import_module("packaged.slow")
+    with slow.LISTED.open(encoding="utf-8", newline="") as file:
+        listed = list(csv.DictReader(file))
+    results = json.loads((ROOT / "benchmarks/results/realtime.json").read_text(encoding="utf-8"))["rows"]
+    counted = [row["note"].split()[1].rstrip(",") for row in results if row["case"] == slow.CASE]
+    assert list(Counter(one["family"] for one in listed).values()) == list(map(int, counted))
+    assert all(float(one["growth_time_s"]) >= SLOW_S and one["stopped_by"] for one in listed)
+    assert all(float(one["angle_over_envelope"]) <= 2.0 for one in listed)
+    assert all(float(one["torque_over_limit"]) <= 1.0 for one in listed)
+    soon = sorted(listed, key=lambda one: float(one["after_full_authority_s"] or "inf"))
+    for family in slow.FAMILIES:
+        for one in repeats([one for one in soon if one["family"] == family]):
+            again = slow.slow_one(one["family"], int(one["number"]))
+            assert again["stopped_by"] == one["stopped_by"], one
+            assert float(again["growth_time_s"]) == pytest.approx(float(one["growth_time_s"]), rel=0.01)
 
 
 def test_the_draw_is_what_it_says():
