@@ -10,9 +10,9 @@ import pytest
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.compare_modes import compare_modes
-from middeck.structure.model.article import Actuator, ActuatorKind, Body, JointState, Sensor
+from middeck.structure.model.article import Actuator, ActuatorKind, AttachPoint, Body, JointState, Sensor
 from middeck.structure.model.clamps import Clamp
-from middeck.structure.model.environment import Environment
+from middeck.structure.model.environment import Environment, GroundBushing
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.residual_flexibility import compare_static_gain
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
@@ -321,3 +321,20 @@ def test_a_clamp_leaves_a_flexible_mode_its_partner() -> None:
     names = [free.name[i] for i in found.pairs[:, 0]]
     assert found.ratio[names.index("first torsion")] == pytest.approx(np.sqrt(0.5), rel=1e-9)
     assert found.ratio.max() < 10.0
+
+
+def test_a_shaft_without_inertia_about_its_axis_has_subspaces_to_compare() -> None:
+    """Two equal wheels, one on a soft mount: the largest angle is that of its turn, of two inertias."""
+    wheel = body(1.0, inertia=(0.02, 0.02, 0.02))
+    ends = node("a", (0.0, 0.0, 0.0), wheel), node("b", (L, 0.0, 0.0), wheel)
+    shaft = dataclasses.replace(
+        structure(ends, [member("a", "b", TUBE, 4)]),
+        attach_points=(AttachPoint(name="p", frame="a", offset=NONE),),
+    )
+    mount = GroundBushing(name="mount", attach="p", stiffness=0.01 * np.eye(6))
+    soft = dataclasses.replace(held(), bushings=(mount,))
+    found = compare_modes(*(solve_modes(solve_equilibrium(shaft, e)) for e in (Environment.orbit(), soft)))
+    k = TUBE.GJ / L
+    turn = np.linalg.eigh([[k + 0.01, -k], [-k, k]])[1][:, 0]
+    assert found.subspace_angle.shape == (6,)
+    assert found.subspace_angle.max() == pytest.approx(abs(np.arctan2(*turn) % np.pi - np.pi / 4.0), rel=1e-6)

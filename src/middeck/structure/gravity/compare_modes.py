@@ -165,7 +165,8 @@ def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
     hung = [i for i, k in enumerate(lab.kind) if k in HELD]
     if not rigid or not hung:
         return np.zeros(0)
-    moving = np.flatnonzero(np.any(orbit.shapes != 0.0, axis=1))
-    L = sla.cholesky(orbit.mass.toarray()[np.ix_(moving, moving)])
-    a, b = (L @ shapes[moving] for shapes in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
+    # Some coordinates have no mass: turns of a thin member about its own axis.
+    factor, order, rank, _ = sla.lapack.dpstrf(orbit.mass.toarray())
+    root = np.triu(factor)[:rank]
+    a, b = (root @ shapes[order - 1] for shapes in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
     return np.sort(sla.subspace_angles(a, b))
