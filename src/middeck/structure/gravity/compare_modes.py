@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any, cast
 
 import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float, Int
+from scipy.linalg import lapack
 
 from middeck.errors import ConfigError
 from middeck.structure.correlation.assurance import modal_assurance
@@ -166,7 +168,7 @@ def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
     if not rigid or not hung:
         return np.zeros(0)
     # Some coordinates have no mass: turns of a thin member about its own axis.
-    factor, order, rank, _ = sla.lapack.dpstrf(orbit.mass.toarray())
+    factor, order, rank, _ = cast("Any", lapack).dpstrf(orbit.mass.toarray())
     root = np.triu(factor)[:rank]
     a, b = (root @ shapes[order - 1] for shapes in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
     return np.sort(sla.subspace_angles(a, b))
