@@ -11,6 +11,8 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import DataError
+from middeck.files.disk.digest import sha256_of
+from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
 from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import comparison_document, load_outcomes, promised_modes_of
@@ -170,6 +172,12 @@ def test_files_that_are_no_longer_what_was_promised_on_are_named(
     said = middeck(capfd, "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json").out
     (remark,) = json.loads(said)["remarks"]
     assert remark.startswith("mace-simple-lab.json beside the promise is not the file that it was made of")
+    promise = tmp_path / "promise.json"
+    body = {k: v for k, v in json.loads(promise.read_text()).items() if k != SEAL}
+    twin = {"name": "mace-simple-lab.json", "sha256": sha256_of(tmp_path / "mace-simple-lab.json")}
+    promise.write_text(json.dumps(seal(body | {"files": [*body["files"], twin]})))  # of another folder
+    said = middeck(capfd, "outcome", promise, tmp_path / "outcome.toml", "--json").out
+    assert json.loads(said)["remarks"] == []
 
 
 @pytest.mark.parametrize("frozen", FROZEN, ids=lambda path: path.stem)

@@ -173,9 +173,12 @@ def comparison_document(
 
 
 def _changed(promise: Mapping[str, Any], folder: Path) -> Iterator[str]:
+    digests: dict[str, set[str]] = {}  # files of several folders may share a name
     for file in promise.get("files", ()):
-        path = folder / Path(file["name"]).name
-        if path.is_file() and sha256_of(path) != file["sha256"]:
+        digests.setdefault(Path(file["name"]).name, set()).add(file["sha256"])
+    for name, known in digests.items():
+        path = folder / name
+        if path.is_file() and sha256_of(path) not in known:
             yield (
                 f"{path.name} beside the promise is not the file that it was made of (another sha256): "
                 "made again from it, the promise would be another one"
