@@ -173,9 +173,9 @@ def _time_constant(blocks: Record, end: float) -> float:
 def _noise_of_peaks(found: ResponseScatter) -> float:
     """Relative deviation of the response at its highest peak, of the output that has least."""
     assert found.total is not None  # blows are averages
-    size, variance = np.abs(found.H[:, :, 0]), found.total[:, :, 0]
+    size = np.abs(found.H)
     peak = size >= PEAK * size.max(axis=0)
-    return float(np.sqrt(np.min(np.mean(variance, axis=0, where=peak) / np.max(size**2, axis=0))))
+    return float(np.sqrt(np.min(np.mean(found.total, axis=0, where=peak) / np.max(size**2, axis=0))))
 
 
 def windowed_spectra(
