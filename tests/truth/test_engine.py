@@ -10,7 +10,7 @@ import pytest
 
 from engine_cases import OUTPUTS, plain_settings, random_article, random_package
 from middeck.realtime.engine.interface.header import constants, layout
-from middeck.realtime.engine.process.compile import engine_sources
+from middeck.realtime.engine.process.launch import engine_sources
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.reference import ReferenceLaw
 
