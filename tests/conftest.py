@@ -127,6 +127,12 @@ def compiler():
 
 
 @pytest.fixture(scope="session")
+def clang():
+    """Path of a second compiler, of C and C++."""
+    return _program("clang")
+
+
+@pytest.fixture(scope="session")
 def small_processors():
     """A cross compiler and an emulator: gcc-arm-none-eabi and qemu-system-arm of Debian."""
     return _program("arm-none-eabi-gcc"), _program("qemu-system-arm")

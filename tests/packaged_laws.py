@@ -17,7 +17,8 @@ from middeck.realtime.package.rounding_errors import LinearLaw, unfold_law
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off")
+CLEAN = ("-Wall", "-Wextra", "-Werror", "-pedantic")
+STRICT = ("-std=c99", *CLEAN, "-ffp-contract=off")
 PERIOD_S = 0.002
 ALIGNED = 64
 """As a compiler lays a state that is static."""
@@ -128,12 +129,12 @@ def steps_in_c(
     return prepare
 
 
-def replay(package: ControllerPackage, folder: Path, *flags: str) -> int:
+def replay(package: ControllerPackage, folder: Path, *flags: str, compiler: str = "cc") -> int:
     """Exit code of the program that replays the test vectors, compiled with ``flags``."""
     made = generate_c(package, "law")
     (folder / "law.h").write_text(made.header)
     (folder / "law.c").write_text(made.source)
-    subprocess.run(["cc", *STRICT, *flags, "-DLAW_MAIN", "law.c", "-o", "replay"], cwd=folder, check=True)
+    subprocess.run([compiler, *STRICT, *flags, "-DLAW_MAIN", "law.c", "-o", "replay"], cwd=folder, check=True)
     return subprocess.run(["./replay"], cwd=folder, check=False).returncode
 
 

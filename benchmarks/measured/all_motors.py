@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from measured.rows import row
+from measured.rows import miss_row, row
 from middeck.control.law.compensator import Compensator
 from middeck.files.promises.study_table import build_modal_test, build_plan
 from middeck.files.studies.documents import Study, load_study
@@ -77,7 +77,7 @@ def rows(_: Any) -> list[dict[str, Any]]:
         row(title, "as drawn, without a record", "", float(np.sum(~np.isfinite(drawn)))),
         row(title, "as drawn behind measured, largest of the others", "dB", max(filter(np.isfinite, drawn))),
         row(title, "|promised median - rig|, median", "dB", np.median(error), 0.5),
-        row(title, "95 % intervals that miss", "%", float(missed)),
+        miss_row(title, "95 % intervals that miss", float(missed)),
         row(title, "a truth with all of it", "CPU s", np.median([c.seconds for c in found])),
     ]  # fmt: skip
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from measured import prediction
 from measured.promise import case
-from measured.rows import row
+from measured.rows import miss_row
 from middeck.structure.model.environment import Environment
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.plants.response import evaluate_plant
@@ -54,7 +54,7 @@ def _row(title: str, what: str, unit: str, judged: Sequence[Judged]) -> dict[str
     half = np.median([one.half_width for one in judged])
     some = f"{np.sum(missed.any(axis=1))} truths of {len(missed)} have one"
     note = f"{some}; median half-width {half:.3g} {unit}"
-    return row(title, f"{what}: 95 % intervals that miss", "%", 100.0 * np.mean(missed), 10.0, note=note)
+    return miss_row(title, f"{what}: 95 % intervals that miss", float(100.0 * np.mean(missed)), note=note)
 
 
 def _judged(seed: int) -> tuple[Judged, ...]:

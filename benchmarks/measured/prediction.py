@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import middeck as md
-from measured.rows import row
+from measured.rows import miss_row, row
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import predict_modes
@@ -80,7 +80,7 @@ def rows_of(title: str, outcomes: Sequence[Outcome], *, level: bool) -> list[dic
         row(title, "rms error over the sheet's, median", "", np.median(share), asked(1.0 / 30.0)),
         row(title, f"the same, largest of {count}", "", share.max(), asked(1.0 / 8.0)),
         row(title, "by ratios mode by mode, median", "", np.median(by_ratio)),
-        row(title, "95 % intervals that miss", "%", missed, 10.0),
+        miss_row(title, "95 % intervals that miss", missed),
         row(title, "half-width of the intervals, median", "", half, asked(1.5e-3)),
         row(title, "a refinement, median", "CPU s", np.median([o.seconds for o in outcomes]), asked(2.0)),
     ]

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import middeck as md
-from measured.rows import row
+from measured.rows import miss_row, row
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
@@ -61,7 +61,7 @@ def rows(_: str) -> list[dict[str, Any]]:
     return [
         row(title, "|promised median - truth|, median", "dB", np.median(error), 0.2),
         row(title, "the same, largest", "dB", error.max()),
-        row(title, "95 % intervals that miss", "%", missed, 10.0),
+        miss_row(title, "95 % intervals that miss", missed),
         row(title, "pessimism at 99 %, median", "dB", np.median([c.cautious - c.db for c in some]), 0.5),
         row(title, "above the bound of its effort, median", "dB", np.median([c.above for c in some]), 0.3),
         row(title, "the same, largest", "dB", max(c.above for c in some)),

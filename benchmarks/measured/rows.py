@@ -21,6 +21,12 @@ def row(
             "peers": {}, **more}  # fmt: skip
 
 
+def miss_row(case: str, measure: str, missed: float, **more: Any) -> dict[str, Any]:
+    """Per cent of 95 % intervals that miss: 90 to 99 % are to hold, since too wide is wrong too."""
+    found = row(case, measure, "%", missed, **more)
+    return {**found, "level": "1 to 10", "met": bool(1.0 <= missed <= 10.0)}
+
+
 def cell(name: str, found: dict[str, np.ndarray], value: float) -> dict[str, dict[str, Any]]:
     """The column of one peer."""
     return {name: {"value": float(value), "version": str(found["version"])}}

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from measured.promise import AUTHORITY, LEAST_DB, case
-from measured.rows import row
+from measured.rows import miss_row, row
 from middeck.updating.promise.promise import design_ladder, promise
 from middeck.updating.refinement.refine import Refined
 
@@ -52,7 +52,7 @@ def _rows(torque: float, level: float, refined: list[Refined]) -> list[dict[str,
         row(title, "|promised median - truth|, median", "dB", np.median(error), level),
         row(title, "the same, largest", "dB", error.max()),
         row(title, "the same, friction left out, median", "dB", np.median(without)),
-        row(title, "95 % intervals that miss", "%", missed, 10.0),
+        miss_row(title, "95 % intervals that miss", missed),
         row(title, "pessimism at 99 %, median", "dB", np.median([c.cautious - c.db for c in some]), 3.0),
         row(title, "a draw of a compensator", "CPU s", np.median([c.seconds for c in found])),
     ]  # fmt: skip

@@ -18,7 +18,7 @@ from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from packaged_laws import STRICT, compile_law, random_law, replay
+from packaged_laws import CLEAN, STRICT, compile_law, random_law, replay
 from repeats import LONG
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -72,6 +72,23 @@ def test_thousands_of_samples_agree_to_the_bit(single, tmp_path):
     assert np.array_equal(found, expected.astype(float))
     assert np.abs(found).max() <= 2.0
     assert np.any(np.abs(found) == 2.0)  # the limits did act
+
+
+@pytest.mark.parametrize("shape", SHAPES if LONG else SHAPES[:5:2], ids=str)
+def test_a_second_compiler_gives_the_same_bits(shape, clang, tmp_path):
+    package = package_of(1, *shape)
+    assert replay(package, tmp_path, "-O3", "-march=native", "-Wshadow", compiler=clang) == 0
+
+
+def test_the_header_serves_cplusplus(clang, tmp_path):
+    made = generate_c(package_of(2, *SHAPES[3]), "law")
+    (tmp_path / "law.h").write_text(made.header)
+    (tmp_path / "law.c").write_text(made.source)
+    (tmp_path / "user.cpp").write_text('#include "law.h"\nint main() { return law_replay(); }\n')
+    subprocess.run([clang, *STRICT, "-DLAW_REPLAY", "-c", "law.c"], cwd=tmp_path, check=True)
+    user = [clang, "-x", "c++", "-std=c++11", *CLEAN, "user.cpp", "-x", "none", "law.o", "-o", "user"]
+    subprocess.run(user, cwd=tmp_path, check=True)
+    assert subprocess.run(["./user"], cwd=tmp_path, check=False).returncode == 0
 
 
 def test_a_changed_coefficient_fails_the_replay(tmp_path):

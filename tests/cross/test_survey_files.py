@@ -260,14 +260,20 @@ def test_frequencies_alone_tell_what_they_can(tmp_path: Path, capfd: pytest.Capt
         away = np.abs(np.log(modes.frequency_hz[modes.frequency_hz > 0.0] / hz[j]))
         own = abs(np.log(modes.frequency_hz[i] / hz[j]))
         assert (j in found.undecided) == (np.sum(away <= max(limit, 2.0 * own)) > 1)
+        other = modes.frequency_hz[modes.frequency_hz > 0.0][np.argsort(away)[1]]
+        told = [w for w in found.warnings if w.startswith(f"measured mode {j} ")]
+        assert (f"the model has {other:.4g} Hz too" in " ".join(told)) == (j in found.undecided)
     assert found.pairs[:, 0].tolist() == chosen
     np.testing.assert_allclose(found.frequency_error, 1.0 / 1.001 - 1.0, rtol=1e-9)
     assert not found.passed
     assert all(c.quantity is not Quantity.FREQUENCY_ERROR for c in found.unjudged)
     with pytest.raises(ConfigError, match="frequencies alone"):
         md.correlate_modes(modes, test, find_profile("orion-well"), rng=np.random.default_rng(0))
-    done = middeck(capfd, "correlate", str(ROOT / ARTICLE), str(tmp_path / "f.csv"), "--require")
-    assert done.code == 1
+    asked = "correlate", str(ROOT / ARTICLE), str(tmp_path / "f.csv")
+    assert middeck(capfd, *asked, "--require").code == 1
+    drawn = middeck(capfd, *asked, "--figure", str(tmp_path / "f.svg"))
+    assert drawn.code == 2
+    assert "has none" in drawn.err
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from middeck.errors import DataError
 from middeck.realtime.engine.interface.commands import ANSWERS
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.shared_file import STAGING
-from middeck.realtime.engine.process.launch import engine_sources
+from middeck.realtime.engine.process.compile import engine_sources
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.generate.compiler import FLAGS
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section

@@ -20,6 +20,7 @@ import scipy.io
 import scipy.signal
 import scipy.sparse as sp
 
+from cli_runner import middeck
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.errors import ConfigError, DataError, MissingExtraError
@@ -392,6 +393,23 @@ def test_a_mat_file_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "text.mat").write_text("no MAT file")
     with pytest.raises(DataError, match="not a MAT file"):
         load_mat(tmp_path / "text.mat")
+
+
+@pytest.mark.parametrize("begin", [b"# Created by Octave 9.2.0\n", b"Octave-1-L\0", b"\x89HDF\r\n\x1a\n"])
+def test_what_octave_writes_unless_told_otherwise(tmp_path: Path, begin: bytes) -> None:
+    (tmp_path / "law.mat").write_bytes(begin + bytes(200))
+    with pytest.raises(DataError, match="not a MAT file") as refused:
+        load_mat(tmp_path / "law.mat")
+    assert "-v7" in refused.value.hint
+
+
+def test_a_mat_file_without_a_system_is_told_what_to_save(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    scipy.io.savemat(tmp_path / "law.mat", {"K": np.eye(2)})
+    ended = middeck(capfd, "qualify", tmp_path / "law.mat", "articles/mace-simple.toml")
+    assert ended.code == 4
+    assert "D = K.D" in ended.err
 
 
 # what is asked of all three

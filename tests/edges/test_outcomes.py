@@ -155,6 +155,23 @@ def test_a_survey_without_a_channel_in_common_is_refused(tmp_path: Path):
         compared(tmp_path, survey(tmp_path, bare))
 
 
+def test_files_that_are_no_longer_what_was_promised_on_are_named(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """Beside the promise of the repository none; beside a copy with a survey that was measured anew this."""
+    said = middeck(capfd, "outcome", PROMISE, FOLDER / "outcome.toml", "--json").out
+    assert json.loads(said)["remarks"] == []
+    for name in ("promise.json", "outcome.toml", "refine.toml", SHAPES.name, "mace-simple-lab.json"):
+        (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
+    seen = load_measured_modes(FOLDER / "mace-simple-lab.json")
+    write_measured_modes(
+        tmp_path / "mace-simple-lab.json", dataclasses.replace(seen, frequency_hz=1.001 * seen.frequency_hz)
+    )
+    said = middeck(capfd, "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json").out
+    (remark,) = json.loads(said)["remarks"]
+    assert remark.startswith("mace-simple-lab.json beside the promise is not the file that it was made of")
+
+
 @pytest.mark.parametrize("frozen", FROZEN, ids=lambda path: path.stem)
 def test_documents_older_than_shapes_are_read(tmp_path: Path, frozen: Path):
     promise = read_promise(frozen)

@@ -115,6 +115,13 @@ def test_a_unit_that_the_file_states_otherwise_is_refused(tmp_path: Path) -> Non
         load_record(path, name_columns(["force [kN]"], ["way [m]"]))
 
 
+def test_a_channel_on_both_sides_is_refused(tmp_path: Path) -> None:
+    """A fit of a channel to itself is exact."""
+    path = written(tmp_path / "run.csv", "s", 1.0, ",", ".")
+    with pytest.raises(DataError, match="channel way is named twice"):
+        load_record(path, name_columns(["force", "way"], ["way"]))
+
+
 @pytest.mark.parametrize(
     ("heading", "step", "said"),
     [("time", 3.90625, "256 Hz"), ("time", 1.0, "count the lines"), ("time [s]", 1.0, "count the lines")],

@@ -52,6 +52,7 @@ CASES: dict[str, tuple[Builder, str]] = {
     # not what the name says
     "csv named h5": (text(HEADER, "r.h5"), "not HDF5"),
     "csv named mat": (text(HEADER * 10, "r.mat"), "not a MAT file"),
+    "octave's text": (text("# Created by Octave 9.2.0\n# name: u\n", "r.mat"), "not a MAT file"),
     "csv named uff": (text(HEADER, "r.uff"), "stands outside of a data set"),
     "csv named npz": (text(HEADER, "r.npz"), "not an NPZ archive"),
     "csv named npy": (text(HEADER, "r.npy"), "not an NPY array"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,8 +57,8 @@ def mode(root: complex = ROOT, kind: int = 5, quantity: int = 8, phase: complex 
     return block(55, *["NONE"] * 5, *head, *rows)
 
 
-def normal(hz: float, ratio: float) -> str:
-    rows = [line for node, x in SHAPE.items() for line in (whole(node), reals(x))]
+def normal(hz: float, ratio: float, shape: Mapping[int, Sequence[float]] = SHAPE) -> str:
+    rows = [line for node, x in shape.items() for line in (whole(node), reals(x))]
     head = [whole(1, 2, 2, 8, 2, 3), whole(2, 4, 0, 1), reals((hz, 1.0, ratio, 0.0))]
     return block(55, *["NONE"] * 5, *head, *rows)
 
@@ -90,7 +90,13 @@ def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) ->
         (system(5, 1, EYE), 5, 1, "coordinate axes of its own, system 5: turned, shifted or not Cartesian"),
         (system(1, 0, TURNED), 1, 1, "axes of its own, system 1: turned"),
         (system(4, 0, SHIFTED), 4, 1, "coordinate axes"),
-        (system(4, 1, TURNED), 1, 4, "displacement axes"),
+        (
+            system(4, 1, TURNED),
+            1,
+            4,
+            "node 3 has displacement axes .* cylindrical about the node",
+        ),
+        (system(4, 2, SHIFTED), 1, 4, "displacement axes .* spherical"),
         (system(4, 0, 2.0 * TURNED), 1, 4, "displacement axes"),
         (system(4, 0, -EYE), 1, 4, "displacement axes"),
         ("", 6, 1, "not in data set 2420"),
@@ -116,6 +122,21 @@ def test_motions_along_turned_axes_are_turned(tmp_path: Path) -> None:
     askew = system(4, 0, np.vstack([[[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]], np.zeros(3)]))
     with pytest.raises(DataError, match=r"node \d moves along \d of the three axes of its system"):
         survey(tmp_path, units(), askew, places(1, 4), normal(10.0, 0.01))
+
+
+def test_motions_along_cylindrical_axes_are_turned(tmp_path: Path) -> None:
+    """An axis along z through (0.5, -1, 3): directions are the ray from it to the node, and across."""
+    rng, at = np.random.default_rng(2), np.array([0.5, -1.0])
+    moves = {n: rng.uniform(0.1, 1.0, 3) for n in NODES}
+    axis = np.vstack([TURNED[:3], [*at, 3.0]])
+    shape = {n: x.tolist() for n, x in moves.items()}
+    found = survey(tmp_path, units(), system(4, 1, axis), places(1, 4), normal(10.0, 0.01, shape))
+    for node, way, value in zip(found.node, found.direction, found.shape[:, 0], strict=True):
+        out = (np.array(NODES[int(node)][:2]) - at) / np.linalg.norm(np.array(NODES[int(node)][:2]) - at)
+        radial, tangential, axial = moves[int(node)]
+        x, y = radial * out + tangential * np.array([-out[1], out[0]])
+        assert value == pytest.approx({"x": x, "y": y, "z": axial}[way], abs=1e-5)
+    assert len(found.node) == 9
 
 
 def test_a_mode_and_its_conjugate_are_one(tmp_path: Path) -> None:

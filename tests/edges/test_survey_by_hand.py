@@ -121,3 +121,21 @@ def test_turned_axes_are_refused_and_global_ones_read(tmp_path: Path) -> None:
         else:
             with pytest.raises(DataError, match=r"axes of its own, system 7: turned, shifted"):
                 md.load_measured_modes(path)
+
+
+def test_nodes_keep_their_numbers_beside_nodes_without_one(tmp_path: Path) -> None:
+    names = ("g3", "bus", "g19", "p7", "q7", "g1")
+    modes = MeasuredModes(
+        frequency_hz=np.array([2.0]),
+        damping=np.array([0.01]),
+        node=names,
+        direction=("x",) * 6,
+        shape=np.ones((6, 1)),
+        position_m=np.arange(18.0).reshape(6, 3),
+    )
+    md.files.write_measured_modes(tmp_path / "a.unv", modes)
+    found = md.load_measured_modes(tmp_path / "a.unv")
+    assert found.position_m is not None
+    at = [names[int(x / 3.0)] for x in found.position_m[:, 0]]
+    number = {name: int(n) for name, n in zip(at, found.node, strict=True)}
+    assert number == {"g3": 3, "g19": 19, "g1": 1, "bus": 20, "p7": 21, "q7": 22}

@@ -306,3 +306,18 @@ def test_a_repeated_pair_turned_in_its_plane_is_no_difference(angle: float) -> N
     assert comparison.pairs[:, 0].tolist() == [0, 1, 2, 3]
     assert comparison.cross_orthogonality[at].min() > 0.99
     assert comparison.mac[at].min() > 0.98
+
+
+def test_a_clamp_leaves_a_flexible_mode_its_partner() -> None:
+    """Two equal wheels on a light shaft: one held, the other turns at sqrt(k/J), free both at sqrt(2k/J).
+
+    Half of that mode is the rigid turn, which no mode of the held shaft is for.
+    """
+    wheel = body(0.0, inertia=(0.02, 0.02, 0.02))
+    ends = node("a", (0.0, 0.0, 0.0), wheel), node("b", (L, 0.0, 0.0), wheel)
+    shaft = structure(ends, [member("a", "b", TUBE, 4)])
+    free, fixed = (solve_modes(solve_equilibrium(shaft, held(*c))) for c in ((), (Clamp(node="a"),)))
+    found = compare_modes(free, fixed, 12)
+    names = [free.name[i] for i in found.pairs[:, 0]]
+    assert found.ratio[names.index("first torsion")] == pytest.approx(np.sqrt(0.5), rel=1e-9)
+    assert found.ratio.max() < 10.0

@@ -1,5 +1,8 @@
 """Ticks in C are the ticks in Python, bit for bit: joints beside joints, limits, steps, delays, drift."""
 
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -20,6 +23,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace
+from packaged_laws import STRICT
 from rig_checks import on_rig, run_through
 
 SAMPLES = 3000
@@ -179,3 +183,9 @@ def test_a_joint_with_a_gap_is_left_to_python():
     rig = rig_with(joints=[JointElements("a", "A", (Deadband(1e-3, 20.0),))])
     ticks = TickRows(*[np.zeros((0, 0))] * 2, 0, *[np.zeros((0, 0))] * 6)
     assert run_compiled(rig, rig.plant, ticks, switch_on(rig, None, 0.0, np.random.default_rng(1))) is None
+
+
+def test_two_compilers_have_nothing_to_say(compiler, clang, tmp_path):
+    source = Path(compiled.__file__).parent / "source" / "ticks.c"
+    for one in (compiler, clang):
+        subprocess.run([one, *STRICT, "-O3", "-c", source, "-o", tmp_path / "ticks.o"], check=True)

@@ -352,10 +352,37 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
         ('b = "b" }', 'b = "z" }', "no frame of this name"),
         ('file = "part.npz"', 'file = "part.op4"', "do not state their units"),
         ('name = "part"\n', "", "missing"),
+        ('"part.npz"', '"part.npz"\ncards = ["part.pch"]', r"not of \.npz"),
     ):
         path.write_text(good.replace(old, new))
         with pytest.raises((ConfigError, DataError), match=said):
             md.load_structure(path)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_a_file_in_other_units(tmp_path, component, ending):
+    """Matrices in mm, t and ms, each entry by its dimension: forces of shifts, moments of turns."""
+    length, mass, time = 1e-3, 1e3, 1e-3
+    arms = np.array([0, 0, 0, 1, 1, 1] * 2 + [1] * component.modal)  # powers of length, of row and column
+    per = length ** (arms[:, None] + arms) * mass
+    assert component.outputs == ("m x", "m y", "m z", "m turn about x", "m turn about y", "m turn about z")
+    lengths = np.array([1, 1, 1, 0, 0, 0])
+    write_component(
+        tmp_path / f"part.{ending}",
+        dataclasses.replace(
+            component,
+            positions=component.positions / length,
+            stiffness=component.stiffness / (per / time**2),
+            mass=component.mass / per,
+            damping=component.damping / (per / time),
+            recovery=component.recovery * length ** (1.0 - arms) / length ** lengths[:, None],
+        ),
+    )
+    path = with_positions(article(tmp_path), component.positions[1])
+    path.write_text(path.read_text().replace('"part.npz"', f'"part.{ending}"\nunits = "mm-t-ms"'))
+    (found,) = md.load_structure(path).components
+    for key in ("positions", "stiffness", "mass", "damping", "recovery"):
+        np.testing.assert_allclose(getattr(found, key), getattr(component, key), rtol=1e-12, err_msg=key)
 
 
 @pytest.mark.parametrize("form", [1, 2])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,7 +36,7 @@ from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
-from plant_builders import BODY, FORCE, RATE, WAY, gain, sum_of_modes, unit_weights
+from plant_builders import BODY, FORCE, RATE, WAY, gain, grouped_plant, sum_of_modes, unit_weights
 from repeats import repeats
 
 ROOT = Path(__file__).parents[2]
@@ -435,6 +437,66 @@ def test_units_of_states_decide_nothing(seed: int) -> None:
 def _in_other_units(system: StateSpace, rng: np.random.Generator) -> StateSpace:
     unit = 10.0 ** rng.uniform(-9.0, 9.0, len(system.A))
     return StateSpace(system.A * unit[:, None] / unit, system.B * unit[:, None], system.C / unit, system.D)
+
+
+def _mixed_law(rng: np.random.Generator, condition: float) -> tuple[Compensator, Compensator]:
+    """Six real poles over four decades: as they are, and with states mixed by a matrix of ``condition``."""
+    A, B, C = (
+        np.diag(-(10.0 ** rng.uniform(-2.0, 2.0, 6))),
+        rng.standard_normal((6, 1)),
+        rng.standard_normal(6),
+    )
+    turns = [np.linalg.qr(rng.standard_normal((6, 6)))[0] for _ in "ab"]
+    T = turns[0] @ np.diag(np.geomspace(1.0, condition, 6)) @ turns[1]
+    back = np.linalg.inv(T)
+    laws = (
+        StateSpace(A, B, 0.1 * C[None], [[0.0]]),
+        StateSpace(T @ A @ back, T @ B, 0.1 * C[None] @ back, [[0.0]]),
+    )
+    plain, mixed = (Compensator(law, (WAY,), (FORCE,)) for law in laws)
+    return plain, mixed
+
+
+def _three_modes(rng: np.random.Generator) -> Plant:
+    modes = sum_of_modes([1.0, 3.0, 7.0], 0.01, rng.standard_normal((3, 1)), rng.standard_normal((1, 3)))
+    return grouped_plant(modes, (FORCE,), (WAY,))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.7])
+@pytest.mark.parametrize("condition", [1e4, 1e7, 1e8])
+def test_a_law_in_mixed_states_is_decided_as_in_its_own_or_not(
+    condition: float, late: float, campaign: Callable[[int], range]
+) -> None:
+    """Rounding in mixed states moves roots by the condition: none passes for what it is not."""
+    for seed in campaign(200):
+        rng = np.random.default_rng([3, seed])
+        plain, mixed = _mixed_law(rng, condition)
+        plant = delay_plant(_three_modes(rng), late) if late else _three_modes(rng)
+        truth = decide_stability(plant, plain)
+        try:
+            assert decide_stability(plant, mixed).growing == truth.growing
+        except NumericalError:
+            assert condition > 1e4
+
+
+@pytest.mark.parametrize("late", [0.0, 0.7])
+def test_a_plant_that_a_law_leaves_undecided_counts_as_lost_among_many(late: float) -> None:
+    undecided = 0
+    for seed in range(6):
+        rng = np.random.default_rng([4, seed])
+        plain, law = _mixed_law(rng, 3e7)
+        plants = [delay_plant(p, late) if late else p for p in (_three_modes(rng) for _ in range(4))]
+        truth = np.array([decide_stability(plant, plain).stable for plant in plants])
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            stable, rms, _ = noise_on(plants, law, unit_weights(("force",), 1e-6))
+        named = re.search(r"positions ([\d, ]+) from 0", str(said[0].message)) if said else None
+        lost = [int(k) for k in named[1].split(", ")] if named else []
+        assert np.isinf(rms[lost]).all()
+        kept = np.setdiff1d(range(4), lost)
+        assert stable[kept].tolist() == truth[kept].tolist()
+        undecided += len(lost)
+    assert 0 < undecided < 24
 
 
 def test_a_real_root_beside_such_a_pole_stays_real_and_counts_once() -> None:

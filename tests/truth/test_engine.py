@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from engine_cases import OUTPUTS, plain_settings, random_article, random_package
 from middeck.realtime.engine.interface.header import constants, layout
-from middeck.realtime.engine.process.launch import engine_sources
+from middeck.realtime.engine.process.compile import build_engine, engine_sources
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.reference import ReferenceLaw
+from packaged_laws import CLEAN
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RECORDS = (
@@ -64,15 +66,26 @@ def test_the_loop_has_the_bits_of_the_reference(form, real_time, samples):
     assert np.any(np.abs(expected) < 0.5)
 
 
+def recorded(*pieces: int, program: Path | None = None) -> bytes:
+    """The records of a run in so many pieces."""
+    with Supervisor(plain_settings(), random_article(), program=program) as engine:
+        engine.load(random_package())
+        engine.reset()
+        engine.command("engage", values=[1.0])
+        return np.concatenate([engine.run(piece) for piece in pieces]).tobytes()
+
+
 def test_the_same_seed_gives_the_same_bytes():
     """However the run is cut into pieces."""
+    assert recorded(900) == recorded(1, 449, 450)
+
+
+def test_a_second_compiler_gives_the_same_bytes(clang, monkeypatch, tmp_path):
+    """And neither warns of anything."""
     runs = []
-    for pieces in ([900], [1, 449, 450]):
-        with Supervisor(plain_settings(), random_article()) as engine:
-            engine.load(random_package())
-            engine.reset()
-            engine.command("engage", values=[1.0])
-            runs.append(np.concatenate([engine.run(piece) for piece in pieces]).tobytes())
+    for compiler in ("cc", clang):
+        monkeypatch.setenv("CC", compiler)
+        runs.append(recorded(900, program=build_engine(flags=CLEAN, folder=tmp_path)))
     assert runs[0] == runs[1]
 
 

@@ -14,7 +14,8 @@ import pytest
 from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article, random_package
 from middeck.errors import DataError
 from middeck.realtime.engine.process import commanded_engine
-from middeck.realtime.engine.process.launch import DriverRig, UdpRig, build_engine
+from middeck.realtime.engine.process.compile import build_engine
+from middeck.realtime.engine.process.launch import DriverRig, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
 from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST, EngineRig

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,12 +19,14 @@ from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.compare_modes import ModeComparison, compare_modes
+from middeck.structure.model.article import AttachPoint, Spring
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.names.kinds import find_kinds, kinds_by_rank
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
 from repeats import repeats
+from structure_builders import TUBE, body, lab, member, node, springs_above, structure
 
 LAB = "environments/lab.toml"
 FLEXIBLE, SUSPENSION = 0.01, 0.03
@@ -220,3 +224,25 @@ def test_modes_of_one_frequency_are_told_apart_in_any_basis():
     assert shares[1:] == [pytest.approx(shares[0], abs=1e-9)] * 2
     assert shares[0][0] > lab.rigid_share[7]
     assert shares[0][1] < lab.rigid_share[8]
+
+
+def test_rigid_shares_of_an_article_with_a_spring_of_its_own_add_up_to_six(
+    campaign: Callable[[int], range],
+) -> None:
+    """All six strainless motions are found by their energy, however the article stands in the world."""
+    for seed in campaign(300):
+        rng = np.random.default_rng([6, seed])
+        at = np.cumsum(rng.uniform(-0.2, 0.2, (4, 3)), axis=0)
+        masses, spots = rng.uniform(1.0, 4.0, 4), {f"t{x}": p for x, p in zip("abcd", at, strict=True)}
+        bodies = [body(m, inertia=(1e-3, 1.2e-3, 1.5e-3)) for m in masses]
+        stiff = dataclasses.replace(TUBE, EI_y=3e3, EI_z=4e3, EA=1e8, GJ=2e3)
+        reach = 0.8 * float(np.linalg.norm(at[3] - at[0]))
+        parts = structure(
+            [node(x, p, b) for x, p, b in zip("abcd", at, bodies, strict=True)],
+            [member(*ends, stiff, 1, rng.standard_normal(3).tolist()) for ends in ("ab", "bc", "cd")],
+            springs=[Spring(name="tie", start="ta", end="td", stiffness=200.0, free_length=reach)],
+            attach=[AttachPoint(f"t{x}", x, np.zeros(3)) for x in "abcd"],
+        )
+        hung = modes_in(parts, lab(*springs_above(spots, 3.0, 2.5 * parts.mass, 2.0)))
+        assert hung.rigid_share.sum() == pytest.approx(6.0, abs=1e-6)
+        assert hung.kind[:6] == ("suspension",) * 6

@@ -10,7 +10,7 @@ import pytest
 
 import middeck as md
 import structure_builders as build
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import (
     AddedMass,
     AttachPoint,
@@ -45,7 +45,7 @@ TORSION = Unknown(name="torsion", parameters=("member.wing.GJ",), spread=0.1)
 WEIGHT = Unknown(name="weight", parameters=("node.tip.mass",), spread=0.1)
 
 
-def wing(stiffer: float = 1.0, twist: float = 1.0) -> Structure:
+def wing(stiffer: float = 1.0, twist: float = 1.0, aft: float = 0.02) -> Structure:
     """A metre of beam along y, a small body at its tip."""
     section = Section(
         EA=1e6,
@@ -56,7 +56,7 @@ def wing(stiffer: float = 1.0, twist: float = 1.0) -> Structure:
         rho_I_y=0.0,
         rho_I_z=0.0,
     )
-    top = build.body(0.1, (0.02, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
+    top = build.body(0.1, (aft, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
     beam = Member(name="wing", start="root", end="tip", section=section, elements=4, up=UP)
     return build.structure([build.node("root", (0, 0, 0)), build.node("tip", (0, LENGTH, 0), top)], [beam])
 
@@ -271,6 +271,28 @@ def test_an_article_without_static_tests_is_predicted_with_the_usual_errors():
     (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
     assert told.seen == 0.0
     assert told.std[0] / abs(told.value[0]) == pytest.approx(0.02, rel=0.2)
+
+
+@pytest.mark.parametrize("part", [0.97, 1.03])
+def test_a_load_that_buckles_the_article_is_no_reading(part: float):
+    """A column upright: its tip stays where it is, and nobody would find it there (Euler 1757).
+
+    P / (2.467 EI / L^2) + q L / (7.837 EI / L^2) = 1 (Timoshenko and Gere 1961, 2.12).
+    """
+    upright = Environment(title="upright", gravity=np.array([0.0, -G, 0.0]), clamps=(Clamp(node="root"),))
+    weight = 2.4674 * EI / LENGTH**2 * (1.0 - 0.2 * G * LENGTH**3 / (7.8373 * EI))
+    case, column = hung(part * weight / G - 0.1), wing(aft=0.0)
+    refined = refine(column, [], [BENDING], statics=sagged(column, (0.5, 1.0), (TIP,)))
+    if part < 1.0:
+        (told,) = predict_deflections(refined, upright, [case], [TIP])
+        assert abs(told.value[0]) < 1e-6
+        return
+    with pytest.raises(NumericalError, match=r"not stable: it buckles") as refused:
+        predict_deflections(refined, upright, [hung(0.1), case], [TIP])
+    assert case.name in refused.value.where
+    test = StaticTest(name="t", environment=upright, gauges=(TIP,), value=np.zeros(1), load_case=case)
+    with pytest.raises(NumericalError, match="buckles"):
+        refine(column, [], [BENDING], statics=[test])
 
 
 def _refined() -> Refined:

@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 import middeck as md
 import structure_builders as build
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
@@ -23,8 +23,15 @@ from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
-from middeck.updating.refinement.posterior import KNOWN, Linear, estimate, unseen_deviations
-from middeck.updating.refinement.refine import refine
+from middeck.updating.refinement.posterior import (
+    KNOWN,
+    Linear,
+    estimate,
+    estimate_at,
+    excess,
+    unseen_deviations,
+)
+from middeck.updating.refinement.refine import Refined, off_the_rest, refine
 from middeck.updating.residuals.surveys import Survey, compare
 from middeck.updating.unknowns.unknowns import Unknown, bind, change
 from repeats import repeats
@@ -264,6 +271,16 @@ def test_what_the_surveys_do_not_see_is_named():
     assert "a combination of modulus and top, but not each" in told
 
 
+def test_an_unknown_far_from_its_prior_is_named():
+    """A prior of 1 % for a modulus that is 5 % off: the number, and that its prior or the model is wrong."""
+    seen = survey_of(modes_of(mast(EI=1.05), clamped()), MeasurementNoise(1e-4, 0.02), chosen=(0, 1))
+    tight = dataclasses.replace(MODULUS, spread=0.01)
+    (said,) = [line for line in findings(refine(mast(), [seen], (tight,))) if "from its prior" in line]
+    assert said.startswith("modulus ends ")
+    assert 3.0 < float(said.split()[2]) < 5.0
+    assert not any("from its prior" in line for line in findings(refine(mast(), [seen], (MODULUS,))))
+
+
 def test_unknowns_are_weighed_before_they_are_refined():
     """A modulus, the same again as half of it, and what moves nothing; the modulus is what is wrong."""
     idle = Unknown(name="axial", parameters=("member.mast.EA",), spread=0.1)
@@ -310,6 +327,69 @@ def test_the_sheet_is_refined_far_below_its_errors(seed: int):
     assert np.max(np.abs(error / predicted.log_std)) < 3.5
 
 
+def test_what_an_estimate_leaves_is_as_large_as_it_is_let_expect():
+    """Its square is one in the mean over y drawn as the problem says; nine times as much for thrice y."""
+    rng = np.random.default_rng(2)
+    known = np.full(4, KNOWN)
+    problem = Linear(
+        y=np.zeros(9), std=rng.uniform(0.5, 2.0, 9), J=rng.standard_normal((9, 3)), spread=np.ones(3),
+        S=rng.standard_normal((9, 4)), rest=rng.uniform(0.0, 1.0, 9), sort=known,
+        row_sort=np.zeros(9, dtype=int), sorts=1,
+    )  # fmt: skip
+    rows = np.arange(9) < 7
+    squares = []
+    for _ in range(600):
+        noise = np.hypot(problem.std, 0.3 * np.sqrt(problem.rest)) * rng.standard_normal(9)
+        y = problem.J @ rng.standard_normal(3) + problem.S @ rng.standard_normal(4) + noise
+        drawn = dataclasses.replace(problem, y=y)
+        squares.append(excess(drawn, estimate_at(drawn, np.array([0.3])), rows) ** 2)
+    # Of chi square over three degrees of freedom or so: a deviation of 0.035 in the mean of 600.
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.14)
+    thrice = dataclasses.replace(drawn, y=3.0 * y)
+    assert excess(thrice, estimate_at(thrice, np.array([0.3])), rows) ** 2 == pytest.approx(9.0 * squares[-1])
+    alone = np.arange(9) == 0
+    assert excess(drawn, estimate_at(drawn, np.array([0.3])), alone) == 0.0
+
+
+def twice_surveyed(off: float, seed: int = 0, noise: float = 1e-3) -> Refined:
+    """Two surveys of one mast that each state 0.1 %, the second ``off`` in all of its frequencies."""
+    modes = modes_of(mast(EI=1.05, split=1.3), clamped())
+    rng, surveys = np.random.default_rng([seed, 3]), []
+    for k, factor in enumerate((1.0, 1.0 + off)):
+        one = survey_of(modes, MeasurementNoise(1e-3, 0.02), seed)
+        hz = factor * modes.frequency_hz[:6] * (1.0 + noise * rng.standard_normal(6))
+        measured = dataclasses.replace(one.measured, frequency_hz=hz, frequency_std_hz=1e-3 * hz)
+        surveys.append(dataclasses.replace(one, name=f"test {k}", measured=measured))
+    return refine(mast(split=1.3), surveys, (MODULUS, TOP))
+
+
+def test_surveys_that_contradict_are_said_to():
+    """One per cent apart where each states 0.1 %: said, by how much and which way, and no longer believed."""
+    sound, off = twice_surveyed(0.0), twice_surveyed(0.01)
+    assert not any("contradict" in line for line in findings(sound))
+    (said,) = [line for line in findings(off) if "contradict" in line]
+    means = dict(off_the_rest(off))
+    assert [means["test 0"], means["test 1"]] == pytest.approx([-0.005, 0.005], abs=5e-4)
+    assert f"test 0 by {100.0 * means['test 0']:+.2g} %, test 1 by {100.0 * means['test 1']:+.2g} %" in said
+    np.testing.assert_array_equal(sound.compared[0].std[:6], sound.compared[0].survey.std[:6])
+    narrow, wide = (predict_modes(one, clamped(0.0), count=6) for one in (sound, off))
+    assert np.all(wide.log_std > 2.0 * narrow.log_std)
+
+
+@pytest.mark.parametrize("first", repeats([0, 10, 20], 1))
+def test_intervals_hold_where_surveys_know_less_than_they_state(first: int):
+    """Frequencies off by four times what is stated: of 24 intervals a few miss, where most would."""
+    true = modes_of(mast(EI=1.05, split=1.3), clamped(0.0)).frequency_hz[:6]
+    missed = said = 0
+    for seed in range(first, first + 4):
+        found = twice_surveyed(0.0, seed, 4e-3)
+        said += any("contradict" in line for line in findings(found))
+        told = predict_modes(found, clamped(0.0), count=6)
+        missed += int(np.sum(np.abs(np.log(told.frequency_hz / true)) > 1.96 * told.log_std))
+    assert said >= 3
+    assert missed <= 5  # one expected, and modes of one survey miss together
+
+
 @pytest.mark.parametrize(
     ("unknowns", "what"),
     [
@@ -341,6 +421,8 @@ def test_surveys_that_cannot_be():
     far = dataclasses.replace(seen.measured, frequency_hz=1e4 * seen.measured.frequency_hz)
     with pytest.raises(ConfigError, match="resembles"):
         refine(mast(), [dataclasses.replace(seen, measured=far)], [MODULUS])
+    with pytest.raises(NumericalError, match="the rest state is not stable"):
+        refine(mast(EI=0.6, mass=8.0), [seen], [MODULUS])
     with pytest.raises(ConfigError, match="both the article and the environment"):
         Unknown(name="a", parameters=("members.E", "environment.bounce_hz"), spread=0.1)
     with pytest.raises(ConfigError, match=r"spread of 0\.0"):

@@ -105,9 +105,11 @@ def _usage(error: click.UsageError, context: click.Context) -> int:
     import click
 
     message = error.format_message()
+    known = [name for one in context.command.params for name in one.opts]
+    if "unexpected extra argument" in message and "--environment" in known:
+        message = f"{message}: an environment is an option, as --environment lab"
     if isinstance(error, click.NoSuchOption):
         # Whoever shortens an option means that one, not one of as many letters.
-        known = [name for one in context.command.params for name in one.opts]
         meant = [f"'{name}'" for name in known if name.startswith(error.option_name)]
         message = f"{error.message} Did you mean {' or '.join(meant)}?" if meant else message
     advice = f"{context.get_usage()}\n  try: {context.command_path} --help"

@@ -6,7 +6,7 @@ from .engine.interface.settings import (
     EngineSettings as EngineSettings,
     SensorTest as SensorTest,
 )
-from .engine.process.launch import build_engine as build_engine
+from .engine.process.compile import build_engine as build_engine
 from .engine.process.launch import (
     DriverRig as DriverRig,
     UdpRig as UdpRig,

@@ -37,7 +37,7 @@ def summary_lines(numbers: dict[str, Any]) -> list[str]:
         f"mass         {numbers['mass_kg']:.3f} kg",
         f"centre       {_row(numbers['centre_of_mass_m'])} m, undeformed, x y z",
         f"inertia      {_row(np.diag(inertia))} kg m^2 about it, xx yy zz",
-        f"             {_row(products, np.abs(inertia).max())} kg m^2, xy xz yz",
+        f"             {_row(products, np.abs(inertia).max())} kg m^2, xy xz yz, minus the products",
     ]
 
 

@@ -110,8 +110,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     return [
         *case_lines(document),
         Table("shares of the shift, Hz", headers, rows),
-        "\nsusp.: devices; stiff.: inner forces and weight; deform.: the static shape. Means over six orders;"
-        "\norder: the widest range of a share over them. The sum of the shares is the shift.",
+        "\nsusp.: devices, springs to the ground; stiff.: inner forces and weight; deform.: the static shape."
+        "\nMeans over six orders; order: the widest range of a share over them. Their sum is the shift.",
         *(
             ["* keeps less than half of its 0-g shape when some effects are off: shares are unclear"]
             if doubt

@@ -116,6 +116,8 @@ def verb(
     from middeck.structure.correlation.reduction import Reduction
 
     measured = load_measured_modes(test)
+    if figure_file is not None and not measured.node:
+        raise click.UsageError("--figure draws shapes, and a survey of frequencies alone has none")
     given = None if noise is None else MeasurementNoise(*noise)
     criteria = _criteria(profile, limits)
     top = NEAR * float(measured.frequency_hz.max())

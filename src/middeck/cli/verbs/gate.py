@@ -201,7 +201,8 @@ def _rig(
     paper: bool,
 ) -> GateRig | None:
     """The rig that was named, behind this engine, or one with the ports, ranges and limits of the package."""
-    from middeck.realtime.engine.process.launch import DriverRig, UdpRig, build_engine
+    from middeck.realtime.engine.process.compile import build_engine
+    from middeck.realtime.engine.process.launch import DriverRig, UdpRig
     from middeck.realtime.gate.steps_on_rig import GateRig, package_settings
 
     if port is not None and driver is not None:

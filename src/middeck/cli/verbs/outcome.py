@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
@@ -34,7 +35,7 @@ def verb(
     OUTCOME has frequencies, shapes and decibels as they came: docs/reference/files.md. Modes are paired with
     promised ones by shape where OUTCOME names a survey, else by name or number, and what this leaves open is
     said. The comparison is a document of its own, which names the promise by its hash; a promise that was
-    changed is refused.
+    changed is refused, and a file beside it that it was made of and that was changed is named.
     """
     from middeck.cli.shown.blame import reading
     from middeck.files.json.output import write_json
@@ -44,7 +45,7 @@ def verb(
     promised = read_promise(promise)
     came = load_outcomes(outcome)
     with reading(outcome):
-        document = comparison_document(promised, came, date=options.day(date))
+        document = comparison_document(promised, came, date=options.day(date), beside=Path(promise).parent)
     if target is not None:
         write_json(target, document)
     if figure_file is not None:

@@ -76,7 +76,8 @@ def verb(
     nodes = options.separate_names(boundary)
     if not nodes or (count is None) == (upto_hz is None):
         raise ConfigError(
-            "a reduction needs a boundary and how many modes", hint="--boundary, and --modes or --upto-hz"
+            "a reduction needs a boundary and how many modes",
+            hint="--boundary, and one of --modes and --upto-hz",
         )
     name = "component" if target is None else Path(target).stem
     with reading(path):

@@ -9,7 +9,6 @@ import scipy.linalg as sla
 from jaxtyping import Complex
 
 from middeck.control.analysis.loop.feedback_loop import (
-    FeedbackLoop,
     approximate_halves,
     close_channels,
     form_loop,
@@ -91,13 +90,10 @@ def integrate_band_noise(
     generalize(remove_delays(plant), weights, 1.0)  # refuses what `integrate_noise` does
     respond, outputs = _noise_response(plant, compensator, weights), len(weights.output)
     unit = np.eye(len(weights.process) + len(weights.sensor))
-    rms = response_rms(respond, _peaks(form_loop(plant, compensator)), unit, band_hz)
+    rms = response_rms(
+        respond, poles(close_channels(approximate_halves(form_loop(plant, compensator)))), unit, band_hz
+    )
     return float(np.linalg.norm(rms[:outputs])), float(np.linalg.norm(rms[outputs:]))
-
-
-def _peaks(loop: FeedbackLoop) -> Complex[np.ndarray, " pole"]:
-    """Near which frequencies the response may be narrow."""
-    return poles(close_channels(approximate_halves(loop)))
 
 
 def _noise_response(

@@ -33,8 +33,7 @@ from middeck.structure.model.article import (
     Structure,
     Wheel,
 )
-from middeck.structure.model.member_axes import default_up
-from middeck.structure.model.section import MemberMass, Section, coupled_section, shifted_section
+from middeck.structure.model.section import MemberMass, Section, coupled_section, default_up, shifted_section
 
 HERE = Path()
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}

@@ -25,7 +25,7 @@ from middeck.files.toml.form import inertia_matrix, keys_of
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, all_numbers, array_of, is_number, is_vector, table_of, tables
 from middeck.structure.elements.rotations import cross
-from middeck.structure.model.inertia import impossible_moments
+from middeck.structure.model.article_checks import impossible_moments
 
 FORMS = {"node": NodeForm, "gimbal": GimbalForm, "revolute": RevoluteForm}
 # Tables of bodies: how keys of their inertia begin, and how names of their frames end.

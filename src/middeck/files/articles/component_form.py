@@ -13,7 +13,7 @@ from middeck.files.toml.form import Name, Vector, whole
 class ComponentForm(AxesForm):
     """Matrices in a file beside the article, and the frame that each of its boundary grids is fixed to.
 
-    ``cards`` (the punch file) and ``units`` belong to OUTPUT4 and punched matrices.
+    ``cards`` (the punch file) are of OUTPUT4 and punched matrices; NPZ and MAT without ``units`` are in SI.
     """
 
     name: Name

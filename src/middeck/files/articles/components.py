@@ -152,13 +152,40 @@ def build_component(form: ComponentForm, folder: Path) -> Component:
     )
 
 
+def _in_si(part: Component, text: str) -> Component:
+    """The component of a file in other units; outputs along x, y and z are lengths."""
+    from middeck.files.nastran.deck.units import parse_units
+
+    units = parse_units(text)
+    step = np.ones(len(part.stiffness))
+    step[: 6 * len(part.grids)].reshape(-1, 6)[:, :3] = 1.0 / units.length
+    energy = units.mass * units.length**2 / units.time**2 * np.outer(step, step)
+    lengths = [x[-2:] in (" x", " y", " z") and "turn about" not in x for x in part.outputs]
+    out = np.where(lengths, units.length, 1.0)
+    return dataclasses.replace(
+        part,
+        positions=units.length * part.positions,
+        stiffness=energy * part.stiffness,
+        mass=energy * units.time**2 * part.mass,
+        damping=None if part.damping is None else energy * units.time * part.damping,
+        recovery=None if part.recovery is None else np.outer(out, step) * part.recovery,
+    )
+
+
 def _read(form: ComponentForm, folder: Path) -> Component:
     from middeck.files.nastran.components.external import read_external
     from middeck.files.nastran.deck.units import parse_units
 
     path = folder / form.file
     if path.suffix in (".npz", ".mat"):
-        return load_component(path)
+        if form.cards or form.superelement:
+            raise ConfigError(
+                f"cards and superelement are of OUTPUT4 and punched matrices, not of {path.suffix}",
+                where=f"component {form.name!r}",
+                hint="leave them out",
+            )
+        part = load_component(path)
+        return _in_si(part, form.units) if form.units else part
     if form.units is None:
         raise ConfigError(
             "matrices of another program do not state their units",

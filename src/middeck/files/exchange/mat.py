@@ -36,7 +36,7 @@ GROUPS = ("w", "u", "z", "y")
 KINDS = ("", "plant", "compensator", "system")
 NEGATIVE, POSITIVE = "negative", "positive"
 DELAYS = ("InputDelay", "OutputDelay", "IODelay", "ioDelay")
-HINT = "s.A = K.A; ... save('law.mat', '-struct', 's') of an ss object's matrices"
+HINT = "of an ss object K save A = K.A, B = K.B, C = K.C, D = K.D, Ts = K.Ts"
 
 
 def write_mat(path: str | Path, value: Exchangeable, *, negative_feedback: bool = False) -> None:

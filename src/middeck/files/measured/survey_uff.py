@@ -1,6 +1,6 @@
 """Modal surveys in universal files: shapes in data sets 55 or 2414, nodes in 15 or 2411, units in 164.
 
-Motions along Cartesian axes of 2420 are turned into the global ones; other systems are refused.
+Motions along Cartesian or cylindrical axes of 2420 are turned into the global ones; places are in these.
 
 Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
 file formats). Header (151), trace lines (82) and functions (58) of the same file are passed over.
@@ -173,11 +173,11 @@ def _length(found: TextSet, path: Path) -> float:
 
 
 class _Systems:
-    """The Cartesian coordinate systems of a file: unit vectors in rows, then the origin."""
+    """The coordinate systems of a file, Cartesian or ``round``: unit vectors in rows, then the origin."""
 
     def __init__(self, sets: list[TextSet], path: Path) -> None:
         self.read = {0: np.eye(4, 3), 1: np.eye(4, 3)}
-        self.odd = set[int]()
+        self.odd, self.round = set[int](), set[int]()
         self.unread = any(s.number == 18 for s in sets)
         for found in (s for s in sets if s.number == 2420):
             lines = _Lines(found, path)
@@ -189,18 +189,24 @@ class _Systems:
                 matrix = np.array([lines.real(3, 25, 3) for _ in range(4)])
                 square = np.abs(matrix[:3] @ matrix[:3].T - np.eye(3)).max() < AXES_OFF
                 self.read[label] = matrix
-                if kind or not square or np.linalg.det(matrix[:3]) < 0.0:
+                if kind == 1:
+                    self.round.add(label)
+                if kind > 1 or not square or np.linalg.det(matrix[:3]) < 0.0:
                     self.odd.add(label)
 
-    def axes(self, node: int, what: str, label: int, where: str) -> np.ndarray:
+    def axes(self, node: int, what: str, label: int, at: np.ndarray, where: str) -> np.ndarray:
         """Unit vectors in rows. Raises `DataError` for a system that is not described, or cannot be used."""
         if label in self.read and label not in self.odd:
             matrix = self.read[label]
             if what == "displacement":
-                return np.where(np.abs(matrix[:3]) > AXES_OFF, matrix[:3], 0.0)  # printed zeros
-            if np.abs(matrix - np.eye(4, 3)).max() < AXES_OFF:
+                axes = _polar(matrix, at) if label in self.round else matrix[:3]
+                if np.isfinite(axes).all():
+                    return np.where(np.abs(axes) > AXES_OFF, axes, 0.0)  # printed zeros
+            elif label not in self.round and np.abs(matrix - np.eye(4, 3)).max() < AXES_OFF:
                 return np.eye(3)
         known = "turned, shifted or not Cartesian" if label in self.read else "not in data set 2420"
+        if label in self.read and what == "displacement":
+            known = "no unit vectors, spherical, or cylindrical about the node"
         if self.unread and label not in self.read:
             known = "in data set 18, which is not read"
         raise DataError(
@@ -208,6 +214,13 @@ class _Systems:
             where=where,
             hint="export shapes and nodes in global axes",
         )
+
+
+def _polar(matrix: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Radial, tangential and axial directions at a place, not finite on the axis."""
+    x, y, _ = matrix[:3] @ (at - matrix[3])
+    r = np.hypot(x, y) if np.hypot(x, y) > AXES_OFF * np.abs(at - matrix[3]).max() else np.nan
+    return np.array([[x / r, y / r, 0.0], [-y / r, x / r, 0.0], [0.0, 0.0, 1.0]]) @ matrix[:3]
 
 
 def _turn(table: np.ndarray, axes: np.ndarray, node: int, path: Path) -> np.ndarray:
@@ -258,8 +271,8 @@ def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, tuple[np.
         else:
             number, defined, axes, *_ = lines.whole(4)
             at = lines.real(3, 25, 3)
-        own = systems.axes(number, "displacement", axes, lines.where())
-        systems.axes(number, "coordinate", defined, lines.where())
+        own = systems.axes(number, "displacement", axes, at, lines.where())
+        systems.axes(number, "coordinate", defined, at, lines.where())
         if number in places and not np.array_equal(places[number][0], at):
             raise DataError(f"node {number} stands at two places", where=lines.where(), hint=AGAIN)
         places[number] = at, own

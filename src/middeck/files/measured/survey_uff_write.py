@@ -5,6 +5,7 @@ Nodes are set 2411 or 15, shapes 55 or 2414.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -28,7 +29,7 @@ def write_uff(
 ) -> None:
     """Write shapes in SI and global axes, whole or not at all; members of ``structure`` as trace lines.
 
-    Nodes have the number at the end of their name where no two share one, else their place in the list.
+    A node has the number at the end of its name; without one, or with another's, a number that no name has.
     ``sets`` are those of nodes (2411, or 15 with six digits) and of shapes (55 or 2414). Numbers have six
     digits; standard deviations have no place in the format and are left out. Directions that were not
     measured are zero, as the format has it.
@@ -69,14 +70,13 @@ def write_uff(
 
 def _numbers(measured: MeasuredModes, where: str) -> dict[str, int]:
     names = list(dict.fromkeys(measured.node))
-    ends = [re.search(r"\d{1,9}$", name) for name in names]
-    numbers = [int(m[0]) for m in ends if m]
-    if len(set(numbers)) == len(names) and min(numbers) > 0:
-        return dict(zip(names, numbers, strict=True))
-    if measured.position_m is None:
+    ends = {name: int(m[0]) for name in names if (m := re.search(r"\d{1,9}$", name))}
+    own = {name: n for name, n in ends.items() if n and list(ends.values()).count(n) == 1}
+    if len(own) < len(names) and measured.position_m is None:
         hint = "names that end in numbers, or position_m of each channel"
         raise DataError("nodes have neither numbers of their own nor places", where=where, hint=hint)
-    return {name: k for k, name in enumerate(names, 1)}
+    free = itertools.count(max(ends.values(), default=0) + 1)
+    return {name: own.get(name) or next(free) for name in names}
 
 
 def _set(text: IO[str], number: int, lines: list[str]) -> None:

@@ -82,8 +82,8 @@ class SaidPlace(Said):
     compensators: Annotated[tuple[SaidLoop, ...], Field(strict=False)] = ()
 
 
-class SaidPlants(Said):
-    """The file of the plants that were drawn."""
+class SaidFile(Said):
+    """A file that the promise stands on, or that of the plants that were drawn."""
 
     name: str
     sha256: str
@@ -94,8 +94,9 @@ class SaidForm(Said):
 
     schema_: Literal["middeck.promise/1"] = Field(alias="schema")
     date: str
+    files: Annotated[tuple[SaidFile, ...], Field(strict=False)] = ()
     shares: Annotated[tuple[Share, ...], Field(strict=False)] = ()
-    plants: SaidPlants | None = None
+    plants: SaidFile | None = None
     environments: Annotated[tuple[SaidPlace, ...], Field(strict=False, min_length=1)]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -136,8 +136,12 @@ def _nameless(form: OutcomeForm) -> list[Finding]:
     ]
 
 
-def comparison_document(promise: Mapping[str, Any], came: Came, *, date: str) -> dict[str, Any]:
+def comparison_document(
+    promise: Mapping[str, Any], came: Came, *, date: str, beside: Path | None = None
+) -> dict[str, Any]:
     """What came beside ``promise``, which it names by its seal and does not change.
+
+    ``remarks`` name files in folder ``beside`` that are no longer what the promise was made of.
 
     Modes are paired by shape where a survey came, else by name or number; ``remarks`` say which pairs are
     open. Raises `DataError` for an outcome of which nothing was promised.
@@ -158,7 +162,7 @@ def comparison_document(promise: Mapping[str, Any], came: Came, *, date: str) ->
             "versions": versions(),
             "outcome": first,
             "surveys": others,
-            "remarks": remarks,
+            "remarks": [*([] if beside is None else _changed(promise, beside)), *remarks],
             "verdicts": [
                 _row(v, said[v.kind, v.name], o) | (_pairing(dict(named)[v.name]) if v.kind == "mode" else {})
                 for v, o in zip(verdicts, outcomes, strict=True)
@@ -166,6 +170,16 @@ def comparison_document(promise: Mapping[str, Any], came: Came, *, date: str) ->
             "score": score(verdicts),
         }
     )
+
+
+def _changed(promise: Mapping[str, Any], folder: Path) -> Iterator[str]:
+    for file in promise.get("files", ()):
+        path = folder / Path(file["name"]).name
+        if path.is_file() and sha256_of(path) != file["sha256"]:
+            yield (
+                f"{path.name} beside the promise is not the file that it was made of (another sha256): "
+                "made again from it, the promise would be another one"
+            )
 
 
 def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:

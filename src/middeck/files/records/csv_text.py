@@ -352,6 +352,8 @@ def _with_gaps(
     if not is_even(time, index, step, digit):
         worst = int(late.argmax()) + 1
         coarse = 0.0 <= usual <= 2.0 * digit
+        if usual < 0.0:
+            raise DataError("time falls", where=f"{file}, channel time", hint="sort the lines by time")
         raise DataError(
             f"uneven time steps: sample {worst} is {late[worst - 1]:.3g} s off steps of {usual:.6g} s",
             where=f"{file}, channel time",

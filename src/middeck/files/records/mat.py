@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import h5py
 import numpy as np
 import scipy.io
 import scipy.sparse as sp
-from scipy.io.matlab import MatlabOpaque, MatReadError
+from scipy.io.matlab import MatlabOpaque
 
 from middeck.errors import DataError
 from middeck.files.disk.atomic import replacing
@@ -31,10 +30,6 @@ LINES = 8192  # of which the stamps show their last digit
 MOST_BYTES = 2**31
 SPARSE = "MATLAB_sparse"  # attribute of a group: the number of rows
 MOST_FILLED = 2**26  # entries of a sparse matrix that is filled: half a gigabyte
-BROKEN = (
-    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, NotImplementedError),
-    *(MemoryError, OverflowError, RuntimeError, AssertionError, zlib.error, MatReadError),
-)
 
 
 def read_mat(file: Path, variable: str) -> Raw:
@@ -114,8 +109,10 @@ def _rate_of_times(time: np.ndarray, where: str) -> tuple[float, float]:
 def mat_arrays(file: Path) -> dict[str, np.ndarray]:
     """All variables by name, of either version; those of a structure as ``run.force``, cells as texts."""
     with open(file, "rb") as stream:
-        is_hdf5 = stream.read(19) == b"MATLAB 7.3 MAT-file"
-    return _read_73(file) if is_hdf5 else _read_5(file)
+        begin = stream.read(19)
+    if begin.startswith((b"# Created by Octave", b"Octave-1", b"\x89HDF")):
+        raise DataError("Octave's own form or HDF5, not a MAT file", where=str(file), hint="save it with -v7")
+    return _read_73(file) if begin == b"MATLAB 7.3 MAT-file" else _read_5(file)
 
 
 def _four_axes(x: np.ndarray) -> np.ndarray:
@@ -126,7 +123,7 @@ def _four_axes(x: np.ndarray) -> np.ndarray:
 def _read_5(file: Path) -> dict[str, np.ndarray]:
     try:
         content = scipy.io.loadmat(str(file), chars_as_strings=True, mat_dtype=False)
-    except BROKEN as error:
+    except Exception as error:  # SciPy raises what it meets
         what = f"truncated or not a MAT file: {' '.join(str(error).split())}"
         raise DataError(what, where=str(file), hint="copy or record it again") from None
     found: dict[str, np.ndarray] = {}

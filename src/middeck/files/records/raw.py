@@ -132,6 +132,9 @@ def choose(heads: tuple[Head, ...], columns: Columns | None, where: str) -> Chos
             hint='name them: name_columns(["torque [N m]"], ["angle [rad]"])',
         )  # fmt: skip
     u, y = (tuple(k for k, _ in sides[side]) for side in ("input", "output"))
+    if twice := [k for n, k in enumerate((*u, *y)) if k in (*u, *y)[:n]]:
+        what = f"channel {heads[twice[0]].name or twice[0] + 1} is named twice"
+        raise DataError(what, where=where, hint="each once, as an input or as an output")
     inputs, outputs = (tuple(port for _, port in sides[side]) for side in ("input", "output"))
     return Chosen(u, y, inputs, outputs)
 

@@ -100,7 +100,8 @@ def check_channels(sample_hz: float, inputs: Sequence[Port], outputs: Sequence[P
     for side, ports in (("input", inputs), ("output", outputs)):
         if not ports:
             hint = 'name both: name_columns(["torque [N m]"], ["angle [rad]"])'
-            raise DataError(f"no {side} channels", where=where, hint=hint)
+            there = ", ".join(p.name for p in (*inputs, *outputs)[:9])
+            raise DataError(f"no {side} channels; there is {there or 'none'}", where=where, hint=hint)
         names = [p.name for p in ports]
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:

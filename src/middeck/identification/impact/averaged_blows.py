@@ -18,13 +18,16 @@ from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
 from middeck.identification.spectra.averages import Spectra
 from middeck.identification.spectra.coherence import ordinary_coherence
 from middeck.identification.spectra.h1_h2_hv import spectra_response
-from middeck.identification.spectra.scattered_response import trusted
+from middeck.identification.spectra.scattered_response import ResponseScatter, trusted
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record as frozen
 
-# Share of the response's first rms that the window leaves of it at the end.
-END = 1e-3
+# Share of the response's first rms that the window leaves of it at the end: at most, and of the deviation of
+# the response at its peaks. What is cut off there is alike in all blows: no scatter shows it.
+END, END_OF_NOISE = 1e-3, 0.05
+# Lines of a peak, by their size over the largest.
+PEAK = 0.5
 # Lines are of use down to this share of the force's largest power (20 dB).
 USEFUL = 0.01
 # Samples of the force window's slope after the pulse: the ringing of filters.
@@ -73,7 +76,8 @@ def average_blows(
         record: One input, the force; one or several experiments, of one blow or several each.
         ratio: "h1" where the responses are noisy, "h2" where the force is (and at resonances).
         window_s: Time constant of the exponential window [s]; infinity for none. By default the longest that
-            leaves a thousandth of the response at the end of a block, none where it has decayed so far.
+            leaves a thousandth of the response at the end of a block, and less than noise makes of its
+            peaks, none where it has decayed so far.
         band_hz: Lines to keep; by default up to where the force falls 20 dB below its largest power.
         blow_s: As of `locate_blows`.
 
@@ -94,7 +98,6 @@ def average_blows(
     force = np.stack([(x - np.median(x)) * window for x, window in struck])
     levels = [_at_rest(x) for x in y]
     answer = np.stack([y[b.experiment, b.first : b.first + size] - levels[b.experiment] for b in good])
-    tau = _time_constant(answer, record.sample_hz) if window_s is None else window_s
     blocks = Record(
         sample_hz=record.sample_hz,
         u=force[:, None, :, None],
@@ -103,9 +106,14 @@ def average_blows(
         outputs=record.outputs,
         periodic=False,
     )
+    tau = _time_constant(blocks, END) if window_s is None else window_s
     spectra = _spectra(blocks, tau)
     band_hz = _useful(spectra) if band_hz is None else band_hz
     found = spectra_response(spectra, ratio, band_hz=band_hz)
+    if window_s is None:
+        tau = _time_constant(blocks, min(END, END_OF_NOISE * _noise_of_peaks(found)))
+        spectra = _spectra(blocks, tau)
+        found = spectra_response(spectra, ratio, band_hz=band_hz)
     variance, covariance = trusted(found)
     response = FrequencyResponse(
         frequency_hz=found.frequency_hz,
@@ -151,12 +159,23 @@ def _at_rest(x: Float[np.ndarray, "sample channel"]) -> Float[np.ndarray, " chan
     return np.array([parts[k][:, c].mean() for c, k in enumerate(least)])
 
 
-def _time_constant(answer: Float[np.ndarray, "blow sample output"], sample_hz: float) -> float:
-    size = answer.shape[1]
+def _time_constant(blocks: Record, end: float) -> float:
+    """The longest that leaves the share ``end`` of the response at the end of a block [s]."""
+    answer, size = blocks.y, blocks.y.shape[2]
     part = max(size // 8, 1)
-    early, late = (np.sqrt(np.mean(x**2, axis=(0, 1))) for x in (answer[:, :part], answer[:, -part:]))
+    early, late = (
+        np.sqrt(np.mean(x**2, axis=(0, 1, 2))) for x in (answer[:, :, :part], answer[:, :, -part:])
+    )
     left = float(np.max(late / early))
-    return np.inf if left <= END else size / sample_hz / np.log(left / END)
+    return np.inf if left <= end else size / blocks.sample_hz / np.log(left / end)
+
+
+def _noise_of_peaks(found: ResponseScatter) -> float:
+    """Relative deviation of the response at its highest peak, of the output that has least."""
+    assert found.total is not None  # blows are averages
+    size, variance = np.abs(found.H[:, :, 0]), found.total[:, :, 0]
+    peak = size >= PEAK * size.max(axis=0)
+    return float(np.sqrt(np.min(np.mean(variance, axis=0, where=peak) / np.max(size**2, axis=0))))
 
 
 def windowed_spectra(

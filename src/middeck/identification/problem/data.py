@@ -13,6 +13,8 @@ from middeck.values import record
 
 # A start is weighted as if the model left this share of the response's rms.
 FIRST_EXCESS = 0.03
+# Terms of drift and edges are one and the same, over a narrow band, up to this share.
+ALIKE = 1e-9
 
 
 @record
@@ -31,6 +33,23 @@ class Transient:
     first: int = 0
     last: int = 0
     steady: Complex[np.ndarray, "column line"] | None = None
+
+    def drift_and_edges(self, s: np.ndarray, degree: int) -> Complex[np.ndarray, "column line"]:
+        """A basis of the spectra at ``s`` that hang on no pole, much alike where the band is narrow.
+
+        Drift, a ramp and to the second degree a parabola, each to the mean square of one; samples that may be
+        anything; and what is steady.
+        """
+        inverse = np.exp(-s * self.period_s)
+        ramp = 1.0 / (1.0 - inverse)
+        drift = np.stack([ramp, inverse * ramp**2])[:degree]
+        drift = drift / np.sqrt(np.mean(np.abs(drift) ** 2, axis=1, keepdims=True))
+        samples = np.concatenate([np.arange(self.first), -1 - np.arange(self.last)])
+        edges = np.exp(-s * self.period_s * samples[:, None])
+        steady = [] if self.steady is None else [self.steady]
+        all_of_them = np.concatenate([drift, edges, *steady]).view(float)
+        _, size, right = np.linalg.svd(all_of_them, full_matrices=False)
+        return right[size > ALIKE * size[0]].view(complex)
 
 
 @record(kw_only=True)
@@ -62,6 +81,12 @@ class Data:
         """Weights, and H times them, lines last: the order of all sums over lines."""
         w = np.ascontiguousarray(self.weight.mT)
         return w, w * self.H.mT
+
+    @functools.cached_property
+    def drift_and_edges(self) -> tuple[Complex[np.ndarray, "column line"], ...]:
+        """Of the transient, to the first degree and to the second."""
+        assert self.transient is not None
+        return tuple(self.transient.drift_and_edges(self.s, degree) for degree in (1, 2))
 
     @property
     def omega(self) -> Float[np.ndarray, " line"]:

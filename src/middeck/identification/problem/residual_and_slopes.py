@@ -23,7 +23,7 @@ class Terms:
         self.B: Complex[np.ndarray, "column line"] = (
             np.zeros((0, len(data.s)), dtype=complex)
             if data.transient is None
-            else transient_columns(layout, self.point, data.transient, data.s)
+            else transient_columns(layout, self.point, data.transient, data)
         )
 
     @functools.cached_property

@@ -24,27 +24,22 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.problem.data import Transient
+from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.unknowns_layout import Layout, Point
-
-# Terms of drift and edges are one and the same, over a narrow band, up to this share.
-ALIKE = 1e-9
 
 
 def transient_columns(
-    layout: Layout, point: Point, transient: Transient, s: Complex[np.ndarray, " line"]
+    layout: Layout, point: Point, transient: Transient, data: Data
 ) -> Complex[np.ndarray, "column line"]:
     """Factors of the unknowns of one experiment's transient in one output: poles, then drift and edges."""
-    up, low, _ = _series(point.poles, transient, s)
+    up, low, _ = _series(point.poles, transient, data.s)
     pairs = layout.pairs
-    poles = np.empty((pairs + len(up), len(s)), dtype=complex)
+    poles = np.empty((pairs + len(up), len(data.s)), dtype=complex)
     poles[0 : 2 * pairs : 2] = up[:pairs] + low[:pairs]
     poles[1 : 2 * pairs : 2] = 1j * (up[:pairs] - low[:pairs])
     poles[2 * pairs :] = up[pairs:]
     double = layout.options.residuals or bool(layout.rigid_pivot)
-    others = [_drift(transient, s, 2 if double else 1), _edges(transient, s)]
-    steady = [] if transient.steady is None else [transient.steady]
-    return np.concatenate([poles, _basis(*others, *steady)])
+    return np.concatenate([poles, data.drift_and_edges[double]])
 
 
 def transient_slopes(
@@ -76,23 +71,3 @@ def _series(
     inverse = np.exp(-s * transient.period_s)
     z = np.exp(poles * transient.period_s)[:, None]
     return 1.0 / (1.0 - z * inverse), 1.0 / (1.0 - z.conj() * inverse), inverse
-
-
-def _drift(transient: Transient, s: np.ndarray, degree: int) -> Complex[np.ndarray, "degree line"]:
-    """What a record drifts by, each to the mean square of one: a ramp, and a parabola."""
-    inverse = np.exp(-s * transient.period_s)
-    ramp = 1.0 / (1.0 - inverse)
-    both = np.stack([ramp, inverse * ramp**2])[:degree]
-    return both / np.sqrt(np.mean(np.abs(both) ** 2, axis=1, keepdims=True))
-
-
-def _edges(transient: Transient, s: np.ndarray) -> Complex[np.ndarray, "sample line"]:
-    """Spectra of the free samples."""
-    samples = np.concatenate([np.arange(transient.first), -1 - np.arange(transient.last)])
-    return np.exp(-s * transient.period_s * samples[:, None])
-
-
-def _basis(*spectra: np.ndarray) -> Complex[np.ndarray, "column line"]:
-    """A basis of real combinations of all these; they are much alike where the band is narrow."""
-    _, size, right = np.linalg.svd(np.concatenate(spectra).view(float), full_matrices=False)
-    return right[size > ALIKE * size[0]].view(complex)

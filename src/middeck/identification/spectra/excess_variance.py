@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 import scipy.optimize
-import scipy.stats
 from jaxtyping import Complex, Float
+from scipy.special import gammainccinv
 
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
@@ -115,9 +115,8 @@ def _smooth(v: Float[np.ndarray, "output line input"], degrees: float) -> np.nda
     smooth = wide = _mean_of_lines(v, NEIGHBOURS)
     for half in (h for h in NARROWER if degrees < np.inf):
         # Gamma variates: what fewer lines say, where it is more than chance.
-        chance = float(scipy.stats.gamma.isf(BY_CHANCE, degrees * (2 * half + 1))) / (
-            degrees * (2 * half + 1)
-        )
+        known = degrees * (2 * half + 1)
+        chance = float(gammainccinv(known, BY_CHANCE)) / known
         near = _mean_of_lines(v, half)
         smooth = np.where(near > chance * wide, np.maximum(near, smooth), smooth)
     # A variance as well known on each line stands where it is more, as that of a local model is at a peak.

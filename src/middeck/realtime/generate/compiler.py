@@ -13,7 +13,7 @@ from pathlib import Path
 
 from middeck.errors import ConfigError, MiddeckError
 
-FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off", "-O3")
+FLAGS = ("-std=c99", "-ffp-contract=off", "-O3")
 LIBRARIES = ("-lm", "-lpthread")
 COMPILERS = ("cc", "gcc", "clang")
 

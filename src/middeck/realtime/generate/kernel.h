@@ -15,6 +15,12 @@ typedef real lanes;
 #define INLINED static inline
 #endif
 
+#ifdef __GNUC__
+#define OPTIONAL static inline __attribute__((unused)) /* not every law has them */
+#else
+#define OPTIONAL static inline
+#endif
+
 /* A tile of rows of out += columns v, ``whole`` registers and ``rest`` rows: its sums stay in registers, which arrays of plain
    numbers do not with every compiler. Each row is summed by itself, column by column, whatever the registers are. */
 INLINED void add_tile(real *restrict out, int whole, int rest, int rows, const real *restrict column, int count, const real *restrict v)
@@ -56,22 +62,22 @@ INLINED void add_columns(real *restrict out, int rows, const real *restrict colu
 
 static inline real kept(real v)
 {
-    return (v < SMALLEST) & (v > -SMALLEST) ? 0 : v;
+    return ((v < SMALLEST) & (v > -SMALLEST)) ? 0 : v;
 }
 
 /* The last finite value within the range; how many inputs were not finite or beyond it. */
-static inline int take_inputs(real *held, const real *y, const real *reach, int count)
+static inline int take_inputs(real *held, const real *y, const real *limit, int count)
 {
     int i, taken = 0;
 
     for (i = 0; i < count; ++i) {
         if (!(y[i] - y[i] == 0)) { /* not finite: the last value is kept */
             ++taken;
-        } else if (y[i] > reach[i]) {
-            held[i] = reach[i];
+        } else if (y[i] > limit[i]) {
+            held[i] = limit[i];
             ++taken;
-        } else if (y[i] < -reach[i]) {
-            held[i] = -reach[i];
+        } else if (y[i] < -limit[i]) {
+            held[i] = -limit[i];
             ++taken;
         } else {
             held[i] = y[i];
@@ -81,7 +87,7 @@ static inline int take_inputs(real *held, const real *y, const real *reach, int 
 }
 
 /* The transposed second form. */
-static inline real through_section(const real *g, real *s, real value)
+OPTIONAL real through_section(const real *g, real *s, real value)
 {
     real out = g[0] * value + s[0];
 
@@ -91,7 +97,7 @@ static inline real through_section(const real *g, real *s, real value)
 }
 
 /* 3 s^2 - 2 s^3 of the ramp. */
-static inline real fade_at(long level, long ramp)
+OPTIONAL real fade_at(long level, long ramp)
 {
     const real part = (real)level / (real)ramp;
 
@@ -99,12 +105,12 @@ static inline real fade_at(long level, long ramp)
 }
 
 /* Slew, then size; where the command t is no number the inner loop p stands alone, or zero. */
-static inline real limited(real t, real p, real last, real slew, real least, real most)
+static inline real limited(real t, real p, real last, real step, real bottom, real top)
 {
-    const real low = last - slew, high = last + slew;
+    const real low = last - step, high = last + step;
 
     if (t != t)
         t = p != p ? 0 : p;
     t = t < low ? low : t > high ? high : t;
-    return t < least ? least : t > most ? most : t;
+    return t < bottom ? bottom : t > top ? top : t;
 }

@@ -46,7 +46,7 @@ def element_ends(
     ends = model.element_ends[rows]
     frame, offset = model.points.frame[ends], model.points.offset[ends]
     shift, turn = at.motion[0][frame], at.motion[1][frame]
-    shift = shift + (turn @ offset[..., None])[..., 0]
+    shift = shift + np.matvec(turn, offset)
     triad, length = model.element_triad[rows], model.beams.length[rows]
     local = np.zeros_like(shift)
     local[:, 1] = length[:, None] * triad[:, :, 0] + shift[:, 1] - shift[:, 0]
@@ -58,7 +58,7 @@ def element_ends(
         shift[some], turn[some] = near.reshape(-1, 2, 3), turned.reshape(-1, 2, 3, 3)
         drawn = length[some, None] * triad[some, :, 0]
         R = at.poses.R[outer[some]]
-        local[some, 1] = (R @ (drawn + shift[some, 1] - shift[some, 0])[:, :, None])[:, :, 0]
+        local[some, 1] = np.matvec(R, drawn + shift[some, 1] - shift[some, 0])
     return local, T, end_strain(length, triad, shift, turn)
 
 

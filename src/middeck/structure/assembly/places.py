@@ -68,7 +68,7 @@ def drawn_places(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np
         return at.world[pose], np.zeros_like(at.world[pose])
     own = frame < model.tree.roots
     root = np.where(own, frame, 0)
-    change = at.motion[0][root] + (at.motion[1][root] @ offset[:, :, None])[:, :, 0]
+    change = at.motion[0][root] + np.matvec(at.motion[1][root], offset)
     drawn = np.where(own[:, None], at.since.drawn[root] + offset, at.world[pose])
     return drawn, np.where(own[:, None], change, 0.0)
 

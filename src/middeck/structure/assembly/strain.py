@@ -94,9 +94,9 @@ def predict_forces(
     """
     at = poses_at(model, config)
     motion, ends, tied = (m[..., 0] for m in _motions(model, at, before.jacobian, q[:, None]))
-    strain = before.strain + (before.slope @ ends[:, :, None])[:, :, 0]
+    strain = before.strain + np.matvec(before.slope, ends)
     beams = tensioned_beams(model, loads, slice(None))
-    force = tensioned(beams, (beams.stiffness @ strain[:, :, None])[:, :, 0])
+    force = tensioned(beams, np.matvec(beams.stiffness, strain))
     start, end = model.spring_ends.T
     own = predicted_tension(own_law(model), *own_span(model, at), motion[end, :3] - motion[start, :3])
     device = predicted_tension(loads.law, *device_span(model, at, loads), motion[loads.attach_point, :3])

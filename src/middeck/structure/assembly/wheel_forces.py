@@ -60,7 +60,7 @@ def spinning_wheels(model: Model, config: Configuration, environment: Environmen
     J = pose_jacobian(model.tree, PosePoints(frames, np.zeros((len(frames), 3))), poses)
     h = np.array([wheel.inertia * speed * wheel.axis for wheel, speed in turning])
     rows = (6 * np.arange(len(frames))[:, None] + np.arange(3, 6)).ravel()
-    return Spin(sp.csr_array(J[rows]), (poses.R[frames] @ h[:, :, None])[:, :, 0])
+    return Spin(sp.csr_array(J[rows]), np.matvec(poses.R[frames], h))
 
 
 def check_speeds(model: Model, environment: Environment) -> None:

@@ -154,11 +154,14 @@ def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
         said.append(f"{len(found.unjudged)} criteria of {found.profile.name} need shapes and are not judged")
     if any(f.criterion.recalled for f in found.findings):
         said.append(f"limits of {found.profile.name} are {RECALLED}")
-    said += [
-        f"measured mode {j} of {hz[j]:.4g} Hz: {modes.name[partner[j]]!r} of "
-        f"{modes.frequency_hz[partner[j]]:.4g} Hz is not the only mode of the model that fits"
-        for j in found.undecided
-    ]
+    for j in found.undecided:
+        left = np.delete(modes.frequency_hz, partner[j])
+        left = left[left > 0.0]
+        other = left[np.argmin(np.abs(np.log(left / hz[j])))]
+        said.append(
+            f"measured mode {j} of {hz[j]:.4g} Hz: {modes.name[partner[j]]!r} of "
+            f"{modes.frequency_hz[partner[j]]:.4g} Hz is not all that fits: the model has {other:.4g} Hz too"
+        )
     said += [f"measured mode {j} of {hz[j]:.4g} Hz has no partner in the model" for j in found.unpaired]
     said += not_measured(modes, found.unmeasured)
     said += [f"no measured mode is judged by: {f.criterion}" for f in found.findings if f.worst is None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from difflib import get_close_matches
 
@@ -12,8 +13,9 @@ from jaxtyping import Bool, Complex, Float
 from middeck.errors import ConfigError, DataError
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.elements.frames import PosePoints, pose_jacobian
 from middeck.structure.model.connectivity import some_names
+from middeck.structure.modes.results.component_outputs import drawn_inside, motions_inside, points_inside
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
@@ -37,10 +39,11 @@ class MeasuredModes:
 
     Attributes:
         frequency_hz, damping: Natural frequencies [Hz] and damping ratios, NaN where none is stated.
-        node, direction: Of each channel: a node, a joint or a mesh node, and "x", "y", "z" (translation along
-            the world axes), "rx", "ry", "rz" (rotation about them) or, of a joint relative to its carrier,
-            "angle" or, where it slides, "travel"; or the name of one of the article's sensors and "sensor",
-            what it reads, or of one of its actuators and "actuator", the motion that its force works on.
+        node, direction: Of each channel: a node, a joint, a mesh node or one that a component recovers, and
+            "x", "y", "z" (translation along the world axes), "rx", "ry", "rz" (rotation about them) or, of
+            a joint relative to its carrier, "angle" or, where it slides, "travel"; or the name of one of
+            the article's sensors and "sensor", what it reads, or of one of its actuators and "actuator",
+            the motion that its force works on.
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
@@ -204,14 +207,17 @@ def straight_channels(
 
     Raises `ConfigError` for a port that the model does not have.
     """
-    rest = modes.equilibrium
+    sensors, actuators = _port_names(node, direction)
+    straight = {(p.name, SENSOR): p.unit == "m" for p in output_rows(modes.equilibrium, sensors).ports}
+    straight |= {(p.name, ACTUATOR): p.unit == "N" for p in input_rows(modes.equilibrium, actuators).ports}
+    channels = zip(node, direction, strict=True)
+    return np.array([straight.get((name, way), way in STRAIGHT) for name, way in channels], dtype=bool)
 
-    def is_straight(name: str, way: str) -> bool:
-        if way == SENSOR:
-            return output_rows(rest, [name]).ports[0].unit == "m"
-        return input_rows(rest, [name]).ports[0].unit == "N" if way == ACTUATOR else way in STRAIGHT
 
-    return np.array([is_straight(*channel) for channel in zip(node, direction, strict=True)], dtype=bool)
+def _port_names(node: Sequence[str], direction: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Sensors and actuators among the channels."""
+    channels = list(zip(node, direction, strict=True))
+    return [name for name, way in channels if way == SENSOR], [n for n, way in channels if way == ACTUATOR]
 
 
 def sort_rms(
@@ -228,11 +234,13 @@ def sort_rms(
 def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> sp.csr_array:
     """Readings of the channels per unit of every coordinate, at the rest state of ``modes``.
 
-    A channel may stand on an attach point too. Raises `ConfigError` for a node, a direction, a joint angle or
-    a port that the model does not have, and for an accelerometer.
+    A channel may stand on an attach point or inside a component too. Raises `ConfigError` for a node, a
+    direction, a joint angle or a port that the model does not have, and for an accelerometer.
     """
     model = modes.equilibrium.model
-    placed = [way not in PORTS for way in direction]
+    inside = points_inside(model)
+    channels = list(zip(node, direction, strict=True))
+    placed = [way not in PORTS and not (name in inside and way in AXES) for name, way in channels]
     places = [
         _place(model, name) if has else (0, np.zeros(3)) for name, has in zip(node, placed, strict=True)
     ]
@@ -240,17 +248,19 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
         np.array([frame for frame, _ in places], dtype=int),
         np.array([offset for _, offset in places]).reshape(-1, 3),
     )
-    motions = pose_jacobian(model.tree, points, frame_poses(model.tree, modes.equilibrium.config))
-    # Rows of all motions, then those of ports, of angles and of travels of joints.
-    ports: list[np.ndarray] = []
+    motions = pose_jacobian(model.tree, points, modes.equilibrium.poses)
+    # Rows of all motions, then those of ports and within components, of angles and of travels of joints.
+    elsewhere = [channel for channel, has in zip(channels, placed, strict=True) if not has]
+    asked = [(inside[name][0], name, AXES.index(way)) for name, way in elsewhere if way not in PORTS]
+    read, moved = iter(_port_rows(modes, node, direction)), iter(motions_inside(modes, asked))
+    ports = [next(read if way in PORTS else moved) for _, way in elsewhere]
     own: list[int] = []
     row: list[int] = []
-    at_ports = 6 * len(node)
-    at_joints = at_ports + placed.count(False)
-    for k, (name, way) in enumerate(zip(node, direction, strict=True)):
-        if way in PORTS:
-            row.append(at_ports + len(ports))
-            ports.append(_port_row(modes, name, way))
+    port = itertools.count(6 * len(node))
+    at_joints = 6 * len(node) + len(ports)
+    for k, (name, way) in enumerate(channels):
+        if not placed[k]:
+            row.append(next(port))
         elif way in (ANGLE, TRAVEL):
             row.append(at_joints + len(own))
             own.append(_joint(model, name, way))
@@ -271,21 +281,26 @@ def seen(rows: sp.csr_array, modes: Modes) -> Float[np.ndarray, "channel mode"]:
     return np.where(size.max(axis=0, initial=0.0) > UNSEEN * size.max(initial=0.0), motion, 0.0)
 
 
-def _port_row(modes: Modes, name: str, way: str) -> np.ndarray:
-    if way == ACTUATOR:
-        return np.real(input_rows(modes.equilibrium, [name]).force[0])
-    read = output_rows(modes.equilibrium, [name])
-    if not np.any(read.position[0]) or np.any(read.acceleration[0]):
-        raise ConfigError(
-            f"sensor {name!r} reads no displacement",
-            where="measured channels",
-            hint="the angle or travel itself; its rate and an acceleration are no channel",
-        )
-    return np.real(read.position[0])
+def _port_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> list[np.ndarray]:
+    """Of the channels that are ports, in their order."""
+    sensors, actuators = _port_names(node, direction)
+    read = output_rows(modes.equilibrium, sensors)
+    for name, position, acceleration in zip(sensors, read.position, read.acceleration, strict=True):
+        if not np.any(position) or np.any(acceleration):
+            raise ConfigError(
+                f"sensor {name!r} reads no displacement",
+                where="measured channels",
+                hint="the angle or travel itself; its rate and an acceleration are no channel",
+            )
+    force = input_rows(modes.equilibrium, actuators).force
+    rows = {SENSOR: iter(np.real(read.position)), ACTUATOR: iter(np.real(force))}
+    return [next(rows[way]) for way in direction if way in PORTS]
 
 
 def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
-    """Where a node, joint, mesh node or attach point was drawn [m]."""
+    """Where a node, joint, mesh node, attach point or point inside a component was drawn [m]."""
+    if (inside := points_inside(model).get(name)) is not None:
+        return drawn_inside(model, *inside)
     frame, offset = _place(model, name)
     return model.drawn.p[frame] + model.drawn.R[frame] @ offset
 

@@ -11,6 +11,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.correlation.measured_modes import MeasuredModes, drawn_at
+from middeck.structure.modes.results.component_outputs import points_inside
 
 # Of the size of the article: how near a node of the test lies to the one that it is.
 NEAR = 0.01
@@ -22,12 +23,15 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
 
     Number 3 is the node "3", or else the only node with this number at the end of its name ("n3"). A node
     with coordinates is the model's node at that place as drawn (within 1 % of the article's size); its number
-    decides only where several stand there, or none. Where no node is, attach points are sought. What is not
-    in the model is left out, with a warning.
+    decides only where several stand there, or none. Where no node is, attach points are sought, then points
+    inside components. What is not in the model is left out, with a warning.
 
     Raises `ConfigError` if no channel is in the model.
     """
-    known = {*model.frames, *(point.name for point in model.structure.attach_points)}
+    points = [point.name for point in model.structure.attach_points]
+    names = [node.name for node in model.structure.nodes], points, points_inside(model)
+    kinds = [{name: drawn_at(model, name) for name in kind} for kind in names]
+    known = {*model.frames, *kinds[1], *kinds[2]}
     numbers = dict.fromkeys(
         n for n in measured.node if n.isdigit() and (n not in known or _is_located(model, measured, n))
     )
@@ -36,7 +40,7 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
     said: list[str] = []
     for number in numbers:
         at = None if here is None else here[measured.node.index(number)]
-        found[number], odd = _place(model, number, at)
+        found[number], odd = _place(model, number, at, kinds)
         said += odd
     for exact in dict.fromkeys(n for n in measured.node if n in known and n not in numbers):
         if here is not None:
@@ -69,15 +73,15 @@ def _is_located(model: Model, measured: MeasuredModes, name: str) -> bool:
     return measured.position_m is not None and name in {n.name for n in model.structure.nodes}
 
 
-def _place(model: Model, number: str, at: np.ndarray | None) -> tuple[str | None, list[str]]:
+def _place(
+    model: Model, number: str, at: np.ndarray | None, kinds: list[dict[str, np.ndarray]]
+) -> tuple[str | None, list[str]]:
     """The node of the model, and what is odd about it."""
-    nodes = [node.name for node in model.structure.nodes]
-    points = [point.name for point in model.structure.attach_points]
-    by_number = _with_number(nodes, number) or _with_number(points, number)
+    by_number = next((name for names in kinds if (name := _with_number(names, number))), None)
     if at is None:
         return by_number, []
     reach = NEAR * _size(model)
-    near = _near(model, nodes, at, reach) or _near(model, points, at, reach)
+    near = next((names for kind in kinds if (names := _near(kind, at, reach))), [])
     if by_number is not None and (by_number in near or not near):
         return by_number, _elsewhere(model, number, by_number, at)
     if len(near) != 1:
@@ -87,7 +91,7 @@ def _place(model: Model, number: str, at: np.ndarray | None) -> tuple[str | None
     return near[0], odd if by_number else []
 
 
-def _with_number(names: list[str], number: str) -> str | None:
+def _with_number(names: dict[str, np.ndarray], number: str) -> str | None:
     """The only one of this number, or with it at the end."""
     alike = [n for n in names if n.isdigit() and int(n) == int(number)] or [
         n for n in names if (m := re.search(r"\d+$", n)) and int(m[0]) == int(number)
@@ -95,8 +99,8 @@ def _with_number(names: list[str], number: str) -> str | None:
     return alike[0] if len(alike) == 1 else None
 
 
-def _near(model: Model, names: list[str], at: np.ndarray, reach: float) -> list[str]:
-    return [n for n in names if np.linalg.norm(drawn_at(model, n) - at) <= reach]
+def _near(places: dict[str, np.ndarray], at: np.ndarray, reach: float) -> list[str]:
+    return [n for n, x in places.items() if np.linalg.norm(x - at) <= reach]
 
 
 def _elsewhere(model: Model, number: str, name: str, at: np.ndarray) -> list[str]:

@@ -149,7 +149,7 @@ def beam_state(
     """
     strain = deform(beams.length, beams.bow, x, T, known)
     k = beams.stiffness
-    own = (k @ strain.value[:, :, None])[:, :, 0]
+    own = np.matvec(k, strain.value)
     energy = 0.5 * np.einsum("ei,ei->e", own, strain.value) + beams.tension * strain.value[:, STRETCH]
     own = tensioned(beams, own)
     force = own if force is None else force

@@ -73,11 +73,9 @@ def end_strain(
     """
     E, d = turn[:, 0], shift[:, 1] - shift[:, 0]
     drawn = length[:, None] * triad[:, :, 0]
-    moved = (_transpose(E) @ (drawn + d)[:, :, None])[:, :, 0] + d
+    moved = np.matvec(_transpose(E), drawn + d) + d
     first = triad + E @ triad
-    return EndStrain(
-        (_transpose(triad) @ moved[:, :, None])[:, :, 0], _transpose(first) @ ((turn[:, 1] - E) @ triad)
-    )
+    return EndStrain(np.matvec(_transpose(triad), moved), _transpose(first) @ ((turn[:, 1] - E) @ triad))
 
 
 class Deformation(NamedTuple):
@@ -111,7 +109,7 @@ def deform(
     dm[:, STRETCH, LENGTH] = 1.0
     theta, dtheta, ddtheta = m[:, BENDING], dm[:, BENDING], ddm[:, BENDING]
     curve = length[:, None, None] * bow
-    pull = (curve @ theta[:, :, None])[:, :, 0]
+    pull = np.matvec(curve, theta)
     m[:, STRETCH] += 0.5 * _dot(pull, theta)
     dm[:, STRETCH] += (pull[:, None] @ dtheta)[:, 0]
     ddm[:, STRETCH] += _transpose(dtheta) @ curve @ dtheta + np.einsum("ek,ekij->eij", pull, ddtheta)
@@ -138,7 +136,7 @@ def geometric_stiffness(
     weight = np.einsum("ek,eki->ei", force, deformation.first)
     add_chord_block(out, _wide(weight[:, LENGTH] / s.span) * _across(s.chord))
     # Three direction cosines, weighted, are the one of the weighted sum of the triad.
-    one, two = ((s.T[:, end] @ weight[:, rows, None])[:, :, 0] for end, rows in ((0, A), (1, B)))
+    one, two = (np.matvec(s.T[:, end], weight[:, rows]) for end, rows in ((0, A), (1, B)))
     add_cosine_hessian(out, s.chord, s.span, ((one, ONE), (two, TWO)))
     _add_twist_hessian(out, s, weight[:, TWIST])
     return out
@@ -185,7 +183,7 @@ def _invariants(x: Array, T: Array) -> _Invariants:
     ds[:, LENGTH, 0:3], ds[:, LENGTH, 6:9] = -e, e
     for end, rows, rotation in ((0, A, ONE), (1, B, TWO)):
         t = _transpose(T[:, end])  # rows are the triad's vectors
-        s[:, rows] = (t @ e[:, :, None])[:, :, 0]
+        s[:, rows] = np.matvec(t, e)
         Pt = (t - s[:, rows, None] * e[:, None, :]) / _wide(span)
         ds[:, rows, 0:3], ds[:, rows, 6:9] = -Pt, Pt
         ds[:, rows, rotation] = cross(t, e[:, None, :])

@@ -62,8 +62,8 @@ class BushingState(NamedTuple):
 
     def predicted(self, motion: Inexact[np.ndarray, "bushing 12"]) -> Inexact[np.ndarray, "bushing 6"]:
         """Forces after a ``motion`` of the poses, to first order."""
-        strain = _apply(np.swapaxes(self.axes, 1, 2), self.strain + _apply(self.slope, motion))
-        return _apply(self.axes, _apply(self.stiffness, strain))
+        strain = np.matvec(np.swapaxes(self.axes, 1, 2), self.strain + np.matvec(self.slope, motion))
+        return np.matvec(self.axes, np.matvec(self.stiffness, strain))
 
     def of(self, rows: Int[np.ndarray, " some"]) -> BushingState:
         """The state of some of the bushings."""
@@ -76,8 +76,8 @@ class BushingState(NamedTuple):
             out[:, start : start + 3, start : start + 3] = R
         back = np.swapaxes(out, 1, 2)
         return self._replace(
-            gradient=_apply(out, self.gradient),
-            excess=_apply(out, self.excess),
+            gradient=np.matvec(out, self.gradient),
+            excess=np.matvec(out, self.excess),
             material=out @ self.material @ back,
             geometric=out @ self.geometric @ back,
             slope=self.slope @ back,
@@ -112,15 +112,15 @@ def bushing_state(
     own = np.zeros((len(span), 6, 6), np.result_type(stiffness, axes))
     own[:, :3, :3] = own[:, 3:, 3:] = axes
     K = own @ stiffness @ np.swapaxes(own, 1, 2)
-    own_force = _apply(K, moved.value)
+    own_force = np.matvec(K, moved.value)
     force = own_force if force is None else force
     down = np.swapaxes(moved.slope, 1, 2)
     return BushingState(
         energy=0.5 * np.einsum("bi,bi->b", moved.value, own_force),
         strain=moved.value,
         force=force,
-        gradient=_apply(down, force),
-        excess=_apply(down, own_force - force),
+        gradient=np.matvec(down, force),
+        excess=np.matvec(down, own_force - force),
         material=down @ K @ moved.slope,
         geometric=moved.second_order(force),
         slope=moved.slope,
@@ -171,7 +171,7 @@ def relative_motion(
     toward = np.stack([-_axial(_twisted(G, Q[:, :, i])) for i in range(3)], axis=1)
     steeper = phi.factor[0][:, None, None] * toward + _outer(phi.factor[1][:, None] * phi.axial, _axial(G))
     slope[:, 3:, TURN_B], slope[:, 3:, TURN_A] = steeper, -steeper
-    value = np.concatenate([_apply(E, span) + change, phi.vector], axis=1)
+    value = np.concatenate([np.matvec(E, span) + change, phi.vector], axis=1)
     return RelativeMotion(value, slope, span, Q, G, toward, phi)
 
 
@@ -218,7 +218,7 @@ def _factor(y: Array) -> tuple[Array, Array, Array]:
 def _second_order(force: Array, span: Array, Q: Array, G: Array, toward: Array, phi: _Turn) -> Array:
     """Second derivatives of the deformations, weighted by the ``force`` on them."""
     out = np.zeros((len(span), 12, 12), np.result_type(force, span, Q, G))
-    pull, twist = _apply(Q, force[:, :3]), force[:, 3:]
+    pull, twist = np.matvec(Q, force[:, :3]), force[:, 3:]
     out[:, TURN_A, TURN_A] = symmetric_double_cross(pull, span)
     for shift, sign in ((SHIFT_B, 1.0), (SHIFT_A, -1.0)):
         out[:, TURN_A, shift] = sign * skew(pull)
@@ -228,7 +228,7 @@ def _second_order(force: Array, span: Array, Q: Array, G: Array, toward: Array, 
     dy, da = _axial(G), np.einsum("bi,bij->bj", twist, toward)
     both = slope[:, None, None] * (_outer(da, dy) + _outer(dy, da))
     both = both + (curve * along)[:, None, None] * _outer(dy, dy)
-    mixed = 0.5 * f[:, None, None] * _trace_form(_twisted(G, _apply(Q, twist)))
+    mixed = 0.5 * f[:, None, None] * _trace_form(_twisted(G, np.matvec(Q, twist)))
     mixed = mixed - 0.5 * (slope * along)[:, None, None] * _trace_form(G)
     own = 0.5 * (mixed + np.swapaxes(mixed, 1, 2))
     out[:, TURN_A, TURN_A] += both + own
@@ -254,7 +254,3 @@ def _axial(W: Array) -> Array:
 
 def _outer(a: Array, b: Array) -> Array:
     return a[:, :, None] * b[:, None, :]
-
-
-def _apply(matrices: Array, vectors: Array) -> Array:
-    return (matrices @ vectors[:, :, None])[:, :, 0]

@@ -49,14 +49,10 @@ def cosines(
     turn: Inexact[np.ndarray, "cosine 2 3 3"],
 ) -> Cosines:
     """Of directions as drawn, of frames whose rotations since drawn less the identity are ``turn``."""
-    moved_p, moved_q = (_apply(turn[:, k], n) for k, n in enumerate((first, second)))
+    moved_p, moved_q = (np.matvec(turn[:, k], n) for k, n in enumerate((first, second)))
     p, q = first + moved_p, second + moved_q
     value = np.sum(moved_p * second + first * moved_q + moved_p * moved_q, axis=1)
     normal = cross(p, q)
     slope = np.zeros((len(first), 12), np.result_type(normal))
     slope[:, TURN_A], slope[:, TURN_B] = normal, -normal
     return Cosines(value, slope, p, q)
-
-
-def _apply(matrices: Array, vectors: Array) -> Array:
-    return (matrices @ vectors[:, :, None])[:, :, 0]

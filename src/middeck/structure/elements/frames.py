@@ -90,8 +90,8 @@ def frame_poses(tree: FrameTree, config: Configuration) -> Poses:
     own = rotation_exp(turns) if joints else R[:0]
     for level in tree.levels:
         parent, frame = tree.parent[level], tree.roots + level
-        axes[level] = (R[parent] @ tree.axis[level, :, None])[:, :, 0]
-        p[frame] = p[parent] + (R[parent] @ tree.offset[level, :, None])[:, :, 0]
+        axes[level] = np.matvec(R[parent], tree.axis[level])
+        p[frame] = p[parent] + np.matvec(R[parent], tree.offset[level])
         p[frame] += np.where(tree.slides[level], config.angle[level], 0.0)[:, None] * axes[level]
         R[frame] = R[parent] @ own[level]
     return Poses(p, R, axes)
@@ -99,7 +99,7 @@ def frame_poses(tree: FrameTree, config: Configuration) -> Poses:
 
 def points_in_world(points: PosePoints, poses: Poses) -> Inexact[np.ndarray, "pose 3"]:
     """World positions of the points."""
-    return poses.p[points.frame] + (poses.R[points.frame] @ points.offset[:, :, None])[:, :, 0]
+    return poses.p[points.frame] + np.matvec(poses.R[points.frame], points.offset)
 
 
 def pose_jacobian(tree: FrameTree, points: PosePoints, poses: Poses) -> sp.csr_array:

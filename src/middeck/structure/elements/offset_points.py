@@ -89,7 +89,7 @@ class PoseMap(NamedTuple):
 
     def _places(self, poses: Poses) -> np.ndarray:
         at = self.special
-        return poses.p[at.frame] + (poses.R[at.frame] @ at.offset[:, :, None])[:, :, 0]
+        return poses.p[at.frame] + np.matvec(poses.R[at.frame], at.offset)
 
     def _twists(self, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and angular velocity (special, chain, 3) for a unit rate of each joint; zero for none."""

@@ -63,8 +63,8 @@ def carried_by(at: SinceDrawn, carrier: Int[np.ndarray, " root"]) -> SinceDrawn:
     shift, turn = (part.copy() for part in whole_motion(at))
     own, up = np.flatnonzero(carrier >= 0), carrier[carrier >= 0]
     back = np.swapaxes(turn[up], 1, 2) + np.eye(3)
-    arm = _apply(turn[up], at.drawn[own] - at.drawn[up])
-    inner = _apply(back, shift[own] - shift[up] - arm), back @ (turn[own] - turn[up])
+    arm = np.matvec(turn[up], at.drawn[own] - at.drawn[up])
+    inner = np.matvec(back, shift[own] - shift[up] - arm), back @ (turn[own] - turn[up])
     shift[own], turn[own] = inner
     return SinceDrawn(at.drawn, carrier, shift, turn)
 
@@ -81,17 +81,13 @@ def seen_from(
         r = root[left]
         E, inner = at.turn[r], shift[left]
         arm = offset[left]
-        shift[left] = at.shift[r] + _apply(E, arm + inner) + inner
+        shift[left] = at.shift[r] + np.matvec(E, arm + inner) + inner
         turn[left] = E + turn[left] + E @ turn[left]
         up = at.carrier[r]
         offset[left] = arm + np.where(up[:, None] >= 0, at.drawn[r] - at.drawn[up], 0.0)
         root[left] = up
         left = left[up != outer[left]]
     return shift, turn
-
-
-def _apply(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    return (matrices @ vectors[:, :, None])[:, :, 0]
 
 
 def carried_step(
@@ -114,7 +110,7 @@ def move_since_drawn(
     rho, phi = step[:, :3], step[:, 3:]
     if at.carries:
         axes = np.where((at.carrier >= 0)[:, None, None], np.swapaxes(R[at.carrier], 1, 2), np.eye(3))
-        rho, phi = _apply(axes, rho), _apply(axes, phi)
+        rho, phi = np.matvec(axes, rho), np.matvec(axes, phi)
     turn = turn_of(phi)
     return SinceDrawn(at.drawn, at.carrier, at.shift + rho, turn + at.turn + turn @ at.turn)
 

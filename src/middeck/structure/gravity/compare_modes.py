@@ -34,8 +34,8 @@ class ModeComparison:
             own mass, flexible modes of one frequency in the basis nearest to the other side's.
         mac: Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
         pairs: (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
-            cross-orthogonality over all modes: as in `build_budget`. One whose partner is not among the
-            lowest ``count``, or has less than a quarter of its shape, has no pair.
+            cross-orthogonality over all modes; rigid-body modes take flexible ones last. One whose partner is
+            not among the lowest ``count``, or has less than a quarter of its shape, has no pair.
         ratio: Frequency lab over orbit of each pair.
         subspace_angle: Principal angles [rad], ascending, between the rigid-body modes and the suspension
             modes.
@@ -76,7 +76,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     phi_0 = _nearest_basis(orbit, lab.shapes)
     phi_0, phi_1 = phi_0[:, :count], _nearest_basis(lab, phi_0)[:, :count]
     cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
-    paired = pair_modes(orbit, lab, count)
+    paired = pair_modes(orbit, lab, count, rigid=1e-3)  # a clamp has flexible modes alone
     found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
     pairs = np.array(found, dtype=int).reshape(-1, 2)
     shares = shares_of(paired.start, lab)
@@ -124,7 +124,7 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
     f_0, f_1 = orbit.frequency_hz, lab.frequency_hz
     cure = f", or {CURE}" if lab.equilibrium.environment.hung else ""
     for i, j in pairs.tolist():
-        _, own, rival = _in_common(lab, (i, j), shares)
+        own, rival = _in_common(lab, (i, j), shares)
         beside = shares[i, rival]
         a, b = f_1[j] / f_0[i], f_1[rival] / f_0[i]
         called = f"orbit mode {i} {orbit.name[i]!r} at {f_0[i]:.4g} Hz"
@@ -144,13 +144,11 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
             )
 
 
-def _in_common(lab: Modes, pair: Sequence[int], shares: np.ndarray) -> tuple[float, float, int]:
-    """The most that one mode has of the orbit mode's shape, what its partner has, and the next best mode."""
+def _in_common(lab: Modes, pair: Sequence[int], shares: np.ndarray) -> tuple[float, int]:
+    """What its partner has of the orbit mode's shape, and the next best mode."""
     i, j = pair
     near = np.abs(lab.frequency_hz - lab.frequency_hz[j]) <= ALIKE * lab.frequency_hz[j]
-    own, others = float(shares[i, near].sum()), np.where(near, 0.0, shares[i])
-    rival = int(np.argmax(others))
-    return max(own, float(others[rival])), own, rival
+    return float(shares[i, near].sum()), int(np.argmax(np.where(near, 0.0, shares[i])))
 
 
 def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:

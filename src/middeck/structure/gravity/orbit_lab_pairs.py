@@ -26,11 +26,12 @@ class PairedModes(NamedTuple):
     end: TrackedShapes
 
 
-def pair_modes(orbit: Modes, lab: Modes, count: int) -> PairedModes:
+def pair_modes(orbit: Modes, lab: Modes, count: int, rigid: float = 1.0) -> PairedModes:
     """The ``count`` lowest of ``orbit`` with all of ``lab``, one to one, by the largest cross-orthogonality.
 
-    All modes of the laboratory are candidates, suspension modes too. The article is first turned to its
-    heading at rest, which changes none of its own modes.
+    All modes of the laboratory are candidates, suspension modes too; what rigid-body modes have of flexible
+    ones counts by ``rigid``. The article is first turned to its heading at rest, which changes none of its
+    own modes.
     """
     carried, turn = carry_along(orbit.equilibrium, lab.equilibrium)
     model = carried.model
@@ -40,7 +41,8 @@ def pair_modes(orbit: Modes, lab: Modes, count: int) -> PairedModes:
     hung = spectrum_of(lab)
     start = align_repeated(free, hung.shapes)
     start = Spectrum(start.lam[:count], start.shapes[:, :count], start.mass)
-    return PairedModes(carried, start, track(start, hung))
+    unlike = np.outer(np.array(orbit.kind[:count]) == "rigid", np.array(lab.kind) == "flexible")
+    return PairedModes(carried, start, track(start, hung, np.where(unlike, rigid, 1.0)))
 
 
 def shares_of(start: Spectrum, lab: Modes) -> np.ndarray:

@@ -122,8 +122,8 @@ def align_repeated(spectrum: Spectrum, reference: Float[np.ndarray, "coordinate 
     return Spectrum(lam, shapes, spectrum.mass)
 
 
-def track(reference: Spectrum, spectrum: Spectrum) -> TrackedShapes:
-    """Each mode of ``reference`` in ``spectrum``, one to one, with the largest sum of overlaps.
+def track(reference: Spectrum, spectrum: Spectrum, weight: np.ndarray | float = 1.0) -> TrackedShapes:
+    """Each mode of ``reference`` in ``spectrum``, one to one, with the largest sum of weighted overlaps.
 
     The overlap is |Phi_0' M_0 Phi_1| with both shapes normalised in M_0; its square is the part of the one
     shape that is the other. In a mass of its own, a shape with next to none in M_1 would overlap with all.
@@ -132,6 +132,6 @@ def track(reference: Spectrum, spectrum: Spectrum) -> TrackedShapes:
     weighted = reference.mass @ turned.shapes
     size = np.sqrt(np.einsum("im,im->m", turned.shapes, weighted))
     cross = np.abs(reference.shapes.T @ weighted) / size
-    _, index = linear_sum_assignment(cross, maximize=True)
+    _, index = linear_sum_assignment(weight * cross, maximize=True)
     theirs = Spectrum(turned.lam[index], turned.shapes[:, index], turned.mass)
     return TrackedShapes(theirs, np.array(index, dtype=int), cross[np.arange(len(index)), index])

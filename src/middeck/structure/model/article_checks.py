@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.model.article import Body, Member, Structure, held_angle
 from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import joined_nodes, separate_parts, some_names
-from middeck.structure.model.inertia import impossible_moments
 from middeck.structure.model.links import link_faults
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.model.section import Section
@@ -242,3 +242,17 @@ def _parts(structure: Structure) -> Iterator[str]:
     names = [node.name for node in structure.nodes]
     for part in separate_parts(names, joined_nodes(structure))[1:]:
         yield f"a disconnected part: no member or spring joins node {some_names(part)} to the rest"
+
+
+ROUNDING = 1e-9
+"""Of the largest: flat bodies have equality."""
+
+
+def impossible_moments(inertia: Float[np.ndarray, "3 3"]) -> tuple[float, float, float] | None:
+    """The principal moments, ascending, where no body has them; else None.
+
+    >>> impossible_moments(np.diag([1.0, 1.0, 3.0]))
+    (1.0, 1.0, 3.0)
+    """
+    a, b, c = np.linalg.eigvalsh(inertia).tolist()
+    return (a, b, c) if a + b < c * (1.0 - ROUNDING) else None

@@ -9,7 +9,7 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from jaxtyping import Inexact
+from jaxtyping import Float, Inexact
 
 from middeck.structure.model.section_checks import RIGID_IN_SHEAR, check_stiffness
 from middeck.values import record
@@ -224,3 +224,13 @@ def shifted_section(section: Section, centroid: tuple[float, float]) -> Section:
         coupling=section.coupling + off,
         centroid=section.centroid + np.array([y, z]),
     )
+
+
+def default_up(along: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """World y, or world x for a member within eight degrees of upright.
+
+    >>> default_up(np.array([0.0, 2.0, 0.0])).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    upright = abs(along[1]) > 0.99 * np.linalg.norm(along)
+    return np.array([1.0, 0.0, 0.0] if upright else [0.0, 1.0, 0.0])

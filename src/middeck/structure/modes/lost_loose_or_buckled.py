@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble_carried, inner_forces, split_tangent
 from middeck.structure.assembly.linked import static_freedom
-from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.motions.strain_shares import member_energy
@@ -106,9 +105,7 @@ def moment_warnings(
     model, moments = equilibrium.model, equilibrium.loads.push[:, 3:]
     if not np.any(moments):
         return ()
-    points = PosePoints(model.points.frame[model.load_point], model.points.offset[model.load_point])
-    poses = frame_poses(model.tree, equilibrium.config)
-    turns = (pose_jacobian(model.tree, points, poses) @ shapes).reshape(len(moments), 6, -1)[:, 3:]
+    turns = equilibrium.moves(shapes)[model.load_point, 3:]
     a = 0.5 * np.einsum("pim,pij,pjn->mn", turns, skew(moments), turns)
     gap = lam[None, :] - lam[:, None]
     np.fill_diagonal(gap, np.inf)

@@ -20,7 +20,7 @@ from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.structure.elements.frames import PosePoints, frame_poses, pose_jacobian
+from middeck.structure.elements.frames import PosePoints, pose_jacobian
 from middeck.structure.model.article import Actuator, ActuatorKind, JointState, Sensor, SensorKind
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
@@ -134,13 +134,12 @@ def _motions(
         return np.zeros((0, 6, model.tree.size))
     frames = np.array([model.frames.index(p.frame) for p in ports], dtype=int)
     points = PosePoints(frames, np.array([p.offset for p in ports]))
-    J = pose_jacobian(model.tree, points, frame_poses(model.tree, equilibrium.config))
+    J = pose_jacobian(model.tree, points, equilibrium.poses)
     return J.toarray().reshape(len(ports), 6, model.tree.size)
 
 
 def _world_axis(equilibrium: Equilibrium, frame: str, axis: np.ndarray) -> Inexact[np.ndarray, "3"]:
-    poses = frame_poses(equilibrium.model.tree, equilibrium.config)
-    return np.asarray(poses.R[equilibrium.model.frames.index(frame)] @ axis)
+    return np.asarray(equilibrium.poses.R[equilibrium.model.frames.index(frame)] @ axis)
 
 
 def _joint_row(equilibrium: Equilibrium, joint: str) -> Inexact[np.ndarray, " coordinate"]:

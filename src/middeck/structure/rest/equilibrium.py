@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from middeck.structure.assembly.wheel_forces import check_speeds
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.elements.since_drawn import whole_motion
+from middeck.structure.elements.trees import Poses
 from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
@@ -81,6 +83,17 @@ class Equilibrium:
     enough: float = TOLERANCE
     stable: bool = True
     followed: bool = True
+
+    @functools.cached_property
+    def poses(self) -> Poses:
+        """Where the frames are at rest."""
+        return frame_poses(self.model.tree, self.config)
+
+    def moves(self, shapes: Inexact[np.ndarray, "coordinate mode"]) -> Inexact[np.ndarray, "pose 6 mode"]:
+        """Shift and turn of every point of the model per unit of each mode; analytic."""
+        model = self.model
+        changes = model.pose_map.jacobian(self.poses) @ shapes
+        return changes.reshape(len(model.points.frame), 6, shapes.shape[1])
 
     @property
     def devices(self) -> tuple[str, ...]:
@@ -268,9 +281,8 @@ def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
 
 def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:
     """Rotation vector [rad] of every node from its undeformed attitude, in W."""
-    poses = frame_poses(equilibrium.model.tree, equilibrium.config)
     nodes = equilibrium.model.structure.nodes
-    return {node.name: rotation_log(poses.R[i]) for i, node in enumerate(nodes)}
+    return {node.name: rotation_log(equilibrium.poses.R[i]) for i, node in enumerate(nodes)}
 
 
 def node_shifts(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:

@@ -91,7 +91,7 @@ def find_supports(model: Model, pinned: PinnedPoints) -> Supports:
     """The held directions of ``pinned``; analytic in the model."""
     held = [(i, p, "xyz".index(c)) for i, p in enumerate(pinned.point) for c in pinned.held[i]]
     row, pose, axis = np.array(held, dtype=int).reshape(-1, 3).T
-    return Supports(row, pose, axis, support_coordinates(model, model.rest, pose, axis))
+    return Supports(row, pose, axis, points_in_world(model.points, model.drawn)[pose, axis])
 
 
 def support_coordinates(

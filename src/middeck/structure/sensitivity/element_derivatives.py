@@ -84,7 +84,7 @@ def _turned(at: _Elements) -> _Elements:
 
 def _matrices(at: _Elements, gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Tangent and mass (element, 12, 12) in the coordinates of the two roots."""
-    lever = (at.R @ at.offset[..., None])[..., 0]
+    lever = np.matvec(at.R, at.offset)
     x, T = at.x + lever, at.R @ at.triad
     strain, weight = beam_state(at.beams, x, T), beam_weight(at.beams, x, T, gravity)
     stiffness, mass = strain.hessian + weight.hessian, beam_mass(at.beams, x, T)

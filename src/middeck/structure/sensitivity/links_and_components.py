@@ -15,6 +15,7 @@ laid out on frames without anything else, as `patches`: one complex step along t
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -159,9 +160,10 @@ class TieModel(NamedTuple):
         multiplier: np.ndarray,
     ) -> TieChange:
         """Derivatives as the whole's ``config`` moves by ``motion`` and ``multiplier`` is perturbed."""
-        none = sp.csr_array((self.size, self.size))
-        value, slope = np.zeros(0), sp.csr_array((0, self.size))
-        gradient, bent, stiffness, mass = np.zeros(self.size), none, none, none
+        value, slope, gradient, stiffness, mass, bent = no_ties = _untied(self.size)
+        if self.links is None and self.components is None:
+            return no_ties
+        gradient = gradient.copy()
         if self.links is not None:
             state, curved = bent_links(self.links, self._moved(self.links, config, motion), multiplier)
             value, slope = derivative(state.value), self._columns(_derivative(state.jacobian))
@@ -187,6 +189,12 @@ class TieModel(NamedTuple):
 
     def _whole(self, matrix: sp.csr_array) -> sp.csr_array:
         return sp.csr_array(self._columns(sp.csr_array(self._columns(matrix).T)).T)
+
+
+@functools.lru_cache(maxsize=1)
+def _untied(size: int) -> TieChange:
+    none = sp.csr_array((size, size))
+    return TieChange(np.zeros(0), sp.csr_array((0, size)), np.zeros(size), none, none, none)
 
 
 def _derivative(matrix: sp.csr_array) -> sp.csr_array:

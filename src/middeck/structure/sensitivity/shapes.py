@@ -134,30 +134,34 @@ def _changes(rest: Equilibrium, tie: TieChange) -> tuple[sp.csr_array, sp.csr_ar
 
 
 class _Pencil(NamedTuple):
+    """K and M in W, and ``own_K`` and ``own_M`` on the coordinates that move."""
+
     K: sp.csr_array
     M: sp.csr_array
+    own_K: sp.csr_array
+    own_M: sp.csr_array
     free: Freedom
 
     @staticmethod
     def of(modes: Modes) -> _Pencil:
         rest = modes.equilibrium
         free = dynamic_freedom(rest.model, rest.config, in_world=True)
-        return _Pencil(assemble(rest.model, rest.config, rest.loads).tangent, modes.mass, free)
+        K, M = assemble(rest.model, rest.config, rest.loads).tangent, modes.mass
+        return _Pencil(K, M, free.matrix(K), free.matrix(M), free)
 
     def solve(self, lam: float, group: np.ndarray, load: np.ndarray, start: np.ndarray) -> np.ndarray:
         """x of (K - lam M) x = load but for forces of the group and of links, orthogonal to it in the mass.
 
         It differs from ``start`` by what links allow.
         """
-        whole = sp.csr_array(self.K - lam * self.M)
-        A, own = self.free.matrix(whole), self.free.coordinates(group)
-        inside = self.free.part(load - whole @ start)
+        A, own = sp.csr_array(self.own_K - lam * self.own_M), self.free.coordinates(group)
+        inside = self.free.part(load - self.K @ start + lam * (self.M @ start))
         diagonal = np.abs(A.diagonal())
         S = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        border = S[:, None] * (self.free.matrix(self.M) @ own)
+        A.data *= np.repeat(S, np.diff(A.indptr)) * S[A.indices]
+        border = S[:, None] * (self.own_M @ own)
         border = border / np.sqrt(np.einsum("im,im->m", border, border))
-        scaled = sp.csr_array(sp.diags_array(S) @ A @ sp.diags_array(S))
-        bordered = sp.csc_array(sp.block_array([[scaled, border], [border.T, None]]))
+        bordered = sp.csc_array(sp.block_array([[A, border], [border.T, None]]))
         factor: Any = spla.splu(bordered)
         force = np.vstack([S[:, None] * inside, np.zeros((own.shape[1], load.shape[1]))])
         z = factor.solve(force)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.mesh import lay_out
-from middeck.structure.elements.frames import Poses, frame_poses, points_in_world
+from middeck.structure.elements.frames import Poses, points_in_world
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.component import body_of
@@ -78,7 +78,7 @@ def summarise(structure: Structure) -> Summary:
     """
     check_structure(structure)
     model = lay_out(dataclasses.replace(structure, members=(), components=()))
-    poses = frame_poses(model.tree, model.rest)
+    poses = model.drawn
     points = points_in_world(model.points, poses)
     rods = _rods(structure)
     mass, centre, inertia = _mass_properties(structure, rods, points[model.body_point], poses)
@@ -165,7 +165,7 @@ def _mass_properties(
     mass = np.concatenate(
         [[body.mass for _, body in carried], rods.rho_A * rods.length, [whole.mass for whole in wholes]]
     )
-    middle = rods.start + (rods.triad @ rods.centre[:, :, None])[:, :, 0]
+    middle = rods.start + np.matvec(rods.triad, rods.centre)
     parts = np.zeros((len(wholes), 3))
     for k, (part, whole) in enumerate(zip(structure.components, wholes, strict=True)):
         i = names.index(part.frames[0])

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world, rigid_columns
+from middeck.structure.elements.frames import Configuration, points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.modes.motions.rigid_motions import centre_of_mass
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
@@ -122,7 +122,7 @@ def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Floa
 def _span(equilibrium: Equilibrium, centre: np.ndarray) -> tuple[str, Float[np.ndarray, "3"]]:
     """The span of what holds the article, and the part of the way from it to ``centre`` normal to it."""
     model, loads = equilibrium.model, equilibrium.loads
-    poses = frame_poses(model.tree, model.rest)
+    poses = model.drawn
     held = np.union1d(loads.attach_point, loads.ground.point)
     clamped = [model.frames.index(clamp.node) for clamp in equilibrium.environment.clamps]
     feet = np.concatenate([points_in_world(model.points, poses)[held], poses.p[clamped]])

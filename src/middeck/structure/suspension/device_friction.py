@@ -18,7 +18,7 @@ from middeck.structure.assembly.factorisation import positive_factor
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.places import transport
-from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian, rigid_columns
+from middeck.structure.elements.frames import points_in_world, rigid_columns
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
@@ -76,11 +76,11 @@ def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
 def device_rows(equilibrium: Equilibrium) -> Float[np.ndarray, "device coordinate"]:
     """Rate at which each device and spring lengthens per unit rate of the coordinates."""
     model, loads = equilibrium.model, equilibrium.loads
-    poses = frame_poses(model.tree, equilibrium.config)
+    poses = equilibrium.poses
     span = points_in_world(model.points, poses)[loads.attach_point] - loads.anchor
     along = span / np.linalg.norm(span, axis=1)[:, None]
     place = 6 * loads.attach_point[:, None] + np.arange(3)
-    J = pose_jacobian(model.tree, model.points, poses)[place.ravel()].toarray()
+    J = model.pose_map.jacobian(poses)[place.ravel()].toarray()
     return np.einsum("di,dic->dc", along, J.reshape(*along.shape, -1))
 
 

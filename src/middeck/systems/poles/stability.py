@@ -24,6 +24,8 @@ GROWTH_LIMIT = 1e-8
 """Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
 growth that an experiment could show (a factor e in three years)."""
 ROUNDINGS = 100.0
+"""Growth, in roundings of a pole's frequency or rate, that counts as none."""
+JOINED = 10.0
 """Change of A, in roundings, within which eigenvalues near zero that may coincide count as one."""
 CROWDED = 2e-6
 """Distance from zero, relative to A, to which rounding may move a double eigenvalue: ten times its root."""
@@ -97,7 +99,7 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     found, left, right = cast("tuple[np.ndarray, ...]", sla.eig(balanced, left=True, right=True))
     found = found.astype(complex)
     aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
-    known = ROUNDINGS * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)
+    known = JOINED * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)
     # Only where zero lies within the uncertainty: never a slow mode.
     at_rest = np.abs(found - rest) < np.minimum(CROWDED * size, 2.0 * known)
     known = np.where(at_rest, known, 0.0)

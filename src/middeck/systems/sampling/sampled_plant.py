@@ -14,12 +14,8 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
     States as in `sample_delayed`; those beyond the plant's own are named "delay". Raises `ConfigError` for a
     period that is not positive, and for a plant that is sampled already.
 
-    >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.plants.plant import delay_plant
-    >>> from middeck.systems.state_space.statespace import StateSpace
-    >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> plant = Plant(dynamics=lag, inputs=(Port("force", "N"),), outputs=(Port("way", "m"),))
-    >>> sample_plant(delay_plant(plant, 0.015), 0.01).state_names
+    >>> from middeck.systems.plants.own_plant import make_plant
+    >>> sample_plant(make_plant([[-1.0]], [[1.0]], [[1.0]], delay_s=0.015), 0.01).state_names
     ('state 0', 'delay', 'delay')
     """
     system = sample_delayed(remove_delays(plant).system, period_s, plant.delay_s)

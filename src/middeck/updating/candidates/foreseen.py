@@ -18,15 +18,14 @@ from middeck.errors import ConfigError, MiddeckError
 from middeck.updating.candidates.candidate_survey import CandidateSurvey, measured_by
 from middeck.updating.refinement.common_rests import common_rests, same_modes, same_readings
 from middeck.updating.refinement.posterior import Estimate, Linear, estimate_at
-from middeck.updating.refinement.refine import MODAL, OF_READING, USUAL_STATIC, Refined, linear_problem
+from middeck.updating.refinement.refine import MODAL, OF_READING, USUAL_STATIC, Refined, problem_of
 from middeck.updating.residuals.static_tests import (
-    ComparedStatic,
     ErrorFields,
     StaticTest,
     compare_statics,
     set_up_static,
 )
-from middeck.updating.residuals.surveys import Compared, Survey, compare, set_up
+from middeck.updating.residuals.surveys import Survey, compare, set_up
 from middeck.values import record
 
 # Deviations of a model's static errors, of what members yield and of a reading, where no test has shown them.
@@ -91,7 +90,7 @@ def _with_survey(refined: Refined, candidate: CandidateSurvey) -> Foreseen:
     new = compare(modes, survey, place.bound)
     compared = (*refined.compared, new)
     rows = sum(len(c.rows) for c in refined.compared) + np.arange(len(new.rows))
-    problem = _problem(refined, compared, refined.statics, refined.fields)
+    problem = problem_of(refined, compared, refined.statics, refined.fields)
     known = _known_after(refined, problem, rows, same_modes(refined.compared, new))
     after = dataclasses.replace(
         refined,
@@ -115,7 +114,7 @@ def _with_static(refined: Refined, candidate: StaticTest) -> Refined:
     tests = (*tests[:-1], dataclasses.replace(candidate, value=value))
     statics = compare_statics(at, tests, places)
     fields = ErrorFields.of(at)
-    problem = _problem(refined, refined.compared, statics, fields)
+    problem = problem_of(refined, refined.compared, statics, fields)
     rows = np.arange(len(problem.y) - len(value), len(problem.y))
     links = same_readings(statics, len(problem.y) - sum(len(c.value) for c in statics))
     return dataclasses.replace(
@@ -126,17 +125,6 @@ def _with_static(refined: Refined, candidate: StaticTest) -> Refined:
         fields=fields,
         unseen=_with_untried(refined.unseen),
     )
-
-
-def _problem(
-    refined: Refined,
-    compared: Sequence[Compared],
-    statics: Sequence[ComparedStatic],
-    fields: ErrorFields | None,
-) -> Linear:
-    mean, spread = (np.array([getattr(u, name) for u in refined.unknowns]) for name in ("mean", "spread"))
-    at = refined.linear_at - mean
-    return linear_problem(compared, statics, fields, at, spread, refined.responses)
 
 
 def _known_after(

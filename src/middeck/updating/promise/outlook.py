@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import stdtrit
+from scipy.special import factorial, stdtrit
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -27,7 +27,6 @@ from middeck.values import record
 
 LEVELS = (0.01, 0.025, 0.25, 0.5, 0.75, 0.975, 0.99)
 """Of the distribution of decibels, from the best to the worst."""
-FEW = 4  # draws of which no correlation is told
 COMPARED = 12
 """Unstable draws whose leading mode is looked for."""
 
@@ -172,11 +171,12 @@ def risk_of(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
     """Spearman's rank correlation, the largest of all that was drawn; nothing where chance may be it.
 
     Chance of so many names together is 5 % (Bonferroni), by Student's distribution of r sqrt((n-2)/(1-r^2)).
+    So few draws that one of the names has their very order more often tell none: 2 of n! orders.
     """
     ranks = _ranks(db)
     spread = float(np.std(ranks))
     n = len(ranks)
-    if not spread > 0.0 or not drawn.names or n < FEW:
+    if not spread > 0.0 or not drawn.names or (1.0 - CONFIDENCE) * factorial(n) < 2 * len(drawn.names):
         return "", 0.0
     others = np.apply_along_axis(_ranks, 0, drawn.drawn)
     others = others - others.mean(axis=0)

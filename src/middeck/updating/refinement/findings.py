@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.own_errors import sorts_of
-from middeck.updating.refinement.refine import MODAL, SORTS, Refined
+from middeck.updating.refinement.refine import CONTRADICT, MODAL, SORTS, Refined, off_the_rest
 from middeck.updating.residuals.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
@@ -54,6 +54,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
             for said in doubt_survey_units(c.modes, c.survey.measured)
         ),
         *_of_the_search(refined),
+        *_of_contradictions(refined),
         *_of_unknowns(refined),
         *_of_the_model(refined),
         *(
@@ -90,6 +91,18 @@ def _of_the_search(refined: Refined) -> Iterator[str]:
         yield (
             f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: the values of most "
             "follow from their priors; more modes, other gimbal angles or added masses would tell more"
+        )
+
+
+def _of_contradictions(refined: Refined) -> Iterator[str]:
+    """Surveys whose deviations `refine` widened, and by what each is off the article of all."""
+    by = max((float(c.std[0] / c.survey.std[c.pairs[0, 1]]) for c in refined.compared), default=1.0)
+    if by > CONTRADICT:
+        means = [f"{name} by {100.0 * off:+.2g} %" for name, off in off_the_rest(refined)]
+        yield (
+            f"the surveys contradict one another: their frequencies are {by:.1f} times as far from any one "
+            f"article as they state, in the mean {', '.join(means)}; their deviations were widened by this "
+            "factor. Did the article change between the tests, is a set-up not as stated, a clock off?"
         )
 
 

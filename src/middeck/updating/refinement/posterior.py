@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 import scipy.linalg as sla
 import scipy.optimize as opt
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.special import erf, ndtr, ndtri
 
 from middeck.values import record
@@ -161,6 +161,21 @@ def cut_below(
         return n
     at = float(along @ n) / size
     return n + along / size * (-float(ndtri(ndtr(mean / size) * ndtr(-at))) - at)
+
+
+def excess(problem: Linear, found: Estimate, rows: Bool[np.ndarray, " row"]) -> float:
+    """Rms of what the estimate leaves in ``rows``, over what noise and ``found.tau`` let expect.
+
+    The residuals r have the covariance N C^-1 N, N that of the noise and C that of y. Zero where the estimate
+    takes up all but a part of one row.
+    """
+    std = _deviations(problem, found.tau)
+    left = (problem.y - problem.J @ found.x - problem.S @ found.d) / std
+    root = sla.solve_triangular(
+        np.linalg.cholesky(_covariance(problem, found.tau)), np.diag(std)[:, rows], lower=True
+    )
+    free = float(np.sum(root**2))
+    return float(np.linalg.norm(left[rows])) / np.sqrt(free) if free >= 1.0 else 0.0
 
 
 def _surprise_of(

@@ -6,6 +6,7 @@ answer they are large, which keeps the steps small.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from middeck.updating.refinement.posterior import (
     Linear,
     cut_below,
     estimate,
+    excess,
     unseen_deviations,
 )
 from middeck.updating.residuals.gauges import Gauge
@@ -66,6 +68,8 @@ SMALL = 0.2
 # No step moves an unknown by more than this many of its prior deviations.
 LARGEST = 2.0
 HALVINGS = 6
+# Surveys whose frequencies are this many times farther from any one article than they state contradict.
+CONTRADICT = 2.0
 # Steps back that are not this much smaller than the last swing about the answer.
 SHRINKS = 0.7
 
@@ -188,6 +192,11 @@ def refine(
         fields = ErrorFields.of(at.loaded) if at.loaded else None
         problem = linear_problem(compared, sagged, fields, x - mean, spread, heard)
         found = estimate(problem, usual)
+        # Else a step far out is the answer: slopes by measured frequencies differ as these contradict.
+        while (off := excess(problem, found, _rows_of_several(compared, len(problem.y)))) > CONTRADICT:
+            compared = tuple(_widened(c, off) for c in compared)
+            problem = linear_problem(compared, sagged, fields, x - mean, spread, heard)
+            found = estimate(problem, usual)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS * (1 + settled):
@@ -229,6 +238,18 @@ def compare_at_first(
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     compared, sagged = places.compare(places.solve(mean), surveys, statics)
     return (*compared, *places.hear(compared, mean, np.diag(spread)), *sagged)
+
+
+def _rows_of_several(compared: Sequence[Compared], count: int) -> np.ndarray:
+    """Which of so many rows of `linear_problem` are frequencies that another survey may contradict."""
+    own = [np.arange(len(c.rows)) < len(c.pairs) * (len(compared) > 1) for c in compared]
+    return np.concatenate([*own, np.zeros(count - sum(map(len, own)), dtype=bool)])
+
+
+def _widened(compared: Compared, by: float) -> Compared:
+    """With deviations of its frequencies so many times larger."""
+    own = np.arange(len(compared.rows)) < len(compared.pairs)
+    return dataclasses.replace(compared, std=np.where(own, by, 1.0) * compared.std)
 
 
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
@@ -353,6 +374,29 @@ def linear_problem(
         row_sort=np.concatenate([p.row_sort for p in parts]),
         sorts=len(SORTS) if statics else MODAL,
     )
+
+
+def problem_of(
+    refined: Refined,
+    compared: Sequence[Compared],
+    statics: Sequence[ComparedStatic],
+    fields: ErrorFields | None,
+) -> Linear:
+    """`linear_problem` of these tests about the unknowns at which ``refined`` has its own."""
+    mean, spread = (np.array([getattr(u, name) for u in refined.unknowns]) for name in ("mean", "spread"))
+    at = refined.linear_at - mean
+    return linear_problem(compared, statics, fields, at, spread, refined.responses)
+
+
+def off_the_rest(refined: Refined) -> list[tuple[str, float]]:
+    """Of each survey by name, the mean of what the refined article leaves of ln f."""
+    problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
+    left = problem.y - problem.J @ refined.estimate.x - problem.S @ refined.estimate.d
+    first = np.cumsum([0, *(len(c.rows) for c in refined.compared)])
+    return [
+        (c.survey.name, float(np.mean(left[at : at + len(c.pairs)])))
+        for c, at in zip(refined.compared, first, strict=False)
+    ]
 
 
 def _of_modes(compared: Sequence[Compared]) -> _Errors:

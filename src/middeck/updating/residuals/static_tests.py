@@ -124,17 +124,18 @@ class Loaded(NamedTuple):
 class StaticSetUp(NamedTuple):
     """An article under a load case and, where readings count from there, without it; and what moves it."""
 
+    name: str
     loaded: tuple[Structure, Environment]
     unloaded: tuple[Structure, Environment] | None
     bound: tuple[Bound, ...]
     bound_unloaded: tuple[Bound, ...]
 
     def solve(self, x: Float[np.ndarray, " unknown"]) -> Loaded:
-        """The rest states with the unknowns at ``x``. Raises `NumericalError` where there is none."""
-        rest = _at_rest(*change(*self.loaded, self.bound, x))
+        """The rest states with the unknowns at ``x``. Raises `NumericalError` where none is stable."""
+        rest = _at_rest(self.name, *change(*self.loaded, self.bound, x))
         if self.unloaded is None:
             return Loaded(rest, None)
-        return Loaded(rest, _at_rest(*change(*self.unloaded, self.bound_unloaded, x)))
+        return Loaded(rest, _at_rest("", *change(*self.unloaded, self.bound_unloaded, x)))
 
     def slope(self, at: Loaded, gauges: Sequence[Gauge]) -> Float[np.ndarray, "gauge unknown"]:
         """Derivatives of what gauges read by the unknowns, in the rest states ``at``."""
@@ -147,10 +148,12 @@ class StaticSetUp(NamedTuple):
         )
 
 
-def _at_rest(structure: Structure, environment: Environment) -> Equilibrium:
+def _at_rest(load_case: str, structure: Structure, environment: Environment) -> Equilibrium:
     rest = solve_equilibrium(structure, environment)
-    if not rest.converged:
-        raise NumericalError("the article has no rest state under its load case", where="static test")
+    if not (rest.converged and rest.stable):
+        what = "its rest state is not stable: it buckles or topples" if rest.converged else "no rest state"
+        where = f"load case {load_case!r}" if load_case else "without a load case"
+        raise NumericalError(f"the article: {what}", where=where, hint="a smaller load, a stiffer article")
     return rest
 
 
@@ -166,7 +169,8 @@ def set_up_static(
     bare = set_up(structure, environment, settings, unknowns)
     loaded = apply_load_case(bare.structure, bare.environment, load_case)
     unloaded = (bare.structure, bare.environment) if since_unloaded else None
-    return StaticSetUp(loaded, unloaded, bind(unknowns, *loaded), bare.bound)
+    name = load_case.name if isinstance(load_case, LoadCase) else load_case or ""
+    return StaticSetUp(name, loaded, unloaded, bind(unknowns, *loaded), bare.bound)
 
 
 def _slopes(

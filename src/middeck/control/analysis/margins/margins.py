@@ -180,20 +180,17 @@ def measure_margins(
 
     Raises `ConfigError` for halves that do not fit (`form_loop`).
 
-    >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plants.plant import Plant, delay_plant
-    >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
-    >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
-    ...     outputs=(way,))
-    >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
-    >>> one = measure_margins(delay_plant(integrator, 0.1), P).loops[0]
+    >>> import middeck as md
+    >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])
+    >>> none, gain = np.zeros((0, 1)), -np.eye(1)
+    >>> law = md.systems.StateSpace(none @ none.T, none, none.T, gain)
+    >>> P = md.Compensator(law, integrator.outputs, integrator.inputs)
+    >>> one = measure_margins(md.delay_plant(integrator, 0.1), P).loops[0]
     >>> one.gain_limits[1].__round__(9), one.phase_limit_rad.__round__(9)    # pi/(2 tau), pi/2 - tau
     (15.707963268, 1.470796327)
     >>> print(measure_margins(integrator, P))
     broken at  gain dB  at Hz  phase deg  at Hz   delay ms  disk   max |S|  at Hz
-    force      -        -      90.0       0.1592  1.57e+03  2.000  1.000    477.5
+    u1         -        -      90.0       0.1592  1.57e+03  2.000  1.000    477.5
     """
     loop = form_loop(plant, compensator)
     stability, loop = decide_loop(loop), moved_part(loop)

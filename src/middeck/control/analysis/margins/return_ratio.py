@@ -59,15 +59,11 @@ def trace_return_ratio(
 
     Raises `ConfigError` for halves that do not fit (`form_loop`), or lines at which the response is infinite.
 
-    >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plants.plant import Plant
-    >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
-    >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> lag = Plant(dynamics=StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,), outputs=(way,))
-    >>> P = Compensator(gain_system(np.array([[-2.0]])), (way,), (force,))
-    >>> trace_return_ratio(lag, P, frequency_hz=np.array([0.0])).L.real
-    array([[2.]])
+    >>> import middeck as md
+    >>> lag = md.make_plant([[-1.0]], [[1.0]], [[1.0]])
+    >>> law = md.Compensator(lag.system, lag.outputs, lag.inputs)
+    >>> trace_return_ratio(lag, law, frequency_hz=np.array([0.0])).L.real
+    array([[-1.]])
     """
     loop = form_loop(plant, law)
     ratio = broken_ratio(loop, at)

@@ -15,16 +15,19 @@ from middeck.control.analysis.loop.feedback_loop import (
 )
 from middeck.control.analysis.stability.delayed_roots import (
     NEAR,
+    ROUNDINGS,
     find_open_poles,
     follow_roots,
     is_light,
+    is_vague,
+    off_axis,
     poles_with_rounding,
 )
 from middeck.control.analysis.stability.root_count import clear_walls, count_more, direct_gain
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
 from middeck.errors import NumericalError
-from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.stability import all_decay, growth_limits, growth_rates, none_grows
 from middeck.values import record
 
@@ -67,15 +70,12 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
     disagree at the highest order, right of every line that was tried.
 
-    >>> from middeck.control.law.compensator import Compensator
-    >>> from middeck.systems.plants.plant import Plant, delay_plant
-    >>> from middeck.signals.ports import Port
-    >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
-    >>> force, way = Port("force", "N"), Port("way", "m")
-    >>> integrator = Plant(dynamics=StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), inputs=(force,),
-    ...     outputs=(way,))
-    >>> P = Compensator(gain_system(np.array([[-1.0]])), (way,), (force,))
-    >>> [decide_stability(delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
+    >>> import middeck as md
+    >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])
+    >>> none, gain = np.zeros((0, 1)), -np.eye(1)
+    >>> law = md.systems.StateSpace(none @ none.T, none, none.T, gain)
+    >>> P = md.Compensator(law, integrator.outputs, integrator.inputs)
+    >>> [decide_stability(md.delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
     [True, False]
     """
     return decide_loop(form_loop(plant, law))
@@ -93,13 +93,15 @@ def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
     """
     if not loop.plant.delayed:
         loop, unmoved = split_unmoved(loop)
+        _require_known(loop)
         return np.concatenate([loop_poles(loop), unmoved])
     if direct_gain(loop) >= 1.0:  # a neutral equation (Hale and Verduyn Lunel 1993)
         return np.array([complex(np.inf, np.inf)])
     loop, unmoved = split_unmoved(loop)
     halves, reach = evaluate_halves(loop), _reach(loop)
     open_poles, rounding = find_open_poles(loop)
-    vague = bool(np.any(is_light(open_poles) & (rounding > NEAR * np.abs(open_poles))))
+    vague = is_vague(remove_delays(loop.plant).system) or is_vague(loop.law)
+    vague |= bool(np.any(is_light(open_poles) & (rounding > NEAR * np.abs(open_poles))))
     found, counted = 0, None
     for order in (orders := _orders(loop, open_poles)):
         near, blur = _near(loop, order, vague)
@@ -120,6 +122,19 @@ def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
         "output instead of one for each path; take states of like sizes, as modal ones; or sample the loop: "
         "its stability follows from eigenvalues",
     )
+
+
+def _require_known(loop: FeedbackLoop) -> None:
+    """Refuse a loop of vague halves with a root that rounding may take across the axis."""
+    plant = loop.plant.system if loop.period_s is None else loop.plant.sampled
+    if not (is_vague(plant) or is_vague(loop.law)):
+        return
+    roots, blur = poles_with_rounding(close_channels(approximate_halves(loop)).A)
+    if np.any(off_axis(roots, loop.period_s) < ROUNDINGS * blur):
+        raise NumericalError(
+            "stability cannot be decided: rounding of the matrices alone may take a root across the axis",
+            hint="states of like sizes, as modal ones",
+        )
 
 
 def _near(

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import resolve, transfer_of
-from middeck.control.analysis.stability.delayed_roots import poles_with_rounding
+from middeck.control.analysis.stability.delayed_roots import LIGHTEST, is_vague
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import FAR, NoiseOutcome
 from middeck.control.law.compensator import Compensator
@@ -34,15 +34,11 @@ from middeck.systems.norms.rms import RESPONSE_TOLERANCE, square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent, balance_states
 from middeck.systems.state_space.modal_system import ModalSystem, output_rows
-from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 RHO = 0.7
 """Largest distance of an eigenvalue from one between two lines, times the number of inputs."""
 ROUNDS, MOST_LINES, SPLIT = 24, 40_000, 8
-LIGHTEST = 1e-6
-"""Smallest spacing of lines [rad/s]: a root nearer to the axis than this is left undecided."""
-VAGUE = 1e-6
 SMALL = 0.5
 BESIDE = np.array([0.0, 3.0])
 STRETCH, OCTAVES = 1.0, 17
@@ -95,18 +91,6 @@ def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | Non
         noise=noise,
         weight=np.concatenate([weights.output, np.sqrt(weights.input)]),
     )
-
-
-def is_vague(law: StateSpace) -> bool:
-    """Whether rounding of its matrices moves a pole by more than `VAGUE` of its decay or growth."""
-    if not len(law.A):
-        return False
-    law = balance_states(law)
-    poles, rounding = poles_with_rounding(law.A)
-    # Of a double pole, the root.
-    moved = np.minimum(rounding, np.sqrt(np.finfo(float).eps * np.linalg.norm(law.A) * np.abs(poles)))
-    decay = np.abs(np.real(poles))
-    return bool(np.any((decay >= LIGHTEST) & (moved > VAGUE * decay)))
 
 
 def measure_in_family(

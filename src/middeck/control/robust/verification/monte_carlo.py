@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from middeck.control.analysis.stability.delayed_roots import is_vague
 from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_band_noise, integrate_noise
@@ -17,15 +19,18 @@ from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.batch import same_shapes
 from middeck.control.robust.verification.exact_delay import exact_growth
-from middeck.control.robust.verification.exact_family import family_law, is_vague, measure_in_family
+from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.control.robust.verification.many_loops import measure_many
 from middeck.control.robust.verification.sampled_loops import sampled_outcomes
 from middeck.control.robust.verification.single_loop import measure_one
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.stability import all_decay
 from middeck.values import record
+
+UNDECIDED = NoiseOutcome(False, np.inf, np.inf)
+NAMED = 8
 
 
 @record(kw_only=True)
@@ -76,8 +81,9 @@ def verify_robustness(
     plant is evaluated singly and exactly (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator
     is sampled by Tustin's rule and held, in addition to the plant's delay.
 
-    Raises `ConfigError` for a compensator of other ports than the plant's groups y and u, `NumericalError`
-    where the stability of a plant taken by itself cannot be decided.
+    A plant whose stability cannot be decided counts as unstable, and a warning gives its position.
+
+    Raises `ConfigError` for a compensator of other ports than the plant's groups y and u.
     """
     plants = finished_plants(plant, uncertainty, np.asarray(positions, dtype=float))
     return Verification(positions, outcomes_on(plants, compensator, weights, rates_hz=rates_hz))
@@ -186,15 +192,22 @@ def _noise_on(
     others = _approximated([plants[i] for i in left], compensator, weights, measured=measured)
     for i, outcome in zip(left, others, strict=True):
         found[i] = outcome
-    rows = [(f.stable, f.rms, f.control_rms) for f in found if f is not None]
+    lost = [i for i, outcome in enumerate(found) if outcome is None]
+    if lost:
+        warnings.warn(
+            f"stability is undecided, and counts as lost, of {len(lost)} of {len(plants)} plants, at "
+            f"positions {', '.join(map(str, lost[:NAMED]))} from 0: decide_stability of one says why",
+            stacklevel=2,
+        )
+    rows = [(f.stable, f.rms, f.control_rms) for f in (one or UNDECIDED for one in found)]
     stable, rms, control = (np.array(x) for x in zip(*rows, strict=True)) if rows else (np.zeros(0),) * 3
     return stable.astype(bool), rms, control
 
 
 def _approximated(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
-) -> list[NoiseOutcome]:
-    """Evaluate all plants together with approximated delays, except those that need exact evaluation."""
+) -> list[NoiseOutcome | None]:
+    """All plants together with approximated delays, but exactly where that is needed; None if undecided."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
     vague = is_vague(system)
@@ -203,13 +216,17 @@ def _approximated(
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models), measured=measured)
     stable = exact_growth(plants, law, values) <= 0.0
-    found = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in zip(stable, rms, control, strict=True)]
+    rows = zip(stable, rms, control, strict=True)
+    found: list[NoiseOutcome | None] = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in rows]
     for i, plant in enumerate(plants):
-        if not plant.delayed:
+        if not (plant.delayed or vague):
             continue
         agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
         if vague or orders[i] > order or not agreed:
-            found[i] = integrate_noise(plant, compensator, weights, measured=measured)
+            try:
+                found[i] = integrate_noise(plant, compensator, weights, measured=measured)
+            except NumericalError:
+                found[i] = None
     return found
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, reach, turns
 from middeck.files.nastran.masses_and_springs.bodies import Mass
+from middeck.structure.model.article_checks import impossible_moments
 from middeck.structure.model.connectivity import some_names
-from middeck.structure.model.inertia import impossible_moments
 
 Tables = list[dict[str, Any]]
 

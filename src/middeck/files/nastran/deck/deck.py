@@ -18,6 +18,8 @@ from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault
 
+# New objects that are worth to be made old at once.
+MANY = 100_000
 CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 
 
@@ -78,7 +80,8 @@ def _without_collection() -> Generator[None]:
     try:
         yield
     finally:
-        if enabled and not gc.get_freeze_count():  # what others froze stays so
+        # What others froze stays so; to count that takes longer than a small deck.
+        if enabled and gc.get_count()[0] > MANY and not gc.get_freeze_count():
             gc.freeze()
             gc.unfreeze()
         if enabled:

@@ -12,7 +12,7 @@ from middeck.files.nastran.deck.entries import Entries, Entry
 from middeck.files.nastran.deck.formats import PLACES
 from middeck.files.nastran.members.sections_of_bars import BarSection, Sections
 from middeck.files.toml.faults import Fault
-from middeck.structure.model.member_axes import default_up
+from middeck.structure.model.section import default_up
 
 RODS = ("CROD", "CTUBE", "CONROD")
 NAMES = ("CBAR", "CBEAM", *RODS)

@@ -1,4 +1,4 @@
-"""How an engine is compiled and started, and with what: its rig, its excitation, its shared file."""
+"""How an engine is started, and with what: its rig, its excitation, and the words of its shared file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 import re
 import subprocess
 from collections.abc import Collection
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from middeck.realtime.engine.interface.settings import EngineSettings, encode_se
 from middeck.realtime.engine.interface.shared_file import SharedFile, open_shared_file
 from middeck.realtime.engine.process.adopted import AdoptedEngine
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
-from middeck.realtime.generate.compiler import compile_once
 from middeck.values import record
 
 
@@ -117,35 +115,3 @@ def launch(program: Path, file: SharedFile) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-def build_engine(
-    *, driver: str | Path | None = None, flags: tuple[str, ...] = (), folder: Path | None = None
-) -> Path:
-    """The engine's program, compiled into the user's cache where it is not there yet.
-
-    ``driver`` is a C source in the form of ``rig_driver.c`` for converters of one's own, ``flags`` are
-    further ones of the compiler, ``folder`` another cache. Raises `NoCompilerError` without a compiler,
-    `ConfigError` for sources that do not compile.
-    """
-    sources = engine_sources(driver)
-    try:
-        return compile_once("engine", sources, flags=flags, folder=folder)
-    except ConfigError as error:
-        error.where = error.where if driver is None else f"{driver} with {error.where}"
-        raise
-
-
-def engine_sources(driver: str | Path | None = None) -> dict[str, str]:
-    """Name and text of every source, the arithmetic that it shares with the generated C included."""
-    room = resources.files("middeck.realtime")
-    files = [f for f in room.joinpath("engine", "source").iterdir() if f.name.endswith((".c", ".h"))]
-    files.append(room.joinpath("generate", "kernel.h"))
-    sources = {file.name: file.read_text(encoding="utf-8") for file in sorted(files, key=lambda f: f.name)}
-    if driver is not None:
-        try:
-            sources["rig_driver.c"] = Path(driver).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            why = getattr(error, "strerror", "not UTF-8 text")
-            raise ConfigError(f"cannot be read: {why}", where=str(driver), hint="a C source") from None
-    return sources

@@ -34,10 +34,10 @@ from middeck.realtime.engine.interface.shared_file import (
 )
 from middeck.realtime.engine.process.adopted import AdoptedEngine, locked, when_born
 from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S, CommandedEngine
+from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.launch import (
     RigChoice,
     banned_hashes,
-    build_engine,
     checked_waveform,
     is_run_by,
     launch,

@@ -27,7 +27,6 @@ from middeck.structure.assembly.energy import inner_forces
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.beam_inertia import transverse_shapes
 from middeck.structure.elements.beam_kinematics import STRETCH, Y1, Y2, Z1, Z2
-from middeck.structure.elements.frames import frame_poses, pose_jacobian
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 
@@ -130,8 +129,7 @@ def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mod
     """Displacement and rotation of both ends of every element in its own axes."""
     rest = modes.equilibrium
     model = rest.model
-    jacobian = pose_jacobian(model.tree, model.points, frame_poses(model.tree, rest.config))
-    moves = (jacobian @ modes.shapes[:, :count]).reshape(-1, 2, 3, count)[model.element_ends]
+    moves = rest.moves(modes.shapes[:, :count])[model.element_ends].reshape(-1, 2, 2, 3, count)
     axes = element_poses(model, rest.config)[1][:, 0]
     return np.einsum("eij,enbim->enbjm", axes, moves)
 

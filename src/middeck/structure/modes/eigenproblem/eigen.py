@@ -197,7 +197,8 @@ def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, 
     # The inverse rounds to eps lam^2 / sigma, the Rayleigh quotient to eps size: take the finer.
     high = lam**2 > sigma * size
     lam[high] = np.einsum("im,im->m", phi[:, high], K @ phi[:, high])
-    return Eigenpairs(lam, phi, ROUNDING * (size + sigma))
+    # Near zero every coordinate rounds the inverse.
+    return Eigenpairs(lam, phi, ROUNDING * (size + len(phi) * sigma))
 
 
 def _missing(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, count: int) -> int:

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import legendre
 
-from middeck.structure.elements.frames import frame_poses, points_in_world, pose_jacobian
-from middeck.structure.elements.trees import Poses
+from middeck.structure.elements.frames import points_in_world
 from middeck.structure.modes.motions.rigid_motions import AXES
 from middeck.structure.modes.motions.strain_shares import member_energy
 from middeck.structure.modes.motions.strained_parts import straight_lines
@@ -68,8 +67,7 @@ def on_one_line(equilibrium: Equilibrium) -> bool:
 def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]) -> BeamMotion | None:
     """Motion of ``shapes`` as one beam; None for an article that is not slender."""
     model = equilibrium.model
-    poses = frame_poses(model.tree, equilibrium.config)
-    place, half = points_in_world(model.points, poses), np.repeat(0.5 * model.beams.length, 2)
+    place, half = points_in_world(model.points, equilibrium.poses), np.repeat(0.5 * model.beams.length, 2)
     ends = model.element_ends.ravel()
     middle = half @ place[ends] / half.sum()
     r = place - middle
@@ -80,9 +78,9 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     across, planes = _across(axis)
     seen = np.concatenate([ends, model.body_point])
     mass = np.concatenate([np.repeat(0.5 * model.beams.length * model.beams.rho_A, 2), model.body_mass])
-    changes = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(place), 6, -1)
+    changes = equilibrium.moves(shapes)
     weight = np.sqrt(mass)[:, None]
-    turning = turned_bodies(equilibrium, poses)
+    turning = turned_bodies(equilibrium)
     terms = int(np.clip(len(np.unique(model.points.frame[seen])) // FRAMES_EACH, FEWEST, MOST))
     families = _families(r[seen], axis, across, terms)
     # Of a body the turn too: one that nods on a still beam is no motion of it.
@@ -124,12 +122,12 @@ def _planes_of(aside: Float[np.ndarray, "2 point mode"]) -> Float[np.ndarray, "m
     return lateral / np.where(size > 0.0, size, 1.0)
 
 
-def turned_bodies(equilibrium: Equilibrium, poses: Poses) -> Float[np.ndarray, "body 3 3"]:
+def turned_bodies(equilibrium: Equilibrium) -> Float[np.ndarray, "body 3 3"]:
     """Roots of the inertia of the bodies, in W: their product with a turn is squared its energy, twice."""
     model = equilibrium.model
     own, axes = np.linalg.eigh(model.body_inertia)
     root = (axes * np.sqrt(np.maximum(own, 0.0))[:, None, :]) @ axes.transpose(0, 2, 1)
-    R = poses.R[model.points.frame[model.body_point]]
+    R = equilibrium.poses.R[model.points.frame[model.body_point]]
     return R @ root @ R.transpose(0, 2, 1)
 
 

@@ -12,7 +12,7 @@ from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.elements.beam import beam_deformations
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
-from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
+from middeck.structure.elements.frames import points_in_world
 from middeck.structure.elements.springs_and_cables import spring_state
 from middeck.structure.model.article import JointState
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -40,7 +40,7 @@ def strain_energy(
 
     Bending about an own axis of a member counts for the plane across the world axis nearest to it. Analytic.
     """
-    changes = _pose_changes(equilibrium, shapes)
+    changes = equilibrium.moves(shapes)
     bent = _member_energy(equilibrium, changes)
     springs, joints, bushings, components = _tie_energies(equilibrium, shapes, changes)
     slides = equilibrium.model.tree.slides
@@ -52,16 +52,9 @@ def part_energy(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode part"]:
     """The same by parts: members, springs, joints, bushings, components, in the order of the structure."""
-    changes = _pose_changes(equilibrium, shapes)
+    changes = equilibrium.moves(shapes)
     ties = _tie_energies(equilibrium, shapes, changes)
     return np.hstack([_each_member(equilibrium, changes), *ties])
-
-
-def _pose_changes(equilibrium: Equilibrium, shapes: np.ndarray) -> Inexact[np.ndarray, "pose 6 mode"]:
-    model = equilibrium.model
-    poses = frame_poses(model.tree, equilibrium.config)
-    changes = pose_jacobian(model.tree, model.points, poses) @ shapes
-    return changes.reshape(len(model.points.frame), 6, shapes.shape[1])
 
 
 def _tie_energies(
@@ -72,7 +65,7 @@ def _tie_energies(
     joints = model.structure.joints
     k = np.array([s.stiffness for s in model.structure.springs]) + 0.0
     of_joints = np.array([j.stiffness if j.state is JointState.SPRUNG else 0.0 for j in joints]) + 0.0
-    world = points_in_world(model.points, frame_poses(model.tree, equilibrium.config))
+    world = points_in_world(model.points, equilibrium.poses)
     start, end = model.spring_ends.T
     span = world[end] - world[start]
     length = np.sqrt(np.sum(span * span, axis=1))
@@ -123,18 +116,15 @@ def device_energy(
 ) -> Inexact[np.ndarray, " mode"]:
     """Energy [J] of each mode in devices, springs and bushings to the ground; analytic."""
     model, loads = equilibrium.model, equilibrium.loads
-    poses = frame_poses(model.tree, equilibrium.config)
-    held = PosePoints(model.points.frame[loads.attach_point], model.points.offset[loads.attach_point])
-    state = spring_state(loads.law, points_in_world(held, poses) - loads.anchor)
-    changes = pose_jacobian(model.tree, held, poses) @ shapes
-    moved = changes.reshape(len(held.frame), 6, shapes.shape[1])[:, :3]
+    places, moves = points_in_world(model.points, equilibrium.poses), equilibrium.moves(shapes)
+    state = spring_state(loads.law, places[loads.attach_point] - loads.anchor)
+    moved = moves[loads.attach_point, :3]
     energy = 0.5 * np.einsum("dim,dij,djm->m", moved, state.material + state.geometric, moved)
     if not len(loads.ground.point):
         return energy
-    tied = PosePoints(model.points.frame[loads.ground.point], model.points.offset[loads.ground.point])
     ground = bushing_states(model, equilibrium.config, loads)[1]
     K = (ground.material + ground.geometric)[:, 6:, 6:]
-    moved = (pose_jacobian(model.tree, tied, poses) @ shapes).reshape(len(tied.frame), 6, shapes.shape[1])
+    moved = moves[loads.ground.point]
     return energy + 0.5 * np.einsum("bim,bij,bjm->m", moved, K, moved)
 
 
@@ -142,14 +132,14 @@ def member_energy(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode member"]:
     """Elastic energy [J] of each mode in each member of the structure, in its order; analytic."""
-    return _each_member(equilibrium, _pose_changes(equilibrium, shapes))
+    return _each_member(equilibrium, equilibrium.moves(shapes))
 
 
 def member_deformations(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "element 6 mode"]:
     """(stretch, y1, z1, y2, z2, twist) of each beam element in each mode."""
-    model, changes = equilibrium.model, _pose_changes(equilibrium, shapes)
+    model, changes = equilibrium.model, equilibrium.moves(shapes)
     _, slope = beam_deformations(model.beams, *element_poses(model, equilibrium.config))
     return slope @ changes[model.element_ends].reshape(len(slope), 12, shapes.shape[1])
 

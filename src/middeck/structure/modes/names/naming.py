@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from middeck.structure.elements.frames import frame_poses, pose_jacobian
 from middeck.structure.modes.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
 from middeck.structure.modes.motions.rigid_motions import AXES, rigid_motions
@@ -129,9 +128,8 @@ def _turning(
 ) -> tuple[tuple[str, ...], Float[np.ndarray, "mode body"]]:
     """Bodies by the names of their frames, and the part of the kinetic energy that their turning has."""
     model = equilibrium.model
-    poses = frame_poses(model.tree, equilibrium.config)
-    turn = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(len(model.points.frame), 6, -1)
-    twice = np.sum((turned_bodies(equilibrium, poses) @ turn[model.body_point, 3:]) ** 2, axis=1)
+    turn = equilibrium.moves(shapes)[model.body_point, 3:]
+    twice = np.sum((turned_bodies(equilibrium) @ turn) ** 2, axis=1)
     names = tuple(model.frames[frame] for frame in model.points.frame[model.body_point])
     return names, (twice / np.einsum("im,im->m", shapes, M @ shapes)).T
 

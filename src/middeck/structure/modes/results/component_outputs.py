@@ -6,6 +6,7 @@ turns of the whole shift a point by their cross product with its place.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,8 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.component_states import component_states
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import points_in_world
 from middeck.structure.model.component import WAYS, Component, rigid_vectors
 from middeck.structure.modes.solve import Modes
 
@@ -75,3 +78,37 @@ def inner_points(part: Component) -> tuple[InnerPoint, ...]:
         if np.abs(body[:, :3] - np.eye(3)).max() < APART and np.abs(turn + turn.T).max() < APART * far:
             found.append(InnerPoint(name, np.array([turn[1, 2], turn[2, 0], turn[0, 1]]), shift))
     return tuple(found)
+
+
+def points_inside(model: Model) -> dict[str, tuple[int, InnerPoint]]:
+    """Points inside components by name, each after its component's number; frames' names are frames."""
+    taken = {*model.frames, *(point.name for point in model.structure.attach_points)}
+    parts = enumerate(model.structure.components)
+    return {p.name: (k, p) for k, part in parts for p in inner_points(part) if p.name not in taken}
+
+
+def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "3"]:
+    """Where a point inside component ``k`` was drawn [m]."""
+    part, drawn = model.structure.components[k], points_in_world(model.points, model.drawn)
+    arm = part.axes @ (point.place - part.positions.mean(axis=0))
+    return np.asarray(drawn[model.components[k].point].mean(axis=0) + arm)
+
+
+def motions_inside(
+    modes: Modes, asked: Sequence[tuple[int, str, int]]
+) -> list[Float[np.ndarray, " coordinate"]]:
+    """Of points inside components, by component, name and one of six ways along W, per unit coordinate."""
+    at = modes.equilibrium
+    states = component_states(at.model, at.config, at.loads) if asked else []
+    found: list[np.ndarray] = []
+    for k, name, way in asked:
+        part, (state, rows) = at.model.structure.components[k], states[k]
+        outputs = [f"{name} {w}" for w in WAYS[way - way % 3 :][:3]]
+        if part.recovery is None or not set(outputs) <= set(part.outputs):
+            what = f"component {part.name!r} has no output {name} {WAYS[way]}"
+            raise ConfigError(what, where="measured channels", hint="leave the channel out")
+        recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ at.model.components[k].basis
+        own = (state.axes @ part.axes)[way % 3] @ recovery
+        poses = own[: len(own) - state.modal].reshape(-1, 3) @ state.axes.T  # as by `seen`
+        found.append(np.asarray(rows.T @ np.concatenate([poses.ravel(), own[poses.size :]])))
+    return found

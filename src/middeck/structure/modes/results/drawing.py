@@ -15,7 +15,7 @@ from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam_curve import beam_curve
-from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world, pose_jacobian
+from middeck.structure.elements.frames import PosePoints, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
@@ -196,10 +196,9 @@ def _moved(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points of frames as drawn and at rest, and how shapes move them."""
     model = equilibrium.model
-    poses = frame_poses(model.tree, equilibrium.config)
-    moved = pose_jacobian(model.tree, points, poses) @ shapes
+    moved = pose_jacobian(model.tree, points, equilibrium.poses) @ shapes
     motion = moved.reshape(len(points.frame), 6, shapes.shape[1])[:, :3].transpose(2, 0, 1)
-    return points_in_world(points, model.drawn), points_in_world(points, poses), motion
+    return points_in_world(points, model.drawn), points_in_world(points, equilibrium.poses), motion
 
 
 def _stroked(equilibrium: Equilibrium, strokes: Sequence[_Stroke], shapes: np.ndarray) -> _Piece:
@@ -224,10 +223,7 @@ def _members(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
     keep = np.ones((len(ends), most + 1), dtype=bool)
     keep[~ends, -1] = False
     x, T = element_poses(model, equilibrium.config)
-    poses = frame_poses(model.tree, equilibrium.config)
-    changes = (pose_jacobian(model.tree, model.points, poses) @ shapes).reshape(
-        len(model.points.frame), 6, shapes.shape[1]
-    )
+    changes = equilibrium.moves(shapes)
     motion = np.empty((shapes.shape[1], int(keep.sum()), 3))
     for m in range(shapes.shape[1]):
         step = 1j * STEP * changes[model.element_ends][..., m]

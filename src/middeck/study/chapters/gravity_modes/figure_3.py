@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 from middeck.plot.shapes import round_down
 from middeck.plot.style import COLOUR, new_figure, note, styled
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import PosePoints, frame_poses, points_in_world
+from middeck.structure.elements.frames import PosePoints, points_in_world
 from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.structure.model.article import Body
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -91,7 +91,7 @@ def _name_parts(axes: Axes, model: Model) -> None:
     for node in model.structure.nodes:
         x, y, _ = node.position
         note(axes, node.name, (x, y), (0, 9), ha="center")
-    poses = frame_poses(model.tree, model.rest)
+    poses = model.drawn
     for joint in model.structure.joints:
         if np.any(joint.body.cg):
             frame = model.frames.index(joint.name)
@@ -107,8 +107,8 @@ def _largest_displacement(rest: Equilibrium) -> float:
 
 def _shown(drawing: RestDrawing, points: PosePoints) -> Float[np.ndarray, "pose 3"]:
     model = drawing.rest.model
-    at_rest = points_in_world(points, frame_poses(model.tree, model.rest))
-    now = points_in_world(points, frame_poses(model.tree, drawing.rest.config))
+    at_rest = points_in_world(points, model.drawn)
+    now = points_in_world(points, drawing.rest.poses)
     return at_rest + drawing.factor * (now - at_rest)
 
 
