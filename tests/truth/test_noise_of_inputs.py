@@ -11,7 +11,7 @@ from middeck.identification.model.measurement_model import damping_ratio, natura
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.parameter_deviations import parameters_of
-from middeck.signals.excitation.driven_band import floor_variance
+from middeck.signals.excitation.driven_band import floor_variance, folded_power
 from middeck.signals.record import Record
 from repeats import repeats
 
@@ -136,3 +136,19 @@ def test_an_input_that_fades_or_drives_all_has_no_floor():
     white = rng.standard_normal(8000)
     fading = np.convolve(white, [1.0, 1.0])[:8000]
     np.testing.assert_array_equal(floor_variance(np.stack([white, fading], 1)[None]), 0.0)
+
+
+@pytest.mark.parametrize("order", [2, 4, 8])
+def test_what_a_filter_folds_back_is_bounded_by_its_slope(order):
+    """Behind a Butterworth filter at 0.4 of the rate: no less than white noise folds back, nor ten times."""
+
+    def passed(x):  # power at so many times half the rate
+        return 1.0 / (1.0 + (x / 0.8) ** (2 * order))
+
+    rng, x = np.random.default_rng(order), np.linspace(0.0, 4.0, 80_001)
+    U = (rng.standard_normal(len(x)) + 1j * rng.standard_normal(len(x))) * np.sqrt(passed(x))
+    u = np.fft.irfft(U, 160_000)[::4]
+    share, all_lines = np.array([0.1, 0.3, 0.5]), np.linspace(0.0, 1.0, 2001)
+    found = folded_power(u[None, :, None], share)[:, 0] / u.var()
+    back = passed(2.0 - share) / np.mean(passed(all_lines) + passed(2.0 - all_lines))
+    assert np.all((0.7 * back < found) & (found < 10.0 * back))

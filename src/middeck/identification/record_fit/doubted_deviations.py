@@ -21,7 +21,7 @@ import contextlib
 from collections.abc import Generator
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
 from middeck.identification.faults.detect import detect_faults
@@ -67,8 +67,6 @@ BLOW, BESIDE, SPARSE = 0.02, 16, 0.2
 # What may be left at half the rate of the largest line: so much of it folds back. Blows behind a filter that
 # ends at half the rate had 0.27 % at most of 2000, sines of two to six samples without one 0.6 % at least.
 FOLDED = 0.004
-# Deviations by which noise of an input may move an unknown before that is said.
-MOVED = 1.0
 # The noise of the force counts so many times before anything is said, as few blows have few numbers of it;
 # and what is none, as a share of the force: rounding where a force window has left nothing.
 CLEAR, NOTHING = 8.0, 1e-9
@@ -304,15 +302,4 @@ def doubts_of_folding(record: Record) -> list[str]:
         "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
         for port, share in zip(record.inputs, _folded_share(record), strict=True)
         if share > FOLDED
-    ]
-
-
-def doubts_of_reach(record: Record, reach: Bool[np.ndarray, " input"], moves: np.ndarray) -> list[str]:
-    """Inputs that reach beyond half the rate and whose folded part may move gains."""
-    return [
-        f"input {port.name}: it reaches half the sampling rate, beyond which its filter lets more through: "
-        f"folded back, that makes gains too small, by up to {move:.1f} times what else their deviations "
-        "count; they count this, too. Filter more steeply, or sample faster"
-        for port, beyond, move in zip(record.inputs, reach, moves, strict=True)
-        if beyond and move > MOVED
     ]

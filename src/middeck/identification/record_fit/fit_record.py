@@ -65,6 +65,8 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
+# Deviations by which noise of an input may move an unknown before that is said.
+MOVED = 1.0
 # A decay rate times the record's length that is no more than the search allows at least, and lines between a
 # mode and a sine that may be its own motion.
 HARDLY, BESIDE = 0.15, 2.0
@@ -296,8 +298,8 @@ def _result(
     if not record.held and fitted.sample_hz is None and data.driven is None:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         folded = folded_power(inputs, data.omega / (np.pi * record.sample_hz))
-    reach = folded.mean(axis=0) > noise
-    found_covariance, moves = record_covariance(run, data, fitted, input_noise, np.maximum(noise, folded))
+    power = np.maximum(noise, folded)
+    found_covariance, moves = record_covariance(run, data, fitted, input_noise, power)
     covariance = checked_covariance(found_covariance)
     uncertainty = uncertainty_of(covariance)
     lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
@@ -306,8 +308,10 @@ def _result(
     delay_s, said = causal_delay(lines, fitted.delay_s, uncertainty)
     model = dataclasses.replace(fitted, delay_s=delay_s)
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
-    said += [*_doubts(run, record, error), *_doubts_of_inputs(record, noise, moves * ~reach)]
-    said += doubted_deviations.doubts_of_reach(record, reach, moves)
+    said += [
+        *_doubts(run, record, error),
+        *_doubts_of_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
+    ]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*doubted_deviations.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     if model.sample_hz is None:
@@ -384,15 +388,15 @@ def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
     return floor_variance(record.u.reshape(len(record.u), -1, record.u.shape[3]))
 
 
-def _doubts_of_inputs(record: Record, noise: np.ndarray, moves: np.ndarray) -> list[str]:
-    """Inputs whose noise moves the model by more than its deviations without it."""
+def _doubts_of_inputs(record: Record, noise: np.ndarray, back: np.ndarray, moves: np.ndarray) -> list[str]:
+    """Inputs whose ``noise``, folded ``back`` or not, moves the model by more than its other deviations."""
     rms = np.sqrt(np.mean((record.u - record.u.mean(axis=(1, 2), keepdims=True)) ** 2, axis=(0, 1, 2)))
     return [
-        f"input {port.name}: noise of {share:.2g} of its rms makes gains too small, by up to {move:.1f} "
-        "times what else their deviations count; they count this, too. Fit the command, or a signal "
-        "that repeats"
-        for port, share, move in zip(record.inputs, np.sqrt(noise) / rms, moves, strict=True)
-        if move > doubted_deviations.MOVED
+        f"input {port.name}: noise of {share:.2g} of its rms{', folded back by sampling,' if beyond else ''} "
+        f"makes gains too small, by up to {move:.1f} times what else deviations count; they count this, too. "
+        "Fit the command, or a signal that repeats, or filter more steeply"
+        for port, share, beyond, move in zip(record.inputs, np.sqrt(noise) / rms, back, moves, strict=True)
+        if move > MOVED
     ]
 
 

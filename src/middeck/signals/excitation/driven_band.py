@@ -65,7 +65,9 @@ def folded_power(
     """
     power = 2.0 * _tapered_power(u - u.mean(axis=1, keepdims=True)) / (TAPERS * len(u) * u.shape[1])
     x = np.linspace(0.0, 1.0, len(power))
-    top, below = (np.mean(power[np.abs(x - at) <= WIDE], axis=0) for at in (1.0, SLOPE_FROM))
+    top, below = (
+        np.mean(power[np.abs(x - at) <= max(WIDE, 1.0 / len(x))], axis=0) for at in (1.0, SLOPE_FROM)
+    )
     ratio = np.divide(below, top, out=np.full_like(top, np.inf), where=top > 0.0)
     return 0.5 * top * (2.0 - share[:, None]) ** (-np.arccosh(np.maximum(ratio, 1.0)) / (1.0 - SLOPE_FROM))
 
