@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
-import itertools
 import resource
 import struct
 import tempfile
@@ -255,8 +254,8 @@ def play(kind: str, state: str, seed: int) -> Ending:
 def engine_in(
     state: str, start: int, rig: LinearArticle, settings: EngineSettings, **options: Any
 ) -> Generator[Supervisor]:
-    """An engine that is in ``state`` at sample ``start``; of the rig the first seed whose hold allows it."""
-    for seed in itertools.count(rig.seed):
+    """An engine that is in ``state`` at sample ``start``; of 100 rigs the first whose hold allows it."""
+    for seed in range(rig.seed, rig.seed + 100):
         with Supervisor(settings, dataclasses.replace(rig, seed=seed), **options) as engine:
             if reach(engine, state, start):
                 assert (engine.state, engine.sample) == (state, start)

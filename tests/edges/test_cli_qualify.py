@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -325,6 +326,15 @@ def test_an_article_in_several_environments(tmp_path: Path, capfd: Capture) -> N
     assert [row["stable"] for row in rows] == [True, False]
     # Free in space a torque between two bodies turns them against each other and never both together.
     assert rows[1]["unheld"]
+    others = [tmp_path / folder / "orbit.toml" for folder in ("a", "b")]
+    for other in others:
+        other.parent.mkdir()
+        shutil.copy(ROOT / "environments" / "orbit.toml", other)
+    several = [x for other in ("orbit", *others) for x in ("--environment", other)]
+    ended = middeck(capfd, "qualify", file, article, "--count", 12, *several, "--json")
+    assert [row["plant"] for row in json.loads(ended.out)["rows"]] == [
+        "mace-dm in orbit", *(f"{article} in {other}" for other in others)
+    ]  # fmt: skip
     late = ("--count", 12, "--environment", "orbit", "--delay-ms", 7)
     text = middeck(capfd, "qualify", file, article, *late).err
     assert "nothing at these ports holds" in text

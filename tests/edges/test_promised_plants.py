@@ -1,5 +1,6 @@
 """The plants of a promise as models of the gate and rows of `qualify`: through files, by their hash."""
 
+import dataclasses
 import json
 import shutil
 from pathlib import Path
@@ -12,9 +13,12 @@ from middeck.cli.main import execute
 from middeck.errors import DataError
 from middeck.files.any_value import write
 from middeck.files.json.hash_seal import SEAL, seal
+from middeck.files.laws.packages import load_package
 from middeck.files.promises.form import read_promise
 from middeck.files.promises.plans import load_plan
 from middeck.files.promises.plants import load_promised_plants
+from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from middeck.realtime.package.vectors import add_test_vectors
 from middeck.updating.promise.plan import group_loop
 from middeck.updating.promise.promise import design_on
 
@@ -108,7 +112,33 @@ def test_a_hold_is_not_closed_twice(promised: Path, capfd):
     hold = ("--hold", "pri_in_z", "pri_rel_z", "-0.01")
     held = middeck(capfd, "gate", law, promised / "promise.json", "--paper", *hold)
     assert held.code == 2
-    assert "the plants of the promise have an inner loop at pri_rel_z" in held.err
+    assert "--hold: the plants of the promise have an inner loop at pri_rel_z" in held.err
+
+
+def test_an_inner_loop_of_a_package_is_not_closed_twice(promised: Path, capfd):
+    law = promised / "looped.mdk"
+    package = load_package(generate(capfd, promised, LEVELS[0]))
+    paths = (LoopPath(0, 0, static_gain(-0.01)),)
+    write(law, add_test_vectors(dataclasses.replace(package, paths=paths, vectors=None)))
+    for packages in ((law,), (generate(capfd, promised, LEVELS[0]), "--engaged", law)):
+        gated = middeck(capfd, "gate", *packages, promised / "promise.json", "--paper")
+        assert gated.code == 2
+        assert f"package {package.name}: the plants of the promise have an inner loop" in gated.err
+
+
+def test_promises_of_one_name_are_all_tried(promised: Path, tmp_path: Path, capfd):
+    """Of two in folders of their own, no plant takes the place of another's."""
+    for name in ("promise.json", "promise-plants.json"):
+        shutil.copy(promised / name, tmp_path / name)
+    both = (promised / "promise.json", tmp_path / "promise.json")
+    ended = middeck(capfd, "qualify", promised / f"LQG{LEVELS[0]}.json", *both, "--json")
+    assert ended.code == 0, ended.err
+    names = [row["plant"] for row in json.loads(ended.out)["rows"]]
+    wanted = [f"{name}: orbit {k}" for name in ("promise", both[1]) for k in range(DRAWS)]
+    assert names == wanted
+    again = middeck(capfd, "qualify", promised / f"LQG{LEVELS[0]}.json", *both, both[1], "--json")
+    assert again.code == 2
+    assert f"{both[1]} is given again" in again.err
 
 
 def test_plants_are_known_by_their_hash(promised: Path, tmp_path: Path):

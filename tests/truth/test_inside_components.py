@@ -100,3 +100,16 @@ def test_a_turn_that_no_output_gives_is_refused() -> None:
     modes = floating(dataclasses.replace(article, components=(bare,)))
     with pytest.raises(ConfigError, match="component 'part' has no output m turn about x"):
         measure_modes(modes, [("m", "rx")], chosen=FLEXIBLE)
+
+
+def test_points_of_one_name_in_two_components_are_told_apart() -> None:
+    """Two panels of one file: the second's point was read for both."""
+    _, article = articles()
+    (part,) = article.components
+    assert part.recovery is not None
+    there = dataclasses.replace(part, name="other", recovery=np.diag([1.0] * 3 + [2.0] * 3) @ part.recovery)
+    modes = floating(dataclasses.replace(article, components=(part, there)))
+    single, double = measure_modes(modes, [("part/m", "rx"), ("other/m", "rx")], chosen=FLEXIBLE).shape
+    np.testing.assert_allclose(np.abs(double), 2.0 * np.abs(single), rtol=1e-6)
+    with pytest.raises(ConfigError, match="'m'"):
+        measure_modes(modes, [("m", "rx")], chosen=FLEXIBLE)

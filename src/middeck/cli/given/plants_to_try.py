@@ -78,20 +78,21 @@ def gather_plants(tried: Tried, law: Law) -> Gathered:
     unknown: list[str] = []
     dispersed: dict[str, DispersedModes] = {}
     promises: list[PromisedPlants] = []
+    taken: set[str] = set()
     for source in tried.plants:
         if looks_like(source) == PROMISE:
             promises.append(load_promised_plants(source))
-            name = _new_name(source, found)
+            name = _new_name(source, taken)
             for draw, plant in promises[-1].plants.items():
                 found[f"{name}: {draw}"] = delay_plant(_model(source, plant, law), tried.delay_s)
             continue
         if source.lower().endswith(".json"):
-            name, model = _new_name(source, found), load_model(source)
+            name, model = _new_name(source, taken), load_model(source)
             found[name] = delay_plant(_model(source, model, law), tried.delay_s)
             unknown += [name] if model.hold_s is None else []
             continue
         for environment in tried.environments or ("lab",):
-            name = _new_name(source, found, f" in {Path(environment).stem}")
+            name = _new_name(source, taken, environment)
             case = Case(source, environment, tried.overrides, tried.load_case)
             modes, plant = _article(case, law, tried.count)
             found[name] = delay_plant(plant, tried.delay_s)
@@ -99,10 +100,16 @@ def gather_plants(tried: Tried, law: Law) -> Gathered:
     return Gathered(found, tuple(unknown), dispersed, tuple(promises))
 
 
-def _new_name(source: str, found: Mapping[str, object], end: str = "") -> str:
-    """A short name, where it is unique."""
-    short = Path(source).stem + end
-    return source + end if short in found else short
+def _new_name(source: str, taken: set[str], environment: str = "") -> str:
+    """A short name, or the whole one where that is ``taken``; raises `ConfigError` where that is too."""
+    short, whole = Path(source).stem, source
+    if environment:
+        short, whole = f"{short} in {Path(environment).stem}", f"{source} in {environment}"
+    if {short, whole} <= taken:
+        raise ConfigError(f"{whole} is given again", where="PLANT", hint="each once")
+    name = whole if short in taken else short
+    taken.add(name)
+    return name
 
 
 def _article(case: Case, law: Law, count: int) -> tuple[Modes, Plant]:

@@ -52,7 +52,7 @@ def _dispersed(plant: Plant, known: DispersedModes | None, first_bending: str | 
     hz = natural_hz(plant)
     if first_bending is None:
         raise ConfigError(
-            "a fitted model does not say which of its modes is the first bending",
+            "a fitted model or promised plant does not say which of its modes is the first bending",
             hint=f"--first-bending MODES; there are {', '.join(f'{n} {f:.4g} Hz' for n, f in hz.items())}",
         )
     first = chosen_modes(plant, first_bending)

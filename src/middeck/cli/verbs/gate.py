@@ -149,10 +149,12 @@ def verb(
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
     linear = sum_of_laws(beside, [1.0] * len(beside))
     gathered = gather_plants(tried, linear)
-    for _, output, _ in given["paths"]:
+    closed = [(output, "--hold") for _, output, _ in given["paths"]]
+    closed += [(p.outputs[path.output].name, f"package {p.name}") for p in beside for path in p.paths]
+    for output, where in closed:
         if any(output in promise.inner for promise in gathered.promises):
             what = f"the plants of the promise have an inner loop at {output}"
-            raise ConfigError(what, where="--hold", hint="a plan without [inner], or no --hold there")
+            raise ConfigError(what, where=where, hint="a plan without [inner], or no second loop there")
     models = all_plants(gathered, linear, tried)
     margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
     trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])

@@ -256,7 +256,7 @@ def sensor_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> 
     motions = pose_jacobian(model.tree, points, modes.equilibrium.poses)
     # Rows of all motions, then those of ports and within components, of angles and of travels of joints.
     elsewhere = [channel for channel, has in zip(channels, placed, strict=True) if not has]
-    asked = [(inside[name][0], name, AXES.index(way)) for name, way in elsewhere if way not in PORTS]
+    asked = [(*inside[name], AXES.index(way)) for name, way in elsewhere if way not in PORTS]
     read, moved = iter(_port_rows(modes, node, direction)), iter(motions_inside(modes, asked))
     ports = [next(read if way in PORTS else moved) for _, way in elsewhere]
     own: list[int] = []

@@ -6,6 +6,7 @@ turns of the whole shift a point by their cross product with its place.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -81,10 +82,15 @@ def inner_points(part: Component) -> tuple[InnerPoint, ...]:
 
 
 def points_inside(model: Model) -> dict[str, tuple[int, InnerPoint]]:
-    """Points inside components by name, each after its component's number; frames' names are frames."""
+    """Points inside components by name, each after its component's number; frames' names are frames.
+
+    One of several of a name is "COMPONENT/NAME".
+    """
     taken = {*model.frames, *(point.name for point in model.structure.attach_points)}
     parts = enumerate(model.structure.components)
-    return {p.name: (k, p) for k, part in parts for p in inner_points(part) if p.name not in taken}
+    inside = [(k, part, p) for k, part in parts for p in inner_points(part) if p.name not in taken]
+    times = Counter(p.name for *_, p in inside)
+    return {p.name if times[p.name] == 1 else f"{part.name}/{p.name}": (k, p) for k, part, p in inside}
 
 
 def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "3"]:
@@ -95,17 +101,17 @@ def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "
 
 
 def motions_inside(
-    modes: Modes, asked: Sequence[tuple[int, str, int]]
+    modes: Modes, asked: Sequence[tuple[int, InnerPoint, int]]
 ) -> list[Float[np.ndarray, " coordinate"]]:
-    """Of points inside components, by component, name and one of six ways along W, per unit coordinate."""
+    """Of points inside components, by component, point and one of six ways along W, per unit coordinate."""
     at = modes.equilibrium
     states = component_states(at.model, at.config, at.loads) if asked else []
     found: list[np.ndarray] = []
-    for k, name, way in asked:
+    for k, point, way in asked:
         part, (state, rows) = at.model.structure.components[k], states[k]
-        outputs = [f"{name} {w}" for w in WAYS[way - way % 3 :][:3]]
+        outputs = [f"{point.name} {w}" for w in WAYS[way - way % 3 :][:3]]
         if part.recovery is None or not set(outputs) <= set(part.outputs):
-            what = f"component {part.name!r} has no output {name} {WAYS[way]}"
+            what = f"component {part.name!r} has no output {point.name} {WAYS[way]}"
             raise ConfigError(what, where="measured channels", hint="leave the channel out")
         recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ at.model.components[k].basis
         own = (state.axes @ part.axes)[way % 3] @ recovery
