@@ -31,7 +31,7 @@ CAMPAIGNS = {
     "random packages at the gate, the study's articles": Campaign(1000, 2, 80),
     "cross-fades that grow": Campaign(200, 10),
     "adaptive gains of random loops": Campaign(600, 30),
-    "kinds of fault in every state": Campaign(43 * 6 * 25, 43 * 3, 20),
+    "kinds of fault in every state": Campaign(45 * 6 * 25, 45 * 3, 21),
     "samples that cannot be, in every state": Campaign(3 * 5 * 25, 3 * 5 * 2),
     "STOP in every state": Campaign(6 * 25, 6 * 2),
     "engaging and disengaging": Campaign(2 * 25, 3),

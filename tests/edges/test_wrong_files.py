@@ -420,3 +420,22 @@ def test_records_speak_of_options_where_there_are_any(tmp_path: Path, capfd: Cap
     assert "[[channel]]" in ended.err
     with pytest.raises(MiddeckError, match="name_columns"):
         load_record(path)
+
+
+REFINE, PLAN = SURVEY.parent / "refine.toml", SURVEY.parent / "promise.toml"
+
+
+@pytest.mark.parametrize(
+    ("verb", "more"),
+    [("refine", [REFINE]), ("promise", [PLAN]), ("compare", []), ("budget", []), ("path", [])],
+)
+def test_gravity_is_not_taken_out_of_a_measurement(
+    tmp_path: Path, capfd: Capture, verb: str, more: list[Path]
+):
+    """A fitted model where an article is asked for: refused with the reason, which a survey is not told."""
+    model = tmp_path / "fitted.json"
+    for schema, said in (("model", True), ("measured-modes", False)):
+        model.write_text(f'{{"schema": "middeck.{schema}/1"}}', encoding="utf-8")
+        ended = run(capfd, verb, model, *more)
+        assert ended.code == ConfigError.exit_code
+        assert ("gravity and suspension are in all modes of a measurement" in ended.err) == said

@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from engine_campaigns import cases_of
+from engine_campaigns import CAMPAIGNS, cases_of
 from engine_faults import ARTICLE, HOLDING, KINDS, RIG, STATES, engine_in, fault_settings, play
 from engine_rigs import (
     PIECE_S,
@@ -34,6 +34,7 @@ def _cases(kind):
 def test_there_are_many_kinds():
     assert len(KINDS) >= 30
     assert len(set(KINDS)) == len(KINDS)
+    assert CAMPAIGNS["kinds of fault in every state"].whole == len(KINDS) * len(STATES) * len(SEEDS)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
 from engine_cases import SENSORS, plain_settings, random_package, still_article
 from middeck.control.law.compensator import Compensator
@@ -23,6 +24,7 @@ from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials, check_dry_ru
 from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
 from middeck.realtime.package.package_bytes import encode_package
 from middeck.realtime.package.package_law import package_law
+from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
@@ -234,3 +236,34 @@ def test_the_gate_waits_for_a_hold_that_rises_by_samples(monkeypatch, period_s: 
     bench = GateRig(still_article(np.full(SENSORS, 0.01)), slow)
     step, _ = check_engagement(package, bench, GateTrials(engage_s=0.5))
     assert step.passed, step.said
+
+
+def test_a_package_whose_sensors_are_clipped_before_the_engine_trips_is_refused():
+    """It damps by two readings of one motion; where one is clipped, the other drives the motion out."""
+    rates = Port("rate", "m/s"), Port("twin", "m/s")
+    w, plain = 2.0 * np.pi, np.zeros((0, 0))
+    swing = StateSpace(
+        [[0.0, w], [-w, -0.02 * w]], [[0.0], [1.0]], [[0.0, 1.0], [0.0, 1.0]], np.zeros((2, 1))
+    )
+    plant = Plant(dynamics=swing, inputs=(PUSH,), outputs=rates)
+    gain = SampledStateSpace(plain, np.zeros((0, 2)), np.zeros((1, 0)), [[-3.0, 2.0]], period_s=PERIOD_S)
+    both = Compensator(gain, rates, (PUSH,))
+
+    def engine(reach):
+        drive = Drive(port=PUSH, lower=-2.0, upper=2.0)
+        sensors = tuple(SensorTest(port=port, range=10.0, envelope=reach) for port in rates)
+        return EngineSettings(period_s=PERIOD_S, sensors=sensors, drives=(drive,))
+
+    package = package_law(both, "both", input_range=[0.1, 10.0], limit=2.0)
+    step = sla.expm(np.block([[swing.A, swing.B], [np.zeros((1, 3))]]) * PERIOD_S)
+    for start, grows in ((0.05, False), (0.5, True)):
+        law, x = ReferenceLaw(package), np.array([0.0, start])
+        law.engaged, law.level = True, package.ramp
+        for _ in range(1000):
+            x = step[:2, :2] @ x + step[:2, 2] * law.step(swing.C @ x)[0]
+        assert (np.hypot(*x) > start) == grows
+    steps = examine_package(package, {"swing": plant}, MARGINS, settings=engine(1.0)).steps
+    (refused,) = [step for step in steps if not step.passed]
+    assert refused.name == "interface"
+    assert "clips rate at 0.1 m/s, within the 1 m/s of the engine" in refused.said
+    assert examine_package(package, {"swing": plant}, MARGINS, settings=engine(0.1)).passed

@@ -89,6 +89,19 @@ def recovered(part: float, seed: int, chosen: range = range(6)) -> Refined:
     return refine(slender(mast()), [survey_of(truth, KNOWN_WELL, seed, chosen)], [MODULUS, TOP])
 
 
+def test_a_negative_amount_of_shear_is_said_to_be_another_error():
+    """Frequencies as far above those of the mast without shear as a tube's shear would put them below."""
+    plain, soft = (
+        modes_of(article, clamped()) for article in (slender(mast()), add_shear(slender(mast()), 1.0))
+    )
+    seen = survey_of(plain, KNOWN_WELL)
+    hz = plain.frequency_hz[:6] ** 2 / soft.frequency_hz[:6]
+    measured = dataclasses.replace(seen.measured, frequency_hz=hz, frequency_std_hz=1e-5 * hz)
+    found = refine(slender(mast()), [dataclasses.replace(seen, measured=measured)], [MODULUS, TOP])
+    assert found.shear[0] < -2.0 * found.shear[1]
+    assert any("a negative amount: another error moves all modes one way" in line for line in findings(found))
+
+
 IN_SHEAR = [(1.0, 0), (0.0, 1), (0.5, 2), (1.5, 3), (1.0, 4), (0.2, 5), (2.0, 6), (0.8, 7)]
 
 

@@ -12,6 +12,7 @@ import updating_case as case
 from scipy.stats import norm
 
 import middeck as md
+import middeck.updating.refinement.refine as search
 import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
@@ -269,6 +270,15 @@ def test_what_the_surveys_do_not_see_is_named():
     told = " ".join(findings(found))
     assert "2 measured modes for 3 unknowns" in told
     assert "a combination of modulus and top, but not each" in told
+
+
+def test_a_search_that_is_cut_short_is_said_not_to_have_converged(monkeypatch: pytest.MonkeyPatch):
+    seen = survey_of(modes_of(mast(EI=1.3), clamped()), MeasurementNoise(1e-4, 0.02), chosen=(0, 1))
+    assert not any("did not converge" in line for line in findings(refine(mast(), [seen], (MODULUS,))))
+    monkeypatch.setattr(search, "STEPS", 1)
+    cut = refine(mast(), [seen], (MODULUS,))
+    assert not cut.converged
+    assert findings(cut)[0].startswith("the refinement did not converge: its last step moved an unknown by")
 
 
 def test_an_unknown_far_from_its_prior_is_named():

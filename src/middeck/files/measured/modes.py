@@ -13,7 +13,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.json.input import json_numbers, read_json
 from middeck.files.json.output import write_json
 from middeck.files.records.formats import UFF
-from middeck.structure.correlation.measured_modes import MeasuredModes
+from middeck.structure.correlation.measured_modes import NODES, MeasuredModes
 
 if TYPE_CHECKING:
     from middeck.structure.model.article import Structure
@@ -100,7 +100,11 @@ def _check_keys(data: dict[str, Any], where: str) -> None:
     known = ("schema", *REQUIRED, *OPTIONAL)
     missing = [k for k in REQUIRED if k not in data]
     if missing:
-        raise DataError(f"keys missing: {', '.join(missing)}", where=where, hint="add them")
+        raise DataError(
+            f"keys missing: {', '.join(missing)}",
+            where=where,
+            hint=NODES if "node" in missing else "add them",
+        )
     for key in data:
         if key not in known:
             near = get_close_matches(key, known, 1)

@@ -23,6 +23,10 @@ from middeck.values import record
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
 DOCUMENTS = (looks.ARTICLE, looks.ENVIRONMENT, looks.STUDY)
+# Said of a fitted model, where an article is asked for.
+NO_GRAVITY_TO_TAKE = (
+    "; gravity and suspension are in all modes of a measurement, and cannot be taken out of it"
+)
 WANTED: dict[Kind, str] = dict(zip(("article", "environment", "study"), DOCUMENTS, strict=True))
 
 
@@ -62,7 +66,8 @@ def read_source(path: str | Path, wanted: str = looks.CHANNELS) -> Source:
     passing = (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8)
     strange = looks.stray(path, wanted, (*passing, *(DOCUMENTS if wanted == looks.CHANNELS else ())))
     if strange:
-        refuse(file, strange, f"{wanted} in this place")
+        fitted = wanted == looks.ARTICLE and looks.looks_like(path) == looks.MODEL
+        refuse(file, strange, f"{wanted} in this place{NO_GRAVITY_TO_TAKE * fitted}")
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:

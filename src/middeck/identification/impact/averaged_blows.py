@@ -23,11 +23,9 @@ from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record as frozen
 
-# Share of the response's first rms that the window leaves of it at the end: at most, and of the deviation of
-# the response at its peaks. What is cut off there is alike in all blows: no scatter shows it.
-END, END_OF_NOISE = 1e-3, 0.05
-# Lines of a peak, by their size over the largest.
-PEAK = 0.5
+# Share of the response's first rms that the window leaves of it at the end: at most, and over the relative
+# deviation of a peak, as no scatter shows what is cut off alike in all blows. Lines of a peak, over its top.
+END, END_OF_NOISE, PEAK = 1e-3, 0.05, 0.5
 # Lines are of use down to this share of the force's largest power (20 dB).
 USEFUL = 0.01
 # Samples of the force window's slope after the pulse: the ringing of filters.
@@ -173,9 +171,9 @@ def _time_constant(blocks: Record, end: float) -> float:
 def _noise_of_peaks(found: ResponseScatter) -> float:
     """Relative deviation of the response at its highest peak, of the output that has least."""
     assert found.total is not None  # blows are averages
-    size, variance = np.abs(found.H[:, :, 0]), found.total[:, :, 0]
+    size = np.abs(found.H)
     peak = size >= PEAK * size.max(axis=0)
-    return float(np.sqrt(np.min(np.mean(variance, axis=0, where=peak) / np.max(size**2, axis=0))))
+    return float(np.sqrt(np.min(np.mean(found.total, axis=0, where=peak) / np.max(size**2, axis=0))))
 
 
 def windowed_spectra(

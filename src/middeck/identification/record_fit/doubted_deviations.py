@@ -34,7 +34,6 @@ from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient_projection import TransientProjection
 from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.sensor_or_force_noise import likelier_variance, noise_variance
-from middeck.signals.excitation.driven_band import driven_band
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
@@ -68,8 +67,6 @@ BLOW, BESIDE, SPARSE = 0.02, 16, 0.2
 # What may be left at half the rate of the largest line: so much of it folds back. Blows behind a filter that
 # ends at half the rate had 0.27 % at most of 2000, sines of two to six samples without one 0.6 % at least.
 FOLDED = 0.004
-# Share of the sampling rate from which on inputs reach half of it.
-HALF_RATE = 0.475
 # The noise of the force counts so many times before anything is said, as few blows have few numbers of it;
 # and what is none, as a share of the force: rounding where a force window has left nothing.
 CLEAR, NOTHING = 8.0, 1e-9
@@ -305,22 +302,4 @@ def doubts_of_folding(record: Record) -> list[str]:
         "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
         for port, share in zip(record.inputs, _folded_share(record), strict=True)
         if share > FOLDED
-    ]
-
-
-def doubts_of_reach(record: Record, data: Data, run: RecordRun) -> list[str]:
-    """Inputs that may reach beyond half the sampling rate, where much is left, or noise of forces."""
-    r, u = run.residual(data), record.u.reshape(len(record.u), -1, record.u.shape[3])
-    left = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
-    kinds = noise_variance(r), noise_variance(r, run.denominator(data))
-    sensor, force = (np.sum(np.log(v) + np.abs(r) ** 2 / v, axis=(1, 2)) for v in kinds)
-    if record.held or not np.any((left > MUCH) | (left > LEFT) & (force < sensor)):
-        return []
-    reach = [driven_band(u[..., i : i + 1], record.sample_hz)[1] for i in range(u.shape[2])]
-    return [
-        f"input {port.name}: it drives all up to half the sampling rate, beyond which a filter may let more "
-        "through: folded back, it makes gains too small, which no deviation counts; filter more steeply, or "
-        "sample faster"
-        for port, hz in zip(record.inputs, reach, strict=True)
-        if hz >= HALF_RATE * record.sample_hz
     ]

@@ -50,10 +50,10 @@ from middeck.identification.record_fit.sensor_or_force_noise import negative_log
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay
-from middeck.identification.spectra.estimate import estimate_response
+from middeck.identification.spectra.estimate import as_periods, estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
-from middeck.signals.excitation.driven_band import driven_band, floor_variance
+from middeck.signals.excitation.driven_band import driven_band, floor_variance, folded_power
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_inputs
@@ -65,11 +65,11 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
+# Deviations by which noise of an input may move an unknown before that is said.
+MOVED = 1.0
 # A decay rate times the record's length that is no more than the search allows at least, and lines between a
 # mode and a sine that may be its own motion.
 HARDLY, BESIDE = 0.15, 2.0
-# Deviations by which noise of an input may move an unknown before that is said.
-MOVED = 1.0
 
 
 def fit_record(
@@ -97,9 +97,10 @@ def fit_record(
     on each line is estimated from what is left.
 
     Args:
-        record: One or several experiments; periods are taken as one run of samples. Where it says that its
-            inputs were ``held``, a continuous model is of what is behind the hold: that is divided out, and
-            what is folded back from beyond half the rate is taken off by a first fit.
+        record: One or several experiments; periods, also of an input that is found to repeat, are taken as
+            one run of samples. Where it says that its inputs were ``held``, a continuous model is of what is
+            behind the hold: that is divided out, and what is folded back from beyond half the rate is taken
+            off by a first fit.
         states: Order of the model without its delays. By default that of the shortest description: of the
             record, or for a continuous model of a long one, of an estimated response.
         sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
@@ -155,6 +156,7 @@ def fit_samples(
     check_record(record)
     check_word("weighting", weighting, WEIGHTINGS)
     refuse_growth(record)
+    record = record if record.periodic or input_noise is not None else as_periods(record)
     _, periods, samples, inputs = record.u.shape
     if input_noise is not None and input_noise.shape[1:] != (periods * samples, inputs):
         raise ConfigError(
@@ -292,8 +294,12 @@ def _result(
     r = residual_of(run.layout, data, found.theta, found.step.linear)
     _refuse_noise(data, run)
     fitted = model_of(run, record.inputs, record.outputs)
-    noise = _input_variance(measured)
-    found_covariance, moves = record_covariance(run, data, fitted, input_noise, noise)
+    noise, folded = _input_variance(measured), np.zeros(data.U.shape[:2])
+    if not record.held and fitted.sample_hz is None and data.driven is None:
+        inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+        folded = folded_power(inputs, data.omega / (np.pi * record.sample_hz))
+    power = np.maximum(noise, folded)
+    found_covariance, moves = record_covariance(run, data, fitted, input_noise, power)
     covariance = checked_covariance(found_covariance)
     uncertainty = uncertainty_of(covariance)
     lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
@@ -302,12 +308,14 @@ def _result(
     delay_s, said = causal_delay(lines, fitted.delay_s, uncertainty)
     model = dataclasses.replace(fitted, delay_s=delay_s)
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
-    said += [*_doubts(run, record, error), *_doubts_of_inputs(record, noise, moves)]
+    said += [
+        *_doubts(run, record, error),
+        *_doubts_of_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
+    ]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
     wrong = [*doubted_deviations.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     if model.sample_hz is None:
         wrong += doubted_deviations.doubts_of_folding(record)
-        said += doubted_deviations.doubts_of_reach(record, data, run)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     wrong += doubted_deviations.causes_of(measured, data, run, lead, error, heard)
@@ -380,14 +388,14 @@ def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
     return floor_variance(record.u.reshape(len(record.u), -1, record.u.shape[3]))
 
 
-def _doubts_of_inputs(record: Record, noise: np.ndarray, moves: np.ndarray) -> list[str]:
-    """Inputs whose noise moves the model by more than its deviations without it."""
+def _doubts_of_inputs(record: Record, noise: np.ndarray, back: np.ndarray, moves: np.ndarray) -> list[str]:
+    """Inputs whose ``noise``, folded ``back`` or not, moves the model by more than its other deviations."""
     rms = np.sqrt(np.mean((record.u - record.u.mean(axis=(1, 2), keepdims=True)) ** 2, axis=(0, 1, 2)))
     return [
-        f"input {port.name}: noise of {share:.2g} of its rms makes gains too small, by up to {move:.1f} "
-        "times what else their deviations count; they count this, too. Fit the command, or a signal "
-        "that repeats"
-        for port, share, move in zip(record.inputs, np.sqrt(noise) / rms, moves, strict=True)
+        f"input {port.name}: noise of {share:.2g} of its rms{', folded back by sampling,' if beyond else ''} "
+        f"makes gains too small, by up to {move:.1f} times what else deviations count; they count this, too. "
+        "Fit the command, or a signal that repeats, or filter more steeply"
+        for port, share, beyond, move in zip(record.inputs, np.sqrt(noise) / rms, back, moves, strict=True)
         if move > MOVED
     ]
 

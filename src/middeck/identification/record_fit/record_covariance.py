@@ -24,7 +24,7 @@ def record_covariance(
     data: Data,
     model: MeasurementModel,
     input_noise: Float[np.ndarray, "part sample input"] | None = None,
-    floor: Float[np.ndarray, " input"] | float = 0.0,
+    floor: Float[np.ndarray, "*lines input"] | float = 0.0,
 ) -> tuple[ModelCovariance, Float[np.ndarray, " input"]]:
     """That of the weighted fit, A^-1 B A^-1, the transients among the unknowns.
 
@@ -35,8 +35,9 @@ def record_covariance(
 
     Noise of measured inputs makes gains too small as well (errors in variables, Soderstrom 2018, section 2):
     the score J^H W r has the mean -dH^H W H q where q is its power. What that moves each unknown by is added
-    as one more deviation, for ``input_noise`` or for as much of ``floor``, its variance in samples, as what
-    is left has room for. Beside the covariance: the largest such move of each input, in deviations.
+    as one more deviation, for ``input_noise`` or for as much of ``floor``, its variance in samples or its
+    power on each line, as what is left has room for. Beside the covariance: the largest such move of each
+    input, in deviations.
     """
     structure = structure_of(run.layout)
     size = places_of(model, structure).size
@@ -55,8 +56,9 @@ def record_covariance(
     inflation = np.maximum(alone * np.sum(inverse**2, axis=1), 1.0)
     W, free = np.split(inverse, [inverse.shape[1] - loose], axis=1)
     noise = np.zeros((0, 2 * data.lines[-1], data.U.shape[1])) if input_noise is None else input_noise
-    spread = _scores_spread(each, W, noise)
-    root, moved = W @ orthogonal.root_of(spread), W @ (W.T @ each.bias(_power(each, noise, floor)))
+    power = _power(each, noise, floor)
+    spread = _scores_spread(each, W, noise, power * (data.driven is not None))
+    root, moved = W @ orthogonal.root_of(spread), W @ (W.T @ each.bias(power))
     known = np.linalg.norm(root, axis=1, keepdims=True)
     moves = np.max(np.abs(moved) / np.maximum(known, np.finfo(float).tiny), axis=0)
     root = np.hstack([orthogonal.canonical_root(np.hstack([root, moved])), np.sqrt(0.5) * free])
@@ -110,14 +112,17 @@ class _Rows:
 
 
 def _power(
-    each: _Rows, noise: Float[np.ndarray, "part sample input"], floor: Float[np.ndarray, " input"] | float
+    each: _Rows,
+    noise: Float[np.ndarray, "part sample input"],
+    floor: Float[np.ndarray, "*lines input"] | float,
 ) -> Float[np.ndarray, "line input"]:
-    """Power of noise of the inputs: as given, or as much of the floor as what is left has room for."""
+    """Power of noise of inputs: as given, by periods, or as much of a floor as what is left has room for."""
     data = each.data
     if len(noise):
         return np.mean(np.abs(np.fft.rfft(noise, axis=1)[:, data.lines]) ** 2, axis=0) / noise.shape[1]
     most = np.broadcast_to(floor, (len(data.s), data.U.shape[1]))
-    most = most if data.driven is None else most * data.driven[:, None]
+    if data.driven is not None:
+        return most * data.driven[:, None]
     H = model_response(each.model, data.omega / (2.0 * np.pi))
     heard = data.H.shape[2] * np.einsum("koi,ki->o", np.abs(H) ** 2, most)
     left = np.sum(np.abs(each.run.residual(data)) ** 2, axis=(1, 2))
@@ -125,12 +130,16 @@ def _power(
 
 
 def _scores_spread(
-    each: _Rows, W: Float[np.ndarray, "unknown direction"], noise: Float[np.ndarray, "part sample input"]
+    each: _Rows,
+    W: Float[np.ndarray, "unknown direction"],
+    noise: Float[np.ndarray, "part sample input"],
+    least: Float[np.ndarray, "line input"],
 ) -> Float[np.ndarray, "direction direction"]:
     """Covariance of the scores in the directions W under what is left, and ``noise`` of the inputs.
 
     Degrees of freedom are counted on each line. Noise of the inputs is alike for all outputs, and each
-    experiment has its own.
+    experiment has its own. What is left is no less than inputs' noise of the power ``least`` makes: a fit
+    follows it on the few driven lines of a peak.
     """
     run, data = each.run, each.data
     shape = run.denominator(data)
@@ -148,6 +157,7 @@ def _scores_spread(
         followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
         v = covering_variance(residual[o, None], shape, left.T[None], data.driven)[0]
+        v = np.maximum(v, np.sum(np.abs(H[:, o]) ** 2 * least, axis=1)[:, None])
         spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
         heard = np.sum(H[:, o] * N, axis=2) / np.sqrt(run.variance[o].T[:, None])
         scores += (

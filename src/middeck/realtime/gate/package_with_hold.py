@@ -29,6 +29,11 @@ def with_hold(package: ControllerPackage, settings: EngineSettings) -> Controlle
     for own, known in ((package.inputs, there), (package.outputs, drives)):
         lacking = [port.name for port in own if port not in known]
         _require(not lacking, f"without {', '.join(lacking)} of the package", "the same names and units")
+    for port, most in zip(package.inputs, package.input_range, strict=True):
+        test = settings.sensors[there.index(port)]
+        reach, unit = min(test.range, test.envelope), port.unit
+        said = f"clips {port.name} at {most:g} {unit}, within the {reach:g} {unit} of the engine"
+        _require(reach <= most, said, "a larger range, or an envelope that trips first")
     own = np.array([settings.drives[drives.index(port)].slew_rate for port in package.outputs])
     slew = np.minimum(package.slew, settings.period_s * own)
     if np.any(slew < package.slew):

@@ -17,6 +17,9 @@ FLOOR_LINES, FLOOR = 32, 0.03
 # 1.4 times as many.
 LOWEST, FLAT = 0.03, 0.05
 
+# Share of half the rate from which the slope of a spectrum is taken, and half the width of averages there.
+SLOPE_FROM, WIDE = 0.8, 0.03
+
 
 def driven_band(u: Float[np.ndarray, "experiment sample input"], sample_hz: float) -> tuple[float, float]:
     """First and last frequency [Hz] that the inputs drive to a tenth of their strength; (0, 0) for silence.
@@ -50,6 +53,23 @@ def floor_variance(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.
     level = np.sum(smooth * flat, axis=0) / np.maximum(flat.sum(axis=0), 1)
     floor = (least < FLOOR * smooth.max(axis=0)) & (flat.mean(axis=0) > FLAT)
     return np.where(floor, 2.0 * level / (TAPERS * len(u) * u.shape[1]), 0.0)
+
+
+def folded_power(
+    u: Float[np.ndarray, "experiment sample input"], share: Float[np.ndarray, " line"]
+) -> Float[np.ndarray, "line input"]:
+    """Power that sampling folds back onto lines at a ``share`` of half the rate; of white noise its variance.
+
+    A slope that goes on beyond half the rate as x^-m is folded at x = 1 into x^-m + (2 - x)^-m, near it
+    2 cosh(m (1 - x)). A filter's slope steepens, so that this is an upper bound.
+    """
+    power = 2.0 * _tapered_power(u - u.mean(axis=1, keepdims=True)) / (TAPERS * len(u) * u.shape[1])
+    x = np.linspace(0.0, 1.0, len(power))
+    top, below = (
+        np.mean(power[np.abs(x - at) <= max(WIDE, 1.0 / len(x))], axis=0) for at in (1.0, SLOPE_FROM)
+    )
+    ratio = np.divide(below, top, out=np.full_like(top, np.inf), where=top > 0.0)
+    return 0.5 * top * (2.0 - share[:, None]) ** (-np.arccosh(np.maximum(ratio, 1.0)) / (1.0 - SLOPE_FROM))
 
 
 def _tapered_power(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray, "line input"]:

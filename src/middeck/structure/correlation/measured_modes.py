@@ -105,7 +105,12 @@ class MeasurementNoise:
                 )
 
 
+NODES = "the node in the article of each row of shapes; frequencies alone have node, direction and shape []"
+
+
 def _check_channels(node: tuple[str, ...], direction: tuple[str, ...], rows: int) -> None:
+    if rows and not (node and all(name.strip() for name in node)):
+        raise DataError("shapes without names of their nodes", where="measured modes", hint=NODES)
     if len(node) != rows or len(direction) != rows:
         raise DataError(
             f"{len(node)} nodes and {len(direction)} directions for {rows} rows of shapes",

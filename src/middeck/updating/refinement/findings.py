@@ -8,7 +8,8 @@ import numpy as np
 
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.own_errors import sorts_of
-from middeck.updating.refinement.refine import CONTRADICT, MODAL, SORTS, Refined, off_the_rest
+from middeck.updating.refinement.posterior import errors_shown
+from middeck.updating.refinement.refine import CONTRADICT, MODAL, SORTS, Refined, off_the_rest, problem_of
 from middeck.updating.residuals.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
@@ -120,7 +121,8 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
 
 
 def _of_the_model(refined: Refined) -> Iterator[str]:
-    tau = refined.estimate.tau
+    problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
+    tau = np.where(errors_shown(problem, refined.estimate.tau), refined.estimate.tau, 0.0)
     if refined.compared:
         noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
         seen = {int(k) for c in refined.compared for k in sorts_of(c.modes, c.pairs[:, 0])}

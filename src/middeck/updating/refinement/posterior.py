@@ -178,16 +178,30 @@ def excess(problem: Linear, found: Estimate, rows: Bool[np.ndarray, " row"]) -> 
     return float(np.linalg.norm(left[rows])) / np.sqrt(free) if free >= 1.0 else 0.0
 
 
+def errors_shown(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Bool[np.ndarray, " sort"]:
+    """Whether the tests ask for the model's errors of each sort, or only what was thought before does.
+
+    They do where without them y is less likely by more than chance lets expect (ratio of likelihoods, 95 %).
+    """
+    none = np.where(np.eye(len(tau), dtype=bool), LEAST, tau)
+    return np.array([_unlikely(problem, row) - _unlikely(problem, tau) > 0.5 * NORMAL_95**2 for row in none])
+
+
+def _unlikely(problem: Linear, tau: Float[np.ndarray, " sort"]) -> float:
+    """Minus the logarithm of the likelihood of ``tau``."""
+    C = np.linalg.cholesky(_covariance(problem, tau))
+    white = sla.solve_triangular(C, problem.y, lower=True)
+    return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white)
+
+
 def _surprise_of(
     problem: Linear, usual: float | Float[np.ndarray, " sort"]
 ) -> Callable[[Float[np.ndarray, " sort"]], float]:
     """Minus the logarithm of the posterior of ln tau."""
 
     def surprise(log_tau: np.ndarray) -> float:
-        C = np.linalg.cholesky(_covariance(problem, np.exp(log_tau)))
-        white = sla.solve_triangular(C, problem.y, lower=True)
         before = 0.5 * np.sum(((log_tau - np.log(usual)) / np.log(FACTOR)) ** 2)
-        return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white + before)
+        return _unlikely(problem, np.exp(log_tau)) + before
 
     return surprise
 
