@@ -11,6 +11,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import DataError
+from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
 from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import comparison_document, load_outcomes, promised_modes_of
@@ -170,6 +171,17 @@ def test_files_that_are_no_longer_what_was_promised_on_are_named(
     said = middeck(capfd, "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json").out
     (remark,) = json.loads(said)["remarks"]
     assert remark.startswith("mace-simple-lab.json beside the promise is not the file that it was made of")
+
+
+def test_two_files_of_one_name_are_known_by_either_hash(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """Surveys of two tests have one name in folders of their own; one of them lies beside the promise."""
+    for name in ("outcome.toml", SHAPES.name, "mace-simple-lab.json"):
+        (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
+    said = {k: v for k, v in json.loads(Path(PROMISE).read_text()).items() if k != SEAL}
+    other = {"name": "mace-simple-lab.json", "sha256": "0" * 64}
+    (tmp_path / "promise.json").write_text(json.dumps(seal(said | {"files": [*said["files"], other]})))
+    asked = "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json"
+    assert json.loads(middeck(capfd, *asked).out)["remarks"] == []
 
 
 @pytest.mark.parametrize("frozen", FROZEN, ids=lambda path: path.stem)

@@ -173,9 +173,12 @@ def comparison_document(
 
 
 def _changed(promise: Mapping[str, Any], folder: Path) -> Iterator[str]:
+    known: dict[str, list[str]] = {}  # several may have one name, in folders of their own
     for file in promise.get("files", ()):
-        path = folder / Path(file["name"]).name
-        if path.is_file() and sha256_of(path) != file["sha256"]:
+        known.setdefault(Path(file["name"]).name, []).append(file["sha256"])
+    for name, hashes in known.items():
+        path = folder / name
+        if path.is_file() and sha256_of(path) not in hashes:
             yield (
                 f"{path.name} beside the promise is not the file that it was made of (another sha256): "
                 "made again from it, the promise would be another one"
