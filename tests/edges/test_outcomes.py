@@ -180,6 +180,17 @@ def test_files_that_are_no_longer_what_was_promised_on_are_named(
     assert json.loads(said)["remarks"] == []
 
 
+def test_two_files_of_one_name_are_known_by_either_hash(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """Surveys of two tests have one name in folders of their own; one of them lies beside the promise."""
+    for name in ("outcome.toml", SHAPES.name, "mace-simple-lab.json"):
+        (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
+    said = {k: v for k, v in json.loads(Path(PROMISE).read_text()).items() if k != SEAL}
+    other = {"name": "mace-simple-lab.json", "sha256": "0" * 64}
+    (tmp_path / "promise.json").write_text(json.dumps(seal(said | {"files": [*said["files"], other]})))
+    asked = "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json"
+    assert json.loads(middeck(capfd, *asked).out)["remarks"] == []
+
+
 @pytest.mark.parametrize("frozen", FROZEN, ids=lambda path: path.stem)
 def test_documents_older_than_shapes_are_read(tmp_path: Path, frozen: Path):
     promise = read_promise(frozen)

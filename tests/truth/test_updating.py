@@ -382,6 +382,10 @@ def test_surveys_that_contradict_are_said_to():
     assert [means["test 0"], means["test 1"]] == pytest.approx([-0.005, 0.005], abs=5e-4)
     assert f"test 0 by {100.0 * means['test 0']:+.2g} %, test 1 by {100.0 * means['test 1']:+.2g} %" in said
     np.testing.assert_array_equal(sound.compared[0].std[:6], sound.compared[0].survey.std[:6])
+    large = dataclasses.replace(off, estimate=dataclasses.replace(off.estimate, tau=np.array([0.2, 0.2])))
+    assert any(
+        "stay 20 % off whatever the unknowns, where the test states 0.1 %" in x for x in findings(large)
+    )
     narrow, wide = (predict_modes(one, clamped(0.0), count=6) for one in (sound, off))
     assert np.all(wide.log_std > 2.0 * narrow.log_std)
 

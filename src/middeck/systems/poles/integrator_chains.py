@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-REST, NONE = 1e-11, 4e-15
+REST, NONE, NONE_SAMPLED = 1e-11, 4e-15, 3e-14
 """Singular values below the first fraction of A (balanced) count as zero, rounding of a plant transformed by
 a matrix of condition 1e4, but none if all exceed the second: the least of a plant with integrators is below
-2e-16 (1 of 1000 draws to 2e-15). Beside integrators, slow poles of mixed states count as such too."""
+2e-16 (1 of 1000 draws to 2e-15); of A - 1 of a sampled one, whose 1 is rounded too, at 10 kHz below 3e-14.
+Beside integrators, slow poles of mixed states count as such too."""
 
 
 def integrating_chains(

@@ -15,7 +15,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 from scipy.sparse.csgraph import connected_components
 
-from middeck.systems.poles.integrator_chains import integrating_chains
+from middeck.systems.poles.integrator_chains import NONE, NONE_SAMPLED, integrating_chains
 from middeck.systems.poles.strong_components import component_poles
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
@@ -89,7 +89,8 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     rest = 1.0 if sampled else 0.0
     if np.sum(np.abs(values - rest) < CROWDED * size) < 2:  # no two that rounding may have split
         return values
-    turn, sizes = integrating_chains(balanced - rest * np.eye(len(A)))
+    least = NONE_SAMPLED if sampled else NONE
+    turn, sizes = integrating_chains(balanced - rest * np.eye(len(A)), least=least)
     if len(sizes) > 1:  # a chain of integrators, which rounding spreads; one alone is known to rounding
         n = sum(sizes)
         others = (turn.T @ balanced @ turn)[n:, n:]

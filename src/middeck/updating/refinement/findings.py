@@ -125,13 +125,14 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
     tau = np.where(errors_shown(problem, refined.estimate.tau), refined.estimate.tau, 0.0)
     if refined.compared:
         noise = float(np.median(np.concatenate([c.std[: len(c.pairs)] for c in refined.compared])))
+        stated = float(np.median(np.concatenate([c.survey.std[c.pairs[:, 1]] for c in refined.compared])))
         seen = {int(k) for c in refined.compared for k in sorts_of(c.modes, c.pairs[:, 0])}
         for k in sorted(seen):
             sort, size = SORTS[k], tau[k]
             if size > ABOVE * noise:
                 yield (
                     f"the {sort} modes stay {100.0 * size:.2g} % off whatever the unknowns, where the test "
-                    f"states {100.0 * noise:.2g} %: an error of the model, which predictions carry"
+                    f"states {100.0 * stated:.2g} %: an error of the model, which predictions carry"
                 )
     shown, std = refined.shear
     if -shown > ABOVE * std:
