@@ -78,7 +78,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     phi_0 = _nearest_basis(orbit, lab.shapes)
     phi_0, phi_1 = phi_0[:, :count], _nearest_basis(lab, phi_0)[:, :count]
     cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
-    paired = pair_modes(orbit, lab, count, rigid=1e-3)  # a clamp has flexible modes alone
+    paired = pair_modes(orbit, lab, count)
     found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
     pairs = np.array(found, dtype=int).reshape(-1, 2)
     shares = shares_of(paired.start, lab)

@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.gravity.tracking import Spectrum, TrackedShapes, align_repeated, spectrum_of, track
 from middeck.structure.gravity.undeformed import carry_along, turn_shapes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
+
+# What rigid-body modes have in common with flexible ones counts by this; of shapes that have as much in
+# common, to this part, the nearer in frequency counts (within e^10).
+LAST, NEARER, FAR = 1e-3, 1e-3, 10.0
 
 
 class PairedModes(NamedTuple):
@@ -26,12 +31,12 @@ class PairedModes(NamedTuple):
     end: TrackedShapes
 
 
-def pair_modes(orbit: Modes, lab: Modes, count: int, rigid: float = 1.0) -> PairedModes:
+def pair_modes(orbit: Modes, lab: Modes, count: int) -> PairedModes:
     """The ``count`` lowest of ``orbit`` with all of ``lab``, one to one, by the largest cross-orthogonality.
 
-    All modes of the laboratory are candidates, suspension modes too; what rigid-body modes have of flexible
-    ones counts by ``rigid``. The article is first turned to its heading at rest, which changes none of its
-    own modes.
+    All modes of the laboratory are candidates, suspension modes too; rigid-body modes take flexible ones
+    last, for what a clamp or a stiff mount holds has no others. The article is first turned to its heading at
+    rest, which changes none of its own modes.
     """
     carried, turn = carry_along(orbit.equilibrium, lab.equilibrium)
     model = carried.model
@@ -41,8 +46,15 @@ def pair_modes(orbit: Modes, lab: Modes, count: int, rigid: float = 1.0) -> Pair
     hung = spectrum_of(lab)
     start = align_repeated(free, hung.shapes)
     start = Spectrum(start.lam[:count], start.shapes[:, :count], start.mass)
-    unlike = np.outer(np.array(orbit.kind[:count]) == "rigid", np.array(lab.kind) == "flexible")
-    return PairedModes(carried, start, track(start, hung, np.where(unlike, rigid, 1.0)))
+    return PairedModes(carried, start, track(start, hung, _weight(orbit, lab, count)))
+
+
+def _weight(orbit: Modes, lab: Modes, count: int) -> Float[np.ndarray, "orbit lab"]:
+    rigid = np.array(orbit.kind[:count]) == "rigid"
+    own = np.where(rigid, 1.0, orbit.omega[:count])
+    apart = np.abs(np.log(np.maximum(lab.omega, np.exp(-FAR) * own[:, None]) / own[:, None]))
+    near = 1.0 - NEARER * np.where(rigid[:, None], 1.0, np.minimum(apart / FAR, 1.0))
+    return np.where(np.outer(rigid, np.array(lab.kind) == "flexible"), LAST, near)
 
 
 def shares_of(start: Spectrum, lab: Modes) -> np.ndarray:
