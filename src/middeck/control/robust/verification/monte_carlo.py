@@ -77,7 +77,7 @@ def verify_robustness(
     exp(-s tau) (`exact_family`). Other delays are approximated with an order that keeps every mode's phase to
     1e-9 (`pade_order`); the rightmost poles are then corrected for the exact delay, and the rms is that of
     the approximation. Where the order would exceed 40, the leading pole lies outside the range of the
-    approximation, approximation and roots disagree, or rounding of the law moves its poles (`is_vague`), the
+    approximation, approximation and roots disagree, or rounding of plant or law moves poles (`is_vague`), the
     plant is evaluated singly and exactly (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator
     is sampled by Tustin's rule and held, in addition to the plant's delay.
 
@@ -210,7 +210,9 @@ def _approximated(
     """All plants together with approximated delays, but exactly where that is needed; None if undecided."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
-    vague = is_vague(system)
+    of_law = is_vague(system)
+    # Modal plants have no mixed states.
+    vague = [of_law or (p.modal is None and is_vague(remove_delays(p).system)) for p in plants]
     orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
@@ -219,10 +221,10 @@ def _approximated(
     rows = zip(stable, rms, control, strict=True)
     found: list[NoiseOutcome | None] = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in rows]
     for i, plant in enumerate(plants):
-        if not (plant.delayed or vague):
+        if not (plant.delayed or vague[i]):
             continue
         agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
-        if vague or orders[i] > order or not agreed:
+        if vague[i] or orders[i] > order or not agreed:
             try:
                 found[i] = integrate_noise(plant, compensator, weights, measured=measured)
             except NumericalError:
