@@ -8,8 +8,8 @@ import threading
 from collections.abc import Iterator
 
 from middeck.realtime.engine.process.launch import UdpRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
-from middeck.realtime.engine.rigs.rig_session import EngineRig
 
 
 @contextlib.contextmanager

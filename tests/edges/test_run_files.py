@@ -20,7 +20,7 @@ from engine_cases import plain_settings, random_article, random_package
 from middeck.errors import ConfigError, DataError
 from middeck.files.records import load_record, read_record
 from middeck.realtime.engine.process.supervisor import Supervisor
-from middeck.realtime.engine.recording.recorder import BLOCK, Recorder, run_head
+from middeck.realtime.engine.recording.recorder import BLOCK, Recorder
 from middeck.realtime.engine.recording.run_file import decode_run, read_run
 from middeck.realtime.engine.recording.run_frames import (
     Frame,
@@ -29,6 +29,7 @@ from middeck.realtime.engine.recording.run_frames import (
     encode_head,
     frames_in,
 )
+from middeck.realtime.engine.recording.run_head import run_head
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SAMPLES, STOPPED = 1500, 1200

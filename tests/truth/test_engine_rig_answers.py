@@ -17,8 +17,9 @@ from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.launch import DriverRig, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
-from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST, EngineRig
+from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST
 from middeck.realtime.engine.trials.trial import Stage, run_trial
 from middeck.realtime.engine.trials.udp_client import RigClient
 

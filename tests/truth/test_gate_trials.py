@@ -12,8 +12,8 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.launch import DriverRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.linear_article import linear_article
-from middeck.realtime.engine.rigs.rig_session import EngineRig
 from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.steps_on_paper import GateMargins

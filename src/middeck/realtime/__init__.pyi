@@ -16,7 +16,7 @@ from .engine.rigs.linear_article import (
     LinearArticle as LinearArticle,
     linear_article as linear_article,
 )
-from .engine.rigs.rig_session import EngineRig as EngineRig
+from .engine.rigs.engine_rig import EngineRig as EngineRig
 from .engine.trials.standard_trips import guard as guard
 from .engine.trials.served_rig import ServedRig as ServedRig
 from .engine.trials.trial import (

@@ -9,7 +9,7 @@ from pathlib import Path
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import read_sealed, seal
 from middeck.files.json.output import write_json
-from middeck.realtime.engine.process.adopted import locked
+from middeck.realtime.engine.process.folder_lock import locked
 
 BLACKLIST = "middeck.blacklist/2"
 HASH = 64

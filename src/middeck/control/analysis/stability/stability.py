@@ -68,7 +68,8 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     as found; where found and counted disagree the order is raised.
 
     Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
-    disagree at the highest order, right of every line that was tried.
+    disagree at the highest order, right of every line that was tried, or where rounding of the matrices alone
+    may take a root across the axis.
 
     >>> import middeck as md
     >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])

@@ -14,7 +14,7 @@ from middeck.laboratory.rig.ticks.compiled import TickRows, compile_ticks
 from middeck.laboratory.rig.ticks.simulate_rig import BLOCK, draw_errors, pair_rows, switch_on
 from middeck.laboratory.rig.ticks.state import RigState
 from middeck.laboratory.rig.ticks.tick import Tick
-from middeck.realtime.engine.rigs.rig_session import EngineRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 
 Array = np.ndarray
 

@@ -1,13 +1,11 @@
-"""An engine that another process has started; and one process at a time where two may not do the same."""
+"""An engine that another process has started."""
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import select
 import signal
-from collections.abc import Generator
 from pathlib import Path
 
 from middeck.realtime.engine.interface.shared_file import SharedFile
@@ -85,14 +83,3 @@ def _words_of(pid: int) -> list[str]:
         return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return []
-
-
-@contextlib.contextmanager
-def locked(folder: Path) -> Generator[None]:
-    """Wait until no other process or thread is in here with this folder; a process that ends lets it go."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)

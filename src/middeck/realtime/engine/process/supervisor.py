@@ -32,9 +32,10 @@ from middeck.realtime.engine.interface.shared_file import (
     pretrip_records,
     take_records,
 )
-from middeck.realtime.engine.process.adopted import AdoptedEngine, locked, when_born
+from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
 from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S, CommandedEngine
 from middeck.realtime.engine.process.compile import build_engine
+from middeck.realtime.engine.process.folder_lock import locked
 from middeck.realtime.engine.process.launch import (
     RigChoice,
     banned_hashes,
@@ -45,7 +46,8 @@ from middeck.realtime.engine.process.launch import (
     require_no_engine,
     started_settings,
 )
-from middeck.realtime.engine.recording.recorder import Recorder, run_head
+from middeck.realtime.engine.recording.recorder import Recorder
+from middeck.realtime.engine.recording.run_head import run_head
 from middeck.realtime.engine.rigs.linear_article import LinearArticle, encode_article
 
 BEAT_S = 0.05

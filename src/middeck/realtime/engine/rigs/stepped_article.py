@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
-from middeck.realtime.engine.rigs.rig_session import EngineRig
 
 WORD = (1 << 64) - 1
 

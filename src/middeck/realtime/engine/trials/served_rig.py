@@ -11,8 +11,8 @@ from types import TracebackType
 
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.process.launch import UdpRig
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, run_child
-from middeck.realtime.engine.rigs.rig_session import EngineRig
 
 
 class ServedRig:

@@ -14,8 +14,8 @@ from middeck.realtime.engine.interface.commands import Event
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.process.launch import DriverRig, RigChoice, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
-from middeck.realtime.engine.rigs.rig_session import EngineRig
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.reference_loop import ReferenceLoop
 from middeck.realtime.engine.trials.served_rig import ServedRig
