@@ -10,7 +10,8 @@ import pytest
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.compare_modes import ModeComparison, compare_modes
-from middeck.structure.model.article import AttachPoint, Body
+from middeck.structure.gravity.path import follow_gravity
+from middeck.structure.model.article import AttachPoint, Body, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -22,9 +23,8 @@ MEMBERS = ("ab", "bc", "bd")
 TURNS = [(0.0, 0.0, 0.2), (0.0, 1.2, 0.0), (0.9, 0.4, -0.7), (0.3, -0.5, 2.9)]
 
 
-@functools.cache
-def solved(turn: tuple[float, float, float]) -> tuple[Modes, Modes]:
-    """Four bodies on three tubes, hung on one spring at the second; in orbit and in the laboratory."""
+def drawn(turn: tuple[float, float, float]) -> tuple[Structure, Environment]:
+    """Four bodies on three tubes, hung on one spring at the second."""
     R = rotation_exp(np.array(turn))
     cg, inertia = R @ [0.02, -0.03, 0.01], R @ np.diag([0.02, 0.05, 0.04]) @ R.T
     bodies = [Body(mass, cg, (inertia + inertia.T) / 2.0) for mass in (2.0, 1.0, 3.0, 4.0)]
@@ -34,8 +34,15 @@ def solved(turn: tuple[float, float, float]) -> tuple[Modes, Modes]:
         attach=[AttachPoint("b", "b", R @ np.array([0.1, 0.25, 0.0]))],
     )
     above = springs_above({"b": R @ np.array(PLACES["b"])}, 3.0, stiffness=100.0, free_length=2.0)
-    orbit, hung = (solve_equilibrium(parts, e) for e in (Environment.orbit(), lab(*above)))
-    return solve_modes(orbit), solve_modes(hung)
+    return parts, lab(*above)
+
+
+@functools.cache
+def solved(turn: tuple[float, float, float]) -> tuple[Modes, Modes]:
+    """In orbit and in the laboratory."""
+    parts, hung = drawn(turn)
+    orbit, rest = (solve_equilibrium(parts, e) for e in (Environment.orbit(), hung))
+    return solve_modes(orbit), solve_modes(rest)
 
 
 def compared(turn: tuple[float, float, float]) -> ModeComparison:
@@ -64,6 +71,16 @@ def test_a_budget_follows_each_mode_to_its_own(turn):
     assert turned.pairs[flexible].tolist() == level.pairs[flexible].tolist()
     assert turned.shift_hz[flexible] == pytest.approx(level.shift_hz[flexible], rel=1e-5, abs=1e-7)
     assert turned.match[flexible, 1, 1, 1] == pytest.approx(level.match[flexible, 1, 1, 1], abs=1e-4)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_path_ends_in_orbit_at_the_partners_of_a_comparison(turn):
+    found, path = compared(turn), follow_gravity(*drawn(turn), count=16)
+    partner = {j: i for i, j in found.pairs.tolist()}
+    for j, name in enumerate(path.name):
+        if j in partner and path.kind[j] == "flexible":
+            expected = found.orbit.frequency_hz[partner[j]]
+            assert np.sqrt(path.omega2[-1, j]) / (2.0 * np.pi) == pytest.approx(expected, rel=1e-6), name
 
 
 def test_turned_articles_have_turned_far():

@@ -10,6 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.tracking import Spectrum, spectrum_of
 from middeck.structure.modes.solve import Modes
 from middeck.structure.suspension.attitude import fit_rotation
@@ -22,18 +24,24 @@ def turn_modes(modes: Spectrum, roots: int, R: Float[np.ndarray, "3 3"]) -> Spec
     return Spectrum(modes.lam, T @ modes.shapes, sp.csr_array(T @ modes.mass @ T.T))
 
 
-def modes_at_rest(orbit: Modes, lab: Modes) -> tuple[Spectrum, Float[np.ndarray, "3 3"]]:
-    """``orbit`` turned to how its article rests in ``lab``, tilt and heading; and that rotation.
+def turn_along(
+    modes: Spectrum, model: Model, start: Configuration, end: Configuration
+) -> tuple[Spectrum, Float[np.ndarray, "3 3"]]:
+    """Modes at ``start`` turned with the article to how it is at ``end``; and that rotation.
 
     It is the rotation of the rigid body that fits best by mass.
     """
+    R = fit_rotation(model, start, end)
+    return turn_modes(modes, model.tree.roots, R), R
+
+
+def modes_at_rest(orbit: Modes, lab: Modes) -> tuple[Spectrum, Float[np.ndarray, "3 3"]]:
+    """``orbit`` turned to how its article rests in ``lab``, tilt and heading; and that rotation."""
     start = orbit.equilibrium
-    R = fit_rotation(start.model, start.config, lab.equilibrium.config)
-    return turn_modes(spectrum_of(orbit), start.model.tree.roots, R), R
+    return turn_along(spectrum_of(orbit), start.model, start.config, lab.equilibrium.config)
 
 
 def modes_as_drawn(modes: Modes) -> Spectrum:
     """``modes`` turned back with the article to how it was drawn."""
     model = modes.equilibrium.model
-    R = fit_rotation(model, model.rest, modes.equilibrium.config)
-    return turn_modes(spectrum_of(modes), model.tree.roots, R.T)
+    return turn_along(spectrum_of(modes), model, modes.equilibrium.config, model.rest)[0]
