@@ -79,7 +79,7 @@ def test_the_verb_ranks_and_names_the_widest(capfd: pytest.CaptureFixture[str]):
         ("frequency_std = 0.001\n", "", "frequency_std"),
         ("frequency_std = 0.001\n", "frequency_std = 0.0\n", "must be > 0"),
         ("frequency_std = 0.001\n", "frequency_std = 2.0\n", "above 0 and below 1"),
-        ('"n1 x"', '"n1"', "'n1' is no channel"),
+        ('"n1 x"', '"n1"', 'channels.0 = "n1": is no channel'),
         ('"n1 x"', '"n9 x"', "candidate 'one end, to 40 Hz', measured channels: the model has no node 'n9'"),
         ('"n1 x"', '"n1 z"', "two channels are 'n1 z'"),
         ('"n1 x"', '"nobody sensor"', "nobody"),

@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
-from middeck.files.studies.form import Band
-from middeck.files.toml.form import Form, Positive, whole, within
+from middeck.files.toml.form import Band, Form, Positive, whole, within
 from middeck.files.toml.overrides import Target, apply_overrides
 from middeck.files.toml.source import Source, check, sound
 

@@ -10,8 +10,7 @@ import numpy as np
 from middeck.cli.shown.blame import reading
 from middeck.errors import ConfigError
 from middeck.files.measured.models import load_model
-from middeck.files.studies.form import Band
-from middeck.files.toml.form import Form, Positive, whole, within
+from middeck.files.toml.form import Band, Form, Positive, whole, within
 from middeck.identification.uncertainty.accuracy import ExpectedAccuracy, expected_accuracy
 from middeck.signals.excitation.binary import design_binary, design_mls
 from middeck.signals.excitation.limits import Limits

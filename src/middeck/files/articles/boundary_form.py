@@ -6,29 +6,16 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, PlainValidator
+from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from middeck.files.articles.axes_form import AxesForm
-from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector, real_numbers
+from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector, real_numbers, rule
 from middeck.structure.model.article import AddedMass, Body, Bushing, LoadCase, PointLoad
 from middeck.structure.model.clamps import LETTERS, Clamp
 from middeck.structure.model.environment import GroundBushing
 
 ORIGIN = (0.0, 0.0, 0.0)
-
-
-def held_letters(value: str) -> str:
-    """Some of x, y and z, or none, each once and in this order.
-
-    >>> held_letters("")
-    ''
-    """
-    if value != "".join(axis for axis in LETTERS if axis in value):
-        raise PydanticCustomError(
-            "range", "out of range", {"allowed": 'x, y, z, in this order, as in "yz"; "" for none'}
-        )
-    return value
 
 
 def stiffness_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
@@ -41,7 +28,13 @@ def stiffness_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(map(tuple, matrix.tolist()))
 
 
-Held = Annotated[str, AfterValidator(held_letters)]
+Held = Annotated[
+    str,
+    rule(
+        lambda held: list(held) == sorted(set(held) & set(LETTERS)),
+        'must be x, y, z, in this order, as in "yz"; "" for none',
+    ),
+]
 Stiffness = Annotated[Any, PlainValidator(stiffness_matrix)]
 
 

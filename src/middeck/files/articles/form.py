@@ -12,6 +12,7 @@ from middeck.files.articles.boundary_form import BushingForm, LoadCaseForm
 from middeck.files.articles.component_form import ComponentForm
 from middeck.files.articles.link_form import EquationForm, InterpolationForm, LinkForm
 from middeck.files.toml.form import (
+    Direction,
     Finite,
     Form,
     Inertia,
@@ -19,8 +20,11 @@ from middeck.files.toml.form import (
     Name,
     NotNegative,
     Positive,
+    Positives,
     Vector,
+    ascends,
     real_numbers,
+    rule,
     whole,
     within,
 )
@@ -159,7 +163,7 @@ class RevoluteForm(Form):
     name: Name
     parent: str
     offset_m: Vector = ORIGIN
-    axis: Vector
+    axis: Direction
     angle_deg: Annotated[float, within(least=-180.0, most=180.0)] = 0.0
     mass_kg: NotNegative
     cg_m: Vector = ORIGIN
@@ -179,7 +183,7 @@ class ProofMassForm(Form):
     name: Name
     node: str
     offset_m: Vector = ORIGIN
-    axis: Vector
+    axis: Direction
     mass_kg: Positive
     stiffness_n_per_m: Positive | None = None
     natural_hz: Positive | None = None
@@ -193,7 +197,7 @@ class WheelForm(Form):
 
     name: Name
     frame: str
-    axis: Vector
+    axis: Direction
     rotor_inertia_kg_m2: Positive
 
 
@@ -227,7 +231,7 @@ class ActuatorForm(Form):
 
     name: Name
     frame: str
-    axis: Vector | None = None
+    axis: Direction | None = None
     kind: Literal["torque", "force"] = "torque"
     offset_m: Vector = ORIGIN
 
@@ -241,7 +245,7 @@ class SensorForm(Form):
 
     name: Name
     frame: str
-    axis: Vector | None = None
+    axis: Direction | None = None
     axis_frame: str | None = None
     kind: Literal["angle", "accelerometer", "displacement"] = "angle"
     offset_m: Vector = ORIGIN
@@ -260,7 +264,7 @@ class DamperForm(Form):
 class DampingTableForm(Form):
     """Ratios measured at frequencies that ascend."""
 
-    frequency_hz: Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
+    frequency_hz: Annotated[Positives, rule(ascends, "must ascend, in Hz")]
     ratio: Annotated[tuple[Ratio, ...], Field(strict=False)]
     outside: Literal["refuse", "hold"] = "refuse"
 

@@ -34,8 +34,6 @@ def _gravity_findings(data: Table, gravity: Any) -> Iterator[Finding]:
         advice = "add [suspension], [[device]], [[spring]] or [[clamp]], or leave [constants] out for orbit"
         path = ("constants", "gravity_m_s2")
         yield finding(path, "a missing suspension in gravity", gravity, hint=advice)
-    if table_of(data, "constants").get("gravity_direction") == [0.0, 0.0, 0.0]:
-        yield finding(("constants", "gravity_direction"), "must not be the zero vector")
 
 
 def _suspension_findings(data: Table, gravity: Any) -> Iterator[Finding]:
@@ -45,8 +43,6 @@ def _suspension_findings(data: Table, gravity: Any) -> Iterator[Finding]:
     if suspension and gravity == 0.0:
         advice = "give [constants] gravity_m_s2, or use [[spring]]"
         yield finding(path, "cables carry nothing without gravity", hint=advice)
-    if suspension.get("held") == {}:
-        yield finding((*path, "held"), "no attach point hangs on a cable", hint='n1 = "xyz"')
     length: Any = suspension.get("cable_length_m")
     bounce: Any = suspension.get("bounce_hz")
     numbers = all(is_number(x) and x > 0.0 for x in (length, bounce, gravity))

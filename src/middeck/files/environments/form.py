@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, PlainValidator
+from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from middeck.files.articles.boundary_form import ClampForm, GroundBushingForm, build_clamp, build_ground
 from middeck.files.toml.faults import Finding, finding, nearest
-from middeck.files.toml.form import Finite, Form, Name, NotNegative, Positive, Vector
+from middeck.files.toml.form import Direction, Finite, Form, Name, NotNegative, Positive, Vector, rule
 from middeck.joints.friction import Friction
 from middeck.structure.model.environment import (
     AnchoredSpring,
@@ -22,19 +22,14 @@ from middeck.structure.model.environment import (
     hang_along_x,
 )
 
-
-def world_directions(value: str) -> str:
-    """Some of x, y and z, each once and in this order.
-
-    >>> world_directions("xz")
-    'xz'
-    """
-    if not value or value != "".join(axis for axis in "xyz" if axis in value):
-        raise PydanticCustomError("range", "out of range", {"allowed": 'x, y, z, in this order, as in "yz"'})
-    return value
-
-
-Held = Annotated[str, AfterValidator(world_directions)]
+Held = Annotated[
+    str,
+    rule(
+        lambda held: held and list(held) == sorted(set(held) & set("xyz")),
+        'must be x, y, z, in this order, as in "yz"',
+    ),
+]
+HUNG = rule(bool, "no attach point hangs on a cable", 'n1 = "xyz"')
 Kind = Literal["constant_force", "spring"]
 TUNED = "tuned"
 
@@ -57,7 +52,7 @@ class ConstantsForm(Form):
     """Gravity; the direction need not be a unit vector."""
 
     gravity_m_s2: NotNegative
-    gravity_direction: Vector = (0.0, -1.0, 0.0)
+    gravity_direction: Direction = (0.0, -1.0, 0.0)
 
 
 class CablesForm(Form):
@@ -65,7 +60,7 @@ class CablesForm(Form):
 
     cable_length_m: Positive
     bounce_hz: Positive
-    held: dict[str, Held] | None = None
+    held: Annotated[dict[str, Held], HUNG] | None = None
     device: Kind = "constant_force"
     moving_mass_kg: NotNegative = 0.0
     friction_n: NotNegative = 0.0

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import read_sealed
 from middeck.files.toml.faults import Finding, finding, form_findings
-from middeck.files.toml.form import Finite, Form, NotNegative, Positive, within
+from middeck.files.toml.form import Finite, Form, NotNegative, Positive, rule, within
 from middeck.structure.correlation.measured_modes import DIRECTIONS
 
 PROMISE = "middeck.promise/1"
@@ -21,6 +21,7 @@ STATED = (0.025, 0.5, 0.975, 0.99)
 Share = Annotated[float, within(least=0.0, most=1.0)]
 # Of the largest reading of a mode.
 Reading = Annotated[float, within(least=-1.0, most=1.0)]
+RISES = rule(lambda ends: ends[0] <= ends[1], "must rise")
 
 
 class Said(Form):
@@ -34,7 +35,7 @@ class SaidMode(Said):
 
     name: str
     frequency_hz: Positive
-    interval_95_hz: Annotated[tuple[Positive, Positive], Field(strict=False)]
+    interval_95_hz: Annotated[tuple[Positive, Positive], Field(strict=False), RISES]
     damping: NotNegative
     seen: Share
 
@@ -53,7 +54,7 @@ class SaidReading(Said):
     gauge: str
     unit: str
     value: Finite
-    interval_95: Annotated[tuple[Finite, Finite], Field(strict=False)]
+    interval_95: Annotated[tuple[Finite, Finite], Field(strict=False), RISES]
 
 
 class SaidCase(Said):
@@ -134,14 +135,6 @@ def _further(form: SaidForm) -> Iterator[Finding]:
     yield from _each_once(("environments",), [place.name for place in form.environments])
     for k, place in enumerate(form.environments):
         at = ("environments", k)
-        for m, mode in enumerate(place.modes):
-            if not mode.interval_95_hz[0] <= mode.interval_95_hz[1]:
-                yield finding((*at, "modes", m, "interval_95_hz"), "must rise", mode.interval_95_hz)
-        for c, case in enumerate(place.load_cases):
-            for r, reading in enumerate(case.readings):
-                if not reading.interval_95[0] <= reading.interval_95[1]:
-                    where = (*at, "load_cases", c, "readings", r, "interval_95")
-                    yield finding(where, "must rise", reading.interval_95)
         yield from _of_loops(form, place, at)
         if place.shapes is not None:
             yield from _of_shapes(place.shapes, len(place.modes), (*at, "shapes"))

@@ -14,7 +14,15 @@ from middeck.files.disk.looks import PLAN
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.setups import article_files, find_document, load_setup, load_structure
-from middeck.files.toml.form import Form, Log10Authority, NotNegative, Positive, whole
+from middeck.files.toml.form import (
+    Form,
+    Log10Authority,
+    Names,
+    NotNegative,
+    NotNegatives,
+    Positive,
+    whole,
+)
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure
 from middeck.systems.plants.standard_sweep import Dispersion
@@ -23,8 +31,6 @@ from middeck.updating.promise.plan import Ladder, Plan
 from middeck.updating.promise.slip import JointSlip
 from middeck.values import record
 
-Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
-Numbers = Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
 # Unit of a port -> key of the noise of its readings.
 NOISE = {
     "rad": "angle_rad_per_rthz",
@@ -39,9 +45,9 @@ class PerformanceForm(Form):
     """What is promised: the weighted rms of sensors under white noise at actuators."""
 
     outputs: Names
-    weights: Numbers
+    weights: NotNegatives
     disturbances: Names
-    intensity_per_rthz: Numbers
+    intensity_per_rthz: NotNegatives
     band_hz: Annotated[tuple[NotNegative, Positive], Field(strict=False)] | None = None
 
 
@@ -69,8 +75,8 @@ class InnerForm(Form):
     """Proportional-derivative loops without delay."""
 
     loops: Names
-    kp_nm_per_rad: Numbers
-    kd_nms_per_rad: Numbers
+    kp_nm_per_rad: NotNegatives
+    kd_nms_per_rad: NotNegatives
 
 
 class LadderForm(Form):

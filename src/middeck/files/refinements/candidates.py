@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,10 +14,8 @@ from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
 from middeck.files.refinements.promised_loads import PromisedLoads, load_promised_loads
 from middeck.files.setups import find_document, load_setup, load_structure
-from middeck.files.toml.faults import Finding, finding
-from middeck.files.toml.form import Finite, Form, NotNegative, Positive, whole
+from middeck.files.toml.form import Finite, Form, NotNegative, Positive, rule, whole
 from middeck.files.toml.source import read_form
-from middeck.files.toml.tables import tables
 from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -25,6 +23,15 @@ from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import SHAPE_STD
 from middeck.values import record
+
+Channel = Annotated[
+    str,
+    rule(
+        lambda text: text.rpartition(" ")[2] in DIRECTIONS,
+        "is no channel",
+        f'a name and a direction, as "n1 x": {", ".join(DIRECTIONS)}',
+    ),
+]
 
 
 class CandidateForm(Form):
@@ -35,7 +42,7 @@ class CandidateForm(Form):
     set: dict[str, Finite] = Field(default_factory=dict)
     frequency_std: Positive
     shape_std: Positive = SHAPE_STD
-    channels: Annotated[tuple[str, ...], Field(strict=False)] | None = None
+    channels: Annotated[tuple[Channel, ...], Field(strict=False)] | None = None
     count: Annotated[int, whole(1, 10000)] = COUNT
     band_hz: Annotated[tuple[NotNegative, Positive], Field(strict=False)] | None = None
 
@@ -76,7 +83,7 @@ def load_candidates(path: str | Path, article: str | Path) -> RankedTests:
     The refinement is sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
     the document, and for environments given twice.
     """
-    form = read_form(path, CANDIDATES, CandidatesForm, _findings)
+    form = read_form(path, CANDIDATES, CandidatesForm, planned_findings)
     twice = [name for name in form.environments if form.environments.count(name) > 1]
     if twice:
         raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, environment", hint="each once")
@@ -109,23 +116,6 @@ def _loads(path: Path, article: str | Path, refined_on: Path) -> PromisedLoads:
             where=str(path),
             hint="one refinement for what is promised and for the candidates",
         )
-    return found
-
-
-def _findings(data: Any) -> list[Finding]:
-    """What forms cannot say: channels that are none, and of static tests what lacks."""
-    found = planned_findings(data)
-    for i, test in tables(data, "survey"):
-        channels = test.get("channels", [])
-        for channel in channels if isinstance(channels, list) else []:
-            if isinstance(channel, str) and channel.rpartition(" ")[2] not in DIRECTIONS:
-                found.append(
-                    finding(
-                        ("survey", i, "channels"),
-                        f"{channel!r} is no channel",
-                        hint=f'a name and a direction, as "n1 x": {", ".join(DIRECTIONS)}',
-                    )
-                )
     return found
 
 

@@ -7,10 +7,22 @@ from typing import Annotated
 from pydantic import Field
 
 from middeck.files.refinements.unknown_form import UnknownForm
-from middeck.files.toml.form import Finite, Form, Log10Authority, NotNegative, Positive, whole, within
+from middeck.files.toml.form import (
+    Band,
+    Finite,
+    Form,
+    Log10Authority,
+    Names,
+    NotNegative,
+    NotNegatives,
+    Positive,
+    Positives,
+    rule,
+    whole,
+    within,
+)
 
-Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
-Band = Annotated[tuple[Positive, Positive], Field(strict=False)]
+States = Annotated[int, whole(2, 1000), rule(lambda n: n % 2 == 0, "must be even: two for each mode")]
 
 
 class SetUpForm(Form):
@@ -31,12 +43,12 @@ class PromiseForm(Form):
     joints: Names
     drag_nms_per_rad: NotNegative
     slip_tolerance: Annotated[float, within(least=0.0, below=1.0)]
-    torque_nm: Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
+    torque_nm: Positives
     weaker: Annotated[float, within(above=0.0, below=1.0)]
     band_hz: Band
     period_s: Positive
     periods: Annotated[int, whole(2, 1000)]
-    states: Annotated[tuple[Annotated[int, whole(2, 1000)], ...], Field(strict=False, min_length=1)]
+    states: Annotated[tuple[States, ...], Field(strict=False, min_length=1)]
     gain_std: Annotated[float, within(least=0.0, below=1.0)]
     test: Annotated[tuple[SetUpForm, ...], Field(strict=False, min_length=1)]
     unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
@@ -49,12 +61,12 @@ class PromiseForm(Form):
     gain_tolerance: Annotated[float, within(least=0.0, below=1.0)]
     umbilical_hz: NotNegative
     pd_loops: Names
-    pd_kp_nm_per_rad: Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
-    pd_kd_nms_per_rad: Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
+    pd_kp_nm_per_rad: NotNegatives
+    pd_kd_nms_per_rad: NotNegatives
     modes_kept: Annotated[int, whole(7, 10000)]
     draws: Annotated[int, whole(2, 1000000)]
     log10_authority: Annotated[tuple[Log10Authority, ...], Field(strict=False, min_length=1)]
     flight_period_s: Positive
     flight_periods: Annotated[int, whole(2, 1000)]
-    flight_states: Annotated[int, whole(2, 1000)]
+    flight_states: States
     ground_log10_authority: Log10Authority

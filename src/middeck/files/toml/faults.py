@@ -150,7 +150,8 @@ def _finding(item: Any, form: type[Form]) -> Finding:
         return _wrong_length(path, item)
     if kind == "literal_error":
         messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
-    hint = _as_array(key, item["input"]) if kind in ("list_type", "tuple_type") else ""
+    hint = item.get("ctx", {}).get("hint", "")
+    hint = _as_array(key, item["input"]) if kind in ("list_type", "tuple_type") else hint
     return finding(path, messages.get(kind, str(item["msg"])), item["input"], hint=hint)
 
 

@@ -8,8 +8,10 @@ The form of a document by paths: which table, array or value stands at a path.
 
 from __future__ import annotations
 
+import itertools
 import math
 import types
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Union, get_args, get_origin
 
 import numpy as np
@@ -123,6 +125,22 @@ def whole(least: int, most: int) -> AfterValidator:
     return AfterValidator(check)
 
 
+def rule(holds: Callable[[Any], object], message: str, hint: str = "") -> AfterValidator:
+    """A check of a whole value, whose parts have their form, with the words for where it does not hold."""
+
+    def check(value: Any) -> Any:
+        if not holds(value):
+            raise PydanticCustomError("rule", "{message}", {"message": message, "hint": hint})
+        return value
+
+    return AfterValidator(check)
+
+
+def ascends(numbers: Sequence[float]) -> bool:
+    """Whether each is larger than the one before."""
+    return all(a < b for a, b in itertools.pairwise(numbers))
+
+
 # Of a singular inertia, its principal values over the largest: rounding.
 SINGULAR = 1e-9
 Finite = Annotated[float, within()]
@@ -131,8 +149,20 @@ Positive = Annotated[float, within(above=0.0)]
 Log10Authority = Annotated[float, within(least=-12.0, most=12.0)]
 # TOML has arrays, not tuples: this one conversion is wanted, the items stay strict.
 Vector = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
-# Least and largest; which is which is checked with the article's other content.
-Interval = Annotated[tuple[Finite, Finite], Field(strict=False)]
+Direction = Annotated[Vector, rule(any, "must not be the zero vector")]
+Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+NotNegatives = Annotated[tuple[NotNegative, ...], Field(strict=False, min_length=1)]
+Positives = Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
+Interval = Annotated[
+    tuple[Finite, Finite],
+    Field(strict=False),
+    rule(ascends, "must rise from the least to the largest"),
+]
+Band = Annotated[
+    tuple[Positive, Positive],
+    Field(strict=False),
+    rule(ascends, "must ascend, [lowest, highest] in Hz"),
+]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
 
 
