@@ -11,7 +11,7 @@ from middeck.study.chapters.gravity_modes.figure_3 import figure_3
 from middeck.study.chapters.gravity_modes.figures_4_5 import figure_4, figure_5
 from middeck.study.shared import compare_environments
 
-TITLE_3 = "Figure 3: the article in 0-g and hung in 1-g"
+TITLE_3 = "Figure 3: the article in 0-g and at rest in 1-g"
 TITLE_4 = "Figure 4: eigenfrequencies and eigenratios"
 TITLE_5 = "Figure 5: cross-orthogonality of 0-g and 1-g modes"
 

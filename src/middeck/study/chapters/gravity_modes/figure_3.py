@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,54 +14,98 @@ from matplotlib.ticker import MaxNLocator
 from scipy.spatial import ConvexHull
 
 from middeck.plot.shapes import round_down
-from middeck.plot.style import COLOUR, new_figure, note, styled
+from middeck.plot.style import COLOUR, WIDTH_IN, new_figure, note, styled
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, points_in_world
 from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.structure.model.article import Body
+from middeck.structure.model.environment import Environment
 from middeck.structure.rest.equilibrium import Equilibrium
 
-SHOWN_M = 0.06  # about what the largest displacement is exaggerated to
-LABELS_ABOVE_M = 0.12  # room for the names of the nodes
-CABLE_SHOWN_M = 0.34  # of each cable; the rest is cut off
-# World columns to the right and up: from the side, and along the bus from its first node.
-VIEWS = {"side view": (0, 1), "end view": (2, 1)}
+# Of the size of the article: about what the largest displacement is exaggerated to, room for the names of
+# nodes, what is drawn of each cable, and how far apart cables are that have words each.
+SHOWN, LABELS, CABLE, APART = 0.04, 0.08, 0.23, 0.2
+TALL = 0.5  # height over both widths, from which on all four views stand in one row
+WIDE_IN, TALLEST_IN, AROUND_IN = 4.3, 7.0, 1.6
+COUNTS = {1: "one point", 2: "two points", 3: "three points"}
 AXIS = "xyz"
 
 
+class Look(NamedTuple):
+    """World axes to the right and up; ``falls`` where gravity is along the axis that points up."""
+
+    right: int
+    up: int
+    falls: bool
+
+
 class RestDrawing(NamedTuple):
-    """A rest state whose displacements from the undeformed state are drawn ``factor`` times."""
+    """A rest state whose displacements from the undeformed state are drawn ``factor`` times.
+
+    ``size`` is the largest extent of the article [m]; ``beside``: whether all views stand in one row.
+    """
 
     rest: Equilibrium
     factor: float
+    size: float
+    beside: bool
 
 
 @styled
 def figure_3(comparison: ModeComparison) -> Figure:
-    """The article in both environments: side view and, from the end of the first node, end view."""
-    moved = _largest_displacement(comparison.lab.equilibrium)
-    factor = round_down(SHOWN_M / moved) if moved > 0.0 else 1.0
-    figure = new_figure(4.3)
-    grid = figure.subplots(2, 2, sharex="col", sharey="row")
-    titles = {
-        "orbit": "0-g: free and undeformed",
-        "lab": f"1-g: hung at three points, displacements drawn {factor:g} times",
-    }
+    """The article in both environments, from the side and from the end of it."""
+    lab = comparison.lab.equilibrium
+    extent = np.ptp(points_in_world(lab.model.points, lab.model.drawn), axis=0)
+    moved, size = _largest_displacement(lab), float(extent.max())
+    factor = max(round_down(SHOWN * size / moved), 1.0) if moved > 0.0 else 1.0
+    times = "" if factor == 1.0 else f", displacements drawn {factor:g} times"
+    titles = {"orbit": "0-g: free and undeformed", "lab": f"1-g: {_held(lab)}{times}"}
+    looks = _looks(lab.environment, extent)
+    figure, grid = _panels(extent, looks)
     for row, (environment, title) in zip(grid, titles.items(), strict=True):
-        drawing = RestDrawing(getattr(comparison, environment).equilibrium, factor)
-        for axes, view in zip(row, VIEWS, strict=True):
-            _draw_view(axes, drawing, view, COLOUR[environment])
-        row[0].set_title(title)
+        drawing = RestDrawing(getattr(comparison, environment).equilibrium, factor, size, _rows(grid) == 1)
+        for axes, look in zip(row, looks, strict=True):
+            _draw_view(axes, drawing, look, COLOUR[environment])
+            axes.set_xlabel(f"{AXIS[look.right]} [m]")
+        row[0].set_title(title if _rows(grid) == 2 else title.partition(":")[0])
         _name_end(row[1])
-        row[0].set_ylabel("y [m]")
-    _name_parts(grid[0, 0], comparison.orbit.equilibrium.model)
-    grid[0, 0].set_ylim(top=LABELS_ABOVE_M)
-    for axes, (right, _) in zip(grid[1], VIEWS.values(), strict=True):
-        axes.set_xlabel(f"{AXIS[right]} [m]")
-    for column in grid.T:
-        _show_all(column)
+        row[0].set_ylabel(f"{AXIS[looks[0].up]} [m]")
+    if _rows(grid) == 1:
+        figure.suptitle("; ".join(titles.values()), fontsize=9.0)
+    _name_parts(grid[0, 0], comparison.orbit.equilibrium.model, looks[0])
+    _show_all(grid, looks[0].falls, LABELS * size)
     _one_scale(grid)
     return figure
+
+
+def _looks(environment: Environment, extent: np.ndarray) -> tuple[Look, Look]:
+    """From the side, with the longest level axis to the right; and along that axis."""
+    up = environment.upwards
+    vertical = 1 if up is None else int(np.argmax(np.abs(up)))
+    falls = up is not None and float(up[vertical]) < 0.0
+    side, end = sorted((k for k in range(3) if k != vertical), key=lambda k: -extent[k])
+    return Look(side, vertical, falls), Look(end, vertical, falls)
+
+
+def _held(rest: Equilibrium) -> str:
+    count = len(rest.loads.attach_point)
+    if count:
+        return f"hung at {COUNTS.get(count, f'{count} points')}"
+    return "clamped" if rest.environment.clamps else "at rest"
+
+
+def _panels(extent: np.ndarray, looks: tuple[Look, Look]) -> tuple[Figure, np.ndarray]:
+    """Rows 0-g and 1-g, columns from the side and from the end; of a tall article all beside each other."""
+    across, height = sum(extent[look.right] for look in looks), extent[looks[0].up]
+    if height <= TALL * across:
+        figure = new_figure(WIDE_IN)
+        return figure, figure.subplots(2, 2)
+    figure = new_figure(min(TALLEST_IN, AROUND_IN + WIDTH_IN * height / max(2.0 * across, 0.1 * height)))
+    return figure, figure.subplots(1, 4).reshape(2, 2)
+
+
+def _rows(grid: np.ndarray) -> int:
+    return int(grid[0, 0].get_gridspec().nrows)
 
 
 def _name_end(axes: Axes) -> None:
@@ -70,35 +115,58 @@ def _name_end(axes: Axes) -> None:
     axes.tick_params(axis="x", labelsize=7.0)
 
 
-def _show_all(column: np.ndarray) -> None:
-    """One range across for the panels of a column, wide enough for what any of them draws."""
-    low = min(axes.dataLim.x0 for axes in column)
-    high = max(axes.dataLim.x1 for axes in column)
+def _show_all(grid: np.ndarray, falls: bool, labels: float) -> None:
+    """One range across for the views from one side, and one upwards for those beside each other."""
+    for column in grid.T:
+        low, high = _range([axes.dataLim.intervalx for axes in column])
+        for axes in column:
+            axes.set_xlim(low, high)
+    for row in grid.reshape(_rows(grid), -1):
+        low, high = _range([axes.dataLim.intervaly for axes in row])
+        named = grid[0, 0] in row
+        low, high = (low - labels * (named and falls), high + labels * (named and not falls))
+        for k, axes in enumerate(row):
+            axes.set_ylim(*((high, low) if falls else (low, high)))
+            axes.tick_params(axis="y", labelleft=k == 0)
+    if _rows(grid) == 2:
+        for axes in grid[0]:
+            axes.set_xlabel("")
+            axes.tick_params(axis="x", labelbottom=False)
+    else:
+        for axes in grid[:, 0]:
+            axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=1))
+        grid[1, 0].set_ylabel("")
+
+
+def _range(intervals: Sequence[np.ndarray]) -> tuple[float, float]:
+    low, high = float(np.min(intervals)), float(np.max(intervals))
     margin = 0.05 * (high - low)
-    column[0].set_xlim(low - margin, high + margin)
+    return low - margin, high + margin
 
 
 def _one_scale(grid: np.ndarray) -> None:
     """Give every panel room in proportion to what it shows, so that all have the same metres per inch."""
-    boxes = np.array([[np.abs(axes.viewLim.size) for axes in row] for row in grid])
     layout = grid[0, 0].get_gridspec()
+    boxes = np.array([np.abs(axes.viewLim.size) for axes in grid.ravel()])
+    boxes = boxes.reshape(layout.nrows, layout.ncols, 2)
     layout.set_width_ratios(list(boxes[:, :, 0].max(axis=0)))
     layout.set_height_ratios(list(boxes[:, :, 1].max(axis=1)))
 
 
-def _name_parts(axes: Axes, model: Model) -> None:
+def _name_parts(axes: Axes, model: Model, look: Look) -> None:
     """Node names above the nodes, the names of the carried bodies' last axes beside their boxes."""
     for node in model.structure.nodes:
-        x, y, _ = node.position
-        note(axes, node.name, (x, y), (0, 9), ha="center")
+        note(axes, node.name, node.position[[look.right, look.up]], (0, 9), ha="center")
     poses = model.drawn
     for joint in model.structure.joints:
         if np.any(joint.body.cg):
             frame = model.frames.index(joint.name)
             centre = poses.p[frame] + poses.R[frame] @ joint.body.cg
             text = f"payload\n{joint.name.partition('_')[0]}"
-            left = centre[0] > np.mean([node.position[0] for node in model.structure.nodes])
-            note(axes, text, centre[:2], (-16 if left else 16, -9), ha="right" if left else "left")
+            middle = np.mean([node.position[look.right] for node in model.structure.nodes])
+            left = centre[look.right] > middle
+            place = centre[[look.right, look.up]]
+            note(axes, text, place, (-16 if left else 16, -9), ha="right" if left else "left")
 
 
 def _largest_displacement(rest: Equilibrium) -> float:
@@ -112,37 +180,37 @@ def _shown(drawing: RestDrawing, points: PosePoints) -> Float[np.ndarray, "pose 
     return at_rest + drawing.factor * (now - at_rest)
 
 
-def _draw_view(axes: Axes, drawing: RestDrawing, view: str, colour: str) -> None:
-    if drawing.rest.suspension.attach:
-        _draw_members(axes, drawing._replace(factor=0.0), view, COLOUR["ghost"], 1.0)
-        _draw_cables(axes, drawing, view)
-    _draw_members(axes, drawing, view, colour, 2.2)
-    _draw_bodies(axes, drawing, view, colour)
+def _draw_view(axes: Axes, drawing: RestDrawing, look: Look, colour: str) -> None:
+    if np.any(drawing.rest.loads.gravity):
+        _draw_members(axes, drawing._replace(factor=0.0), look, COLOUR["ghost"], 1.0)
+        _draw_cables(axes, drawing, look)
+    _draw_members(axes, drawing, look, colour, 2.2)
+    _draw_bodies(axes, drawing, look, colour)
     axes.set_aspect("equal", adjustable="box")
     axes.margins(0.05)
 
 
-def _draw_members(axes: Axes, drawing: RestDrawing, view: str, colour: str, width: float) -> None:
+def _draw_members(axes: Axes, drawing: RestDrawing, look: Look, colour: str, width: float) -> None:
     model = drawing.rest.model
     world = _shown(drawing, model.points)
-    right, up = VIEWS[view]
+    right, up = look.right, look.up
     for member in range(len(model.structure.members)):
         ends = model.element_ends[model.element_member == member]
         chain = world[np.concatenate([ends[:1, 0], ends[:, 1]])]
         axes.plot(chain[:, right], chain[:, up], color=colour, linewidth=width, zorder=2)
 
 
-def _draw_bodies(axes: Axes, drawing: RestDrawing, view: str, colour: str) -> None:
+def _draw_bodies(axes: Axes, drawing: RestDrawing, look: Look, colour: str) -> None:
     """Nodes as boxes of their size; a carried body as its arm and the box that has its inertia."""
     model = drawing.rest.model
     for frame, node in enumerate(model.structure.nodes):
-        _draw_box(axes, drawing, view, frame, np.zeros(3), np.full(3, node.size), "#555555")
+        _draw_box(axes, drawing, look, frame, np.zeros(3), np.full(3, node.size), "#555555")
     for joint in model.structure.joints:
         frame = model.frames.index(joint.name)
         arm = [(model.frames.index(joint.parent), np.zeros(3)), (frame, np.zeros(3)), (frame, joint.body.cg)]
-        _draw_line(axes, drawing, view, arm)
+        _draw_line(axes, drawing, look, arm)
         if np.any(joint.body.cg):
-            _draw_box(axes, drawing, view, frame, joint.body.cg, _box_size(joint.body), colour)
+            _draw_box(axes, drawing, look, frame, joint.body.cg, _box_size(joint.body), colour)
 
 
 def _box_size(body: Body) -> Float[np.ndarray, "3"]:
@@ -152,11 +220,17 @@ def _box_size(body: Body) -> Float[np.ndarray, "3"]:
 
 
 def _draw_box(
-    axes: Axes, drawing: RestDrawing, view: str, frame: int, centre: np.ndarray, size: np.ndarray, colour: str
+    axes: Axes,
+    drawing: RestDrawing,
+    look: Look,
+    frame: int,
+    centre: np.ndarray,
+    size: np.ndarray,
+    colour: str,
 ) -> None:
     signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
     corners = _shown(drawing, PosePoints(np.full(8, frame), centre + signs * size))
-    right, up = VIEWS[view]
+    right, up = look.right, look.up
     flat = corners[:, [right, up]]
     if np.linalg.matrix_rank(flat - flat[0], tol=1e-9) == 2:
         outline = flat[ConvexHull(flat).vertices]
@@ -165,27 +239,29 @@ def _draw_box(
         )
 
 
-def _draw_line(axes: Axes, drawing: RestDrawing, view: str, points: list[tuple[int, np.ndarray]]) -> None:
+def _draw_line(axes: Axes, drawing: RestDrawing, look: Look, points: list[tuple[int, np.ndarray]]) -> None:
     frames, offsets = zip(*points, strict=True)
     world = _shown(drawing, PosePoints(np.array(frames), np.array(offsets)))
-    right, up = VIEWS[view]
+    right, up = look.right, look.up
     axes.plot(world[:, right], world[:, up], color="black", linewidth=0.9, zorder=2.5)
 
 
-def _draw_cables(axes: Axes, drawing: RestDrawing, view: str) -> None:
-    """The lowest part of each cable, along the straight line to its anchor."""
+def _draw_cables(axes: Axes, drawing: RestDrawing, look: Look) -> None:
+    """The lowest part of each cable, straight to its anchor; with words where there is room for them."""
     rest, points = drawing.rest, drawing.rest.model.points
     at = rest.loads.attach_point
-    right, up = VIEWS[view]
+    right, up = look.right, look.up
     feet = _shown(drawing, PosePoints(points.frame[at], points.offset[at]))
-    for k in range(len(rest.suspension.attach)):
+    apart = np.diff(np.sort(feet[:, right])) > APART * drawing.size
+    each = not drawing.beside and bool(np.all(apart))
+    for k in range(len(at)):
         span = rest.loads.anchor[k] - feet[k]
-        top = feet[k] + span * min(1.0, CABLE_SHOWN_M / float(np.linalg.norm(span)))
+        top = feet[k] + span * min(1.0, CABLE * drawing.size / float(np.linalg.norm(span)))
         line = np.array([feet[k], top])
         axes.plot(line[:, right], line[:, up], color=COLOUR["ink"], linewidth=0.9, zorder=1.5)
         axes.plot(top[right], top[up], marker=(2, 0, 60), color=COLOUR["ink"], markersize=9)
-        if view == "side view":
+        if each:
             length = float(np.linalg.norm(span))
-            text = f"{rest.suspension.attach[k]}: {rest.tension[k]:.1f} N\n{length:.2f} m cable"
+            text = f"{rest.devices[k]}: {rest.tension[k]:.1f} N\n{length:.2f} m cable"
             last = k == len(feet) - 1
             note(axes, text, top[[right, up]], (-6 if last else 6, -14), ha="right" if last else "left")

@@ -13,8 +13,11 @@ from middeck.structure.gravity.compare_modes import ModeComparison
 
 @styled
 def figure_4(comparison: ModeComparison) -> Figure:
-    """Left: what rigid-body modes become on the suspension. Right: 1-g over 0-g frequency of each pair."""
+    """Left: what rigid-body modes become on a suspension. Right: 1-g over 0-g frequency of each pair."""
     figure = new_figure(4.1)
+    if "suspension" not in comparison.lab.kind[: comparison.count]:
+        draw_ratios(figure.subplots(), comparison)
+        return figure
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.15])
     draw_suspension_modes(left, comparison)
     draw_ratios(right, comparison)
@@ -27,7 +30,7 @@ def draw_suspension_modes(axes: Axes, comparison: ModeComparison) -> None:
     hung = [i for i in range(comparison.count) if lab.kind[i] == "suspension"]
     _stems(axes, lab.frequency_hz[hung], 0.0, [lab.name[i] for i in hung], "{:.3f}")
     axes.set_xlim(0.0, 1.22 * float(lab.frequency_hz[hung].max(initial=1e-3)))
-    axes.set_xlabel("frequency in 1-g [Hz] (0-g: 0 Hz)")
+    axes.set_xlabel("frequency in 1-g [Hz] (0-g: 0 Hz)", loc="left")
     axes.set_title("suspension modes")
 
 
@@ -40,7 +43,7 @@ def draw_ratios(axes: Axes, comparison: ModeComparison) -> None:
     low = min(float(comparison.ratio.min(initial=1.0)) - 0.1 * span, 1.0 - 0.1 * span)
     axes.set_xlim(low, 1.0 + 1.4 * span)
     axes.axvline(1.0, color=COLOUR["orbit"], linewidth=1.0)
-    axes.set_xlabel("1-g frequency / 0-g frequency")
+    axes.set_xlabel("1-g frequency / 0-g frequency", loc="right")
     axes.set_title("flexible modes")
 
 

@@ -13,12 +13,13 @@ PAIRED = 0.9  # and above which a flexible mode has kept its pair
 def figure_3(figures: Numbers) -> str:
     """The shape under gravity."""
     lab = figures["figure_4"]["lab"]
-    load = sum(lab["reactions_n"].values())
-    joint, torque = max(lab["holding_torque_nm"].items(), key=lambda item: abs(item[1]))
-    return (
-        f"The article as it floats in 0-g and as it hangs in 1-g, where its cables carry {fixed(load, 1)} N"
-        f" and the gimbal motor {joint} has to hold {fixed(torque, 2)} N m."
-    )
+    loads, torques = lab["reactions_n"], lab["holding_torque_nm"]
+    said = [f"its cables carry {fixed(sum(loads.values()), 1)} N"] if loads else []
+    if torques:
+        joint, torque = max(torques.items(), key=lambda item: abs(item[1]))
+        said.append(f"the gimbal motor {joint} has to hold {fixed(torque, 2)} N m")
+    where = f", where {' and '.join(said)}" if said else ""
+    return f"The article as it floats in 0-g and as it {'hangs' if loads else 'stands'} in 1-g{where}."
 
 
 def figure_4(figures: Numbers) -> str:
@@ -27,15 +28,15 @@ def figure_4(figures: Numbers) -> str:
     hung = [f for f, k in zip(numbers["lab"]["frequency_hz"], numbers["lab"]["kind"], strict=True)
             if k == "suspension"]  # fmt: skip
     ratio = np.array(numbers["ratio"])
-    low, high = (f"{fixed(f, 3)}" for f in (min(hung, default=0.0), max(hung, default=0.0)))
+    flexible = "no flexible mode is among those compared"
+    if len(ratio):
+        low, high = (fixed(100.0 * (r - 1.0), 2) for r in (ratio.min(), ratio.max()))
+        flexible = f"the flexible modes shift by {low} to {high} %"
+    if not hung:
+        return f"In 1-g no mode is one of a suspension; {flexible}."
+    span = f"{fixed(min(hung), 3)} to {fixed(max(hung), 3)} Hz{', and' if len(ratio) else ';'}"
     return (
-        f"The {len(hung)} rigid-body modes of 0-g become suspension and pendulum modes of {low} to {high} Hz"
-        + (
-            f", and the flexible modes shift by {fixed(100.0 * (ratio.min() - 1.0), 2)} to"
-            f" {fixed(100.0 * (ratio.max() - 1.0), 2)} %."
-            if len(ratio)
-            else "; no flexible mode is among those compared."
-        )
+        f"The {len(hung)} rigid-body modes of 0-g become suspension and pendulum modes of {span} {flexible}."
     )
 
 
@@ -45,13 +46,17 @@ def figure_5(figures: Numbers) -> str:
     pairs = np.array(figures["figure_4"]["pairs"], dtype=int).reshape(-1, 2)
     sides = [figures["figure_4"][side]["kind"] for side in ("orbit", "lab")]
     rigid, hung = ([i for i, k in enumerate(kinds) if k != "flexible"] for kinds in sides)
-    mixed = int(np.count_nonzero(matrix[np.ix_(rigid, hung)] > COUPLED))
-    said = (
-        "Without gravity's effects the matrix would be diagonal; here"
-        f" {mixed} of the {len(rigid) * len(hung)} entries between rigid-body and suspension modes exceed"
-        f" {COUPLED:g}"
-    )
-    return said + (f", {_flexible_couplings(matrix, pairs)}." if len(pairs) > 1 else ".")
+    said = "Without gravity's effects the matrix would be diagonal"
+    parts = []
+    if rigid and hung:
+        mixed = int(np.count_nonzero(matrix[np.ix_(rigid, hung)] > COUPLED))
+        parts.append(
+            f"{mixed} of the {len(rigid) * len(hung)} entries between rigid-body and suspension modes exceed"
+            f" {COUPLED:g}"
+        )
+    if len(pairs) > 1:
+        parts.append(_flexible_couplings(matrix, pairs))
+    return f"{said}; here {', while '.join(parts)}." if parts else f"{said}."
 
 
 def _flexible_couplings(matrix: np.ndarray, pairs: np.ndarray) -> str:
@@ -61,7 +66,7 @@ def _flexible_couplings(matrix: np.ndarray, pairs: np.ndarray) -> str:
     keeps = "every flexible mode keeps" if paired > PAIRED else "not every flexible mode keeps"
     beside = "the next one" if abs(row - column) == 1 else "not the next one"
     return (
-        f"while {keeps} its pair (the weakest {fixed(paired, 3)}) and the largest coupling beside the pairs"
+        f"{keeps} its pair (the weakest {fixed(paired, 3)}) and the largest coupling beside the pairs"
         f" is {fixed(float(block.max()), 3)} (0-g mode {pairs[row, 0]} with 1-g mode {pairs[column, 1]},"
         f" {beside})"
     )
@@ -79,7 +84,7 @@ def result(figures: Numbers) -> Line:
 def rest_tables(figures: Numbers) -> list[Table]:
     """What the cables carry and the motors hold in 1-g."""
     lab = figures["figure_4"]["lab"]
-    return [
+    tables = [
         Table("Pinned reactions (1-g)", ("attach point", "reaction [N]"),
               [[name, fixed(v, 2)] for name, v in lab["reactions_n"].items()]),
         Table("Holding torques (1-g)", ("joint", "torque [N m]"),
@@ -87,6 +92,7 @@ def rest_tables(figures: Numbers) -> list[Table]:
         Table("Rotation of the nodes at rest (1-g)", ("node", "x [deg]", "y [deg]", "z [deg]"),
               [[name, *(fixed(a, 4) for a in v)] for name, v in lab["node_rotation_deg"].items()]),
     ]  # fmt: skip
+    return [table for table in tables if table.rows]
 
 
 def mode_tables(figures: Numbers) -> list[Table]:
@@ -117,7 +123,8 @@ def orthogonality_tables(figures: Numbers) -> list[Table]:
         for i, j in numbers["pairs"]
     ]
     angles = [[str(k + 1), fixed(a, 3)] for k, a in enumerate(numbers["subspace_angle_deg"])]
-    return [
+    tables = [
         Table("Pairs of flexible modes", ("1-g", "mode in 1-g", "0-g", "cross-orthogonality", "MAC"), rows),
         Table("Angles between rigid-body and suspension subspace", ("angle", "[deg]"), angles),
     ]
+    return [table for table in tables if table.rows]

@@ -19,7 +19,7 @@ from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.files.studies.documents import Study
 from middeck.files.studies.form import ControlForm
 from middeck.structure.gravity.compare_modes import ModeComparison
@@ -118,18 +118,26 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
     whole = {env: control_plant(m, control) for env, m in modes.items()}
     kinds = {env: damped_kinds(m)[: control.modes_kept] for env, m in modes.items()}
+    held = any(set(k) == {"flexible"} for k in kinds.values())  # clamped, it has no rigid sub-model
     plants = {
         which: {env: close_inner_loop(sub_model(p, kinds[env], which), pd) for env, p in whole.items()}
         for which in SUB_MODELS
+        if not (held and which == "rigid")
     }
     psd = disturbance_psd(plants["all"]["orbit"], control)
     performance = performance_under(control, psd)
+    metric_pd = tuple((env, loop_metric(leave_open(p), performance)) for env, p in plants["all"].items())
+    if dict(metric_pd)["lab"] == 0.0:
+        raise NumericalError(
+            "in the laboratory the disturbances do not move the metric: there is no decibel of it",
+            where="control.disturbances",
+            hint="a motor of a node that is not clamped there, or another laboratory",
+        )
     levels = np.linspace(control.log10_authority_first, control.log10_authority_last, control.levels)
     sweeps = tuple(
         (which, _sweep(pair, control, psd, performance, levels, modes["lab"]))
         for which, pair in plants.items()
     )
-    metric_pd = tuple((env, loop_metric(leave_open(p), performance)) for env, p in plants["all"].items())
     return ZeroGControl(levels, psd, metric_pd, sweeps)
 
 

@@ -42,6 +42,7 @@ FIGURE_7B = (
 def figure_7(control: ZeroGControl, curves: tuple[Curve, ...], title: str) -> Figure:
     """Some sub-models over authority, and below them where their 1-g loops are unstable."""
     figure = new_figure(4.4)
+    curves = tuple(curve for curve in curves if curve.which in dict(control.sweeps))
     lab = [curve for curve in curves if curve.environment == "lab"]
     performance, strip = figure.subplots(2, 1, sharex=True, height_ratios=[9.0, 0.55 + 0.45 * len(lab)])
     draw_performance(performance, control, curves)
@@ -58,6 +59,7 @@ figure_7b = partial(figure_7, curves=FIGURE_7B, title="0-g controllers on the fl
 def draw_performance(axes: Axes, control: ZeroGControl, curves: tuple[Curve, ...] = FIGURE_7A) -> None:
     """Decibels of every stable loop, and a line with the mode's name where the 1-g loop is first unstable."""
     sweeps = dict(control.sweeps)
+    curves = tuple(curve for curve in curves if curve.which in sweeps)
     for curve in curves:
         sweep = sweeps[curve.which].sweep
         row = sweep.plants.index(curve.environment)

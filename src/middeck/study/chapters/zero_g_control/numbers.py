@@ -82,7 +82,8 @@ def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list
     """
     whole = sweeps["all"]
     first = whole.first_instability
-    repeats, parts = (sweeps[which].first_instability for which in ("rigid", "flexible"))
+    repeats = sweeps["rigid"].first_instability if "rigid" in sweeps else None
+    parts = sweeps["flexible"].first_instability
     decades = apart = None
     if first is not None:
         if repeats is not None and lowest not in (first.log10_authority, repeats.log10_authority):
