@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.budget import GravityBudget
@@ -33,12 +35,9 @@ def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool)
     contribution of each to the frequency, and how far it depends on the order. Clamps, and the
     masses of a load case, are there in orbit too.
     """
-    import dataclasses
-
     import numpy as np
 
     from middeck.cli.given.cases import read_case, solve_in
-    from middeck.errors import ConfigError
     from middeck.structure.gravity.budget import build_budget
     from middeck.structure.model.environment import Environment
 

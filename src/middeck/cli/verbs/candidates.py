@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
@@ -35,7 +36,6 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
     is optimised.
     """
-    from middeck.cli.shown.blame import reading
     from middeck.files.refinements.candidates import load_candidates
     from middeck.files.setups import find_document
     from middeck.updating.candidates.candidates import rank_tests

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import show
+from middeck.errors import NumericalError
 
 if TYPE_CHECKING:
     from middeck.structure.model.article import Structure
@@ -45,7 +47,6 @@ def verb(
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
     from middeck.cli.given.cases import apply_case, read_case
-    from middeck.cli.shown.blame import reading
     from middeck.cli.shown.mass_and_attitude import (
         attitude_lines,
         measure_lines,
@@ -96,7 +97,6 @@ def _in_environment(
     import numpy as np
 
     from middeck.cli.shown.mass_and_attitude import attitude_numbers
-    from middeck.errors import NumericalError
     from middeck.structure.modes.doubts.mesh_error import mesh_warnings
     from middeck.structure.modes.solve import solve_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.files.nastran.article.convert import Conversion
@@ -132,8 +135,6 @@ def _read(
 
 
 def _not_held(path: str) -> Exception:
-    from middeck.errors import ConfigError
-
     return ConfigError(
         "this deck has SPC or springs to the ground; an article has no place for them, and without them its "
         "modes are those of the free structure",
@@ -150,14 +151,11 @@ def article_name(deck: str) -> str:
 
 
 def _no_units_of_superelements(deck: str) -> Exception:
-    from middeck.errors import ConfigError
-
     what = "a deck of superelements does not state its units"
     return ConfigError(what, where=deck, hint="--units, such as mm-kg-s-mN")
 
 
 def _no_units(source: Deck) -> Exception:
-    from middeck.errors import ConfigError
     from middeck.files.nastran.article.convert import likely_units
 
     found = [units.name for units in likely_units(source)]
@@ -184,9 +182,6 @@ def _written(
     held_target: str | None,
 ) -> Any:
     """What the article is, read back and meshed; nothing is written where that fails."""
-    from tempfile import TemporaryDirectory
-
-    from middeck.cli.shown.blame import reading
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import write_text

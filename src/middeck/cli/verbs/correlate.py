@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
@@ -108,7 +109,6 @@ def verb(
     import numpy as np
 
     from middeck.cli.given.cases import solve_case
-    from middeck.cli.shown.blame import reading
     from middeck.files.measured.modes import load_measured_modes
     from middeck.structure.correlation.correlate import correlate_modes
     from middeck.structure.correlation.frequencies import compare_frequencies

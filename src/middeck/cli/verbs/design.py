@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -87,7 +89,6 @@ def verb(
     """
     from middeck.cli.given.design_plants import Wanted
     from middeck.cli.given.option_settings import LoopSettings, settle
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.design_loop import design_loop
     from middeck.files.any_value import write
 
@@ -142,8 +143,6 @@ def _draw(plant: Plant, designed: DesignedLoop, settings: LoopSettings, file: st
 
 
 def _log10_authority(authority: float | None, log10_authority: float | None) -> float:
-    import math
-
     if authority is not None and log10_authority is not None:
         raise click.UsageError("--authority and --log10-authority are the same: give one")
     if log10_authority is not None:
@@ -154,7 +153,6 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
     from middeck.cli.given.design_plants import model_plant
     from middeck.cli.given.option_settings import FitSettings, settle
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import identify
     from middeck.files.measured.models import load_fitted
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.cli.given.option_settings import FitSettings
@@ -84,9 +86,7 @@ def verb(
 
 def compare(before: str, after: str, settings: FitSettings, level: float) -> dict[str, Any]:
     """The JSON document of a comparison."""
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import alike, identify
-    from middeck.errors import ConfigError
     from middeck.files.disk.looks import SCHEMAS, looks_like
     from middeck.files.measured.models import load_fitted
     from middeck.files.records import require_record

@@ -8,6 +8,7 @@ import click
 
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.cli.work.design_excitation import ExciteSettings
@@ -77,7 +78,6 @@ def verb(
     """
     from middeck.cli.given.option_settings import settle
     from middeck.cli.work.design_excitation import ExciteSettings, design, expect
-    from middeck.errors import ConfigError
     from middeck.files.records.commands import write_command
     from middeck.signals.ports import Port
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -178,8 +179,6 @@ def verb(
 
 def _held(packages: list[ControllerPackage], paths: tuple[tuple[str, str, float], ...]) -> EngineSettings:
     """An engine with the packages' ports, ranges and limits, and the hold that was named."""
-    import dataclasses
-
     from middeck.realtime.gate.steps_on_rig import package_settings
     from middeck.realtime.package.filter_sections import LoopPath, static_gain
 

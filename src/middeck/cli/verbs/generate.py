@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from middeck.realtime.package.package import ControllerPackage
 
 EPILOG = """\
@@ -80,7 +81,6 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     of the C here, on a small processor and in the reference. LAW is a compensator (at --rate, if it is
     continuous), or a package, which is written anew or in single precision.
     """
-    from middeck.cli.shown.blame import reading
     from middeck.files.laws.packages import write_package
 
     _require_consistent(law_file, target, given)
@@ -92,10 +92,6 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
 
 
 def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str, Any]) -> None:
-    from pathlib import Path
-
-    from middeck.cli.shown.blame import reading
-    from middeck.errors import ConfigError
     from middeck.realtime.generate.c_source import c_name
 
     for path in map(Path, target):
@@ -108,11 +104,8 @@ def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str,
 
 
 def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
-    from pathlib import Path
-
     from middeck.cli.given.compensators import load_law
     from middeck.control.sampled.emulation import emulate
-    from middeck.errors import ConfigError
     from middeck.files.laws.packages import is_package, load_package
     from middeck.realtime.package.package_law import package_law, without_applied
     from middeck.realtime.package.single_precision import to_single

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, deviation_words, show
+from middeck.errors import NumericalError
 
 if TYPE_CHECKING:
     from middeck.cli.work.fit_records import Identified
@@ -177,7 +179,6 @@ def _validate(
     In the steady state of a periodic record; of another, from the state that its first quarter tells. Offsets
     and ramps are taken out as the fit takes them out: no model has them.
     """
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import load_periods
     from middeck.identification.model.steady_simulation import nrmse
     from middeck.identification.record_fit.record_spectra import as_fitted
@@ -256,7 +257,6 @@ def _friction(found: JointFriction | None) -> dict[str, Any] | None:
 
 def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
     """Those of every path; of a path whose zeros are lost in rounding, none and the reason."""
-    from middeck.errors import NumericalError
     from middeck.identification.plants.zeros import path_zeros
 
     found: list[dict[str, Any]] = []

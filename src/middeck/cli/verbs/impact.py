@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, cells, deviation_words, show
 
 if TYPE_CHECKING:
@@ -80,7 +81,6 @@ def verb(
     left out. --set takes states and band_hz.
     """
     from middeck.cli.given.option_settings import ImpactSettings, settle
-    from middeck.cli.shown.blame import reading
     from middeck.files.any_value import write
     from middeck.files.records import load_records, write_response
     from middeck.identification.impact.averaged_blows import average_blows

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.model.article import Structure
@@ -60,7 +62,6 @@ def verb(
     takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
     """
     from middeck.cli.given.cases import case_doubts, read_case
-    from middeck.cli.shown.blame import reading
     from middeck.files.setups import load_offset_keys
     from middeck.structure.suspension.levelling import level
 
@@ -104,8 +105,6 @@ def split_offset(text: str) -> tuple[str, str]:
     >>> split_offset("n1.z")
     ('n1', 'z')
     """
-    from middeck.errors import ConfigError
-
     name, dot, axis = text.rpartition(".")
     if not dot or not name:
         hint = "the name of an attach point and x, y or z, as in n1.z"

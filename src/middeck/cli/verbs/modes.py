@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -59,7 +61,6 @@ def verb(
     those at standstill stand below them.
     """
     from middeck.cli.given.cases import read_case, solve_in
-    from middeck.cli.shown.blame import reading
     from middeck.cli.shown.mass_and_attitude import summary_lines, summary_numbers
     from middeck.structure.summary.summary import summarise
 
@@ -84,7 +85,6 @@ def verb(
 
 def _write_shapes(modes: Modes, count: int, file: str) -> None:
     """Motions of the nodes alone: a universal file has no place for the angle of a joint."""
-    from middeck.errors import ConfigError
     from middeck.files.measured.modes import write_measured_modes
     from middeck.structure.correlation.measured_modes import AXES, measure_modes
 
@@ -166,7 +166,6 @@ def _at_speed(document: dict[str, Any], modes: Modes, count: int) -> dict[str, A
 
 def _whirls(modes: Modes, count: int) -> tuple[GyroscopicModes, bool]:
     """Modes at the wheels' speeds, and whether the article has a damping ratio for each."""
-    from middeck.errors import ConfigError
     from middeck.structure.model.article import Damping
     from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
 
@@ -178,7 +177,6 @@ def _whirls(modes: Modes, count: int) -> tuple[GyroscopicModes, bool]:
 
 def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
     """Ratios of the lowest modes, and what is said of them; none where the article's damping refuses one."""
-    from middeck.errors import ConfigError
     from middeck.structure.plants.damping import estimate_damping
 
     try:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from importlib.resources import files
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING
 
 import click
 
 from middeck.cli import options
 from middeck.cli.shown.screen import show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.signals.record import Record
@@ -34,11 +38,6 @@ def verb(folder: Path, as_json: bool) -> None:
     It holds an article (a bus of tubes with torque wheels and a paddle), its environments, a record (a test
     of it, simulated) and a study, which all run. NAME must not exist yet.
     """
-    import re
-    from importlib.resources import files
-    from string import Template
-
-    from middeck.errors import ConfigError
     from middeck.files.disk.atomic import making_folder
     from middeck.files.records import write_record
 

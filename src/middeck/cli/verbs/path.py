@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.gravity_levels import GravityLevel
@@ -66,7 +68,6 @@ def verb(
     acts all the way.
     """
     from middeck.cli.given.cases import case_doubts, read_case
-    from middeck.cli.shown.blame import reading
     from middeck.structure.gravity.gravity_levels import DeviceRule
     from middeck.structure.gravity.path import follow_gravity
 
@@ -98,7 +99,6 @@ def _places(
 ) -> tuple[GravityLevel, ...] | None:
     import numpy as np
 
-    from middeck.errors import ConfigError
     from middeck.structure.gravity.gravity_levels import GravityLevel, find_place, tilt_place
 
     if through is not None and tilt is not None:

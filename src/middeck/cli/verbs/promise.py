@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -83,7 +84,6 @@ def verb(
 
 
 def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[str, Any]:
-    from middeck.cli.shown.blame import reading
     from middeck.files.json.hash_seal import SEAL
     from middeck.files.json.output import write_json
     from middeck.files.promises.documents import hash_files, promise_document
@@ -107,7 +107,6 @@ def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
-    from middeck.cli.shown.blame import reading
     from middeck.files.promises.documents import hash_files, loads_document
     from middeck.files.refinements.promised_loads import load_promised_loads
     from middeck.updating.orbit.frequencies import predict_modes

@@ -118,8 +118,6 @@ def _qualify(
 
 def _row(found: Qualified) -> dict[str, Any]:
     """Numbers of one row, the least of all its loops; still infinite where there is no limit."""
-    import math
-
     loops, unlimited, known = found.loops, math.inf if found.stable else None, found.stability
 
     def least(values: Any) -> Any:
@@ -155,8 +153,6 @@ def describe(
     said: list[str],
 ) -> dict[str, Any]:
     """The JSON document; what is infinite or unknown is null."""
-    import math
-
     from middeck.files.laws.compensators import how_made
 
     def finite(value: Any) -> Any:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.files.records import Columns
@@ -86,7 +90,6 @@ def verb(
 
 
 def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | None) -> None:
-    from middeck.errors import ConfigError
     from middeck.files.records import open_record, write_stream
 
     if target is None or len(files) != 1:
@@ -99,7 +102,6 @@ def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | No
 def _read(
     files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
 ) -> tuple[Record, Recognised | None, tuple[Fault, ...]]:
-    from middeck.cli.shown.blame import reading
     from middeck.files.records import join_records, read_record, split_periods
     from middeck.identification.faults.detect import detect_faults
 
@@ -129,8 +131,6 @@ def _excitation(taken: Record) -> Recognised | None:
 
 def _transients(taken: Record, excitation: Recognised) -> tuple[Fault, ...]:
     """Transients of the periods that the inputs show, as --periods would judge them."""
-    from dataclasses import replace
-
     from middeck.identification.faults.detect import detect_faults
     from middeck.signals.excitation.repetition import blocks_of
 
@@ -189,8 +189,6 @@ def _recognised(excitation: Recognised) -> dict[str, Any]:
 
 def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
     """Port, transducer and statistics of the samples that are numbers; None where there are none."""
-    import dataclasses
-
     import numpy as np
 
     from middeck.signals.ports import Channel

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.modes.craig_bampton import Reduced
@@ -61,8 +63,6 @@ def verb(
     Modes up to three times the frequency of interest are usual. Angles of free joints remain, ahead of the
     modal coordinates.
     """
-    from middeck.cli.shown.blame import reading
-    from middeck.errors import ConfigError
     from middeck.files.articles.components import write_component
     from middeck.files.nastran.components.external_write import write_external
     from middeck.files.setups import find_document, load_structure

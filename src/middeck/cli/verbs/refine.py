@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
@@ -60,7 +61,6 @@ def verb(
     refined article is the old one with a table of factors.
     """
     from middeck.cli.given.cases import find_case
-    from middeck.cli.shown.blame import reading
     from middeck.files.disk.atomic import write_text
     from middeck.files.refinements.documents import load_refinement, refined_text
     from middeck.files.setups import load_setup

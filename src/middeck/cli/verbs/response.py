@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, cells, show
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
 
     from middeck.structure.modes.solve import Modes
@@ -74,7 +74,6 @@ def verb(
     import numpy as np
 
     from middeck.cli.given.cases import find_case, solve_case
-    from middeck.cli.shown.blame import reading
     from middeck.structure.plants.modal_plant import build_plant
     from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
     from middeck.systems.plants.response import evaluate_plant

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.modes.solve import Modes
@@ -69,8 +71,6 @@ def verb(
     --json has all of them for every mode up to the last one printed.
     """
     from middeck.cli.given.cases import find_case, solve_case
-    from middeck.cli.shown.blame import reading
-    from middeck.errors import ConfigError
     from middeck.structure.sensitivity.frequencies import differentiate_frequencies
     from middeck.structure.sensitivity.parameters import find_parameters
     from middeck.structure.sensitivity.rest import differentiate_rest
@@ -95,7 +95,6 @@ def find_modes(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     >>> find_modes(["bounce", "first torsion", "mixed", "mixed"], ["First torsion", "0", "mixed"])
     [1, 0, 2, 3]
     """
-    from middeck.errors import ConfigError
     from middeck.files.toml.faults import nearest
 
     found: dict[int, None] = {}

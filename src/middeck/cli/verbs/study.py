@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,8 +52,6 @@ def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) 
 
 def _run(study: Study, out: Path) -> dict[str, float]:
     """Seconds that each stage and its figures took."""
-    import time
-
     from middeck.cli.shown.progress import follow
     from middeck.report.results_folder import StudyWriter
     from middeck.study.mission import chapters_in, run_chapters
