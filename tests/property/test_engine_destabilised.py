@@ -14,7 +14,7 @@ import pytest
 from engine_campaigns import cases_of
 from engine_destabilising import SLOW_S, draw, judge, refused_on_paper
 from engine_rigs import closed_states, rig_case
-from repeats import LONG, repeats
+from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
 ROOT = Path(__file__).parents[2]
@@ -37,21 +37,21 @@ def _unsound(seeds, rigs, **how):
 def test_random_packages_that_destabilise_are_stopped():
     """Wrong gains, signs, channels, delays, and compensators out of the blue, on four rigs in turn."""
     seeds = range(cases_of("random packages past the gate"))
-    rigs = [RIGS[k % len(RIGS) if LONG else 0] for k in seeds]
+    rigs = [RIGS[k % len(RIGS)] for k in seeds]
     assert not _unsound(seeds, rigs)
 
 
 def test_packages_that_only_the_truth_destabilises_are_stopped():
     """Stable on the model; each frequency of the truth is off by 2 to 5 %."""
     count = cases_of("packages that only the truth destabilises, past the gate")
-    seeds, rigs = range(WHOLE, WHOLE + count), [RIGS[k % 2 if LONG else 0] for k in range(count)]
+    seeds, rigs = range(WHOLE, WHOLE + count), [RIGS[k % 2] for k in range(count)]
     assert not _unsound(seeds, rigs, on_board_stable=True)
 
 
 def test_no_package_passes_the_gate_on_the_model_that_it_destabilises():
     """Those of the first test, beside the hold of the engine that would run them."""
     seeds = range(cases_of("random packages at the gate, the study's articles"))
-    rigs = [RIGS[k % len(RIGS) if LONG else 0] for k in seeds]
+    rigs = [RIGS[k % len(RIGS)] for k in seeds]
     found = [refused_on_paper(draw(seed, *rig).law, *rig) for seed, rig in zip(seeds, rigs, strict=True)]
     assert set(found) <= {"interface", "poles", "vectors", "model"}  # not "", which passes on paper
 

@@ -18,7 +18,7 @@ from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.gate import cross_fade
 from middeck.realtime.gate.cross_fade import check_cross_fade, fade_points
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.linear_law import sum_of_laws
+from middeck.realtime.gate.linear_law import faded_laws
 from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps_on_paper import GateMargins
 from middeck.realtime.gate.steps_on_rig import GateTrials
@@ -101,7 +101,7 @@ def test_the_mixture_is_what_the_engine_computes():
     paths = (LoopPath(1, 0, static_gain(0.3)), LoopPath(0, 1, static_gain(-0.4)))
     held = [with_hold(packages[0], engine_of(paths)), packages[1]]
     for old, new in ((1.0, 0.0), (0.784, 0.216), (0.3, 0.9)):
-        made = sum_of_laws(held, [old, new])
+        made = faded_laws(held)([old, new])
         assert (made.inputs, made.outputs) == ((WAY, RATE), (PUSH, TURN))
         s = made.sampled
         A, B, C = plant

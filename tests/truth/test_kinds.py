@@ -17,6 +17,7 @@ from middeck.errors import MiddeckError
 from middeck.files.setups import load_setup
 from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.assembly.linked import dynamic_coordinates
+from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.compare_modes import ModeComparison, compare_modes
 from middeck.structure.model.article import AttachPoint, Spring
@@ -30,7 +31,7 @@ from structure_builders import TUBE, body, lab, member, node, springs_above, str
 
 LAB = "environments/lab.toml"
 FLEXIBLE, SUSPENSION = 0.01, 0.03
-# Fixed axes say less of an article that hangs far from how it was drawn.
+# A rigid turn says less of an article that is bent far.
 FAR = np.radians(12.0)
 
 
@@ -55,7 +56,8 @@ def soft_bus(seed: int, folder: Path) -> Met | None:
         orbit, hung = modes_in(parts, Environment.orbit()), modes_in(parts, lab)
     except MiddeckError:
         return None
-    if max(np.linalg.norm(v) for v in node_rotations(hung.equilibrium).values()) > FAR:
+    turns = np.array(list(node_rotations(hung.equilibrium).values()))
+    if np.linalg.norm(turns - turns.mean(axis=0), axis=1).max() > FAR:
         return None
     return Met(orbit, hung, compare_modes(orbit, hung))
 
@@ -65,9 +67,14 @@ def modes_in(parts, environment) -> Modes:
 
 
 def shares_in_orbit(met: Met) -> np.ndarray:
-    """Part of each lab mode that is each mode in orbit."""
-    weighted = met.orbit.mass @ met.lab.shapes
-    return (met.orbit.shapes.T @ weighted) ** 2 / np.einsum("im,im->m", met.lab.shapes, weighted)
+    """Part of each lab mode, turned back by the mean rotation of the nodes, that is each mode in orbit."""
+    turn = np.mean(list(node_rotations(met.lab.equilibrium).values()), axis=0)
+    roots = met.lab.equilibrium.model.tree.roots
+    shapes = met.lab.shapes.copy()
+    for k in range(2 * roots):
+        shapes[3 * k : 3 * k + 3] = rotation_exp(turn).T @ shapes[3 * k : 3 * k + 3]
+    weighted = met.orbit.mass @ shapes
+    return (met.orbit.shapes.T @ weighted) ** 2 / np.einsum("im,im->m", shapes, weighted)
 
 
 def complex_damping(modes: Modes, count: int) -> tuple[np.ndarray, np.ndarray]:

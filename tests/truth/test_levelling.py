@@ -20,7 +20,7 @@ from middeck.structure.suspension.attitude import estimate_attitude, fit_rotatio
 from middeck.structure.suspension.hanging import doubt_attitude, sag
 from middeck.structure.suspension.levelling import LEVEL, level
 from repeats import repeats
-from structure_builders import GRAVITY, TUBE, body, member, node, on_cables, structure
+from structure_builders import GRAVITY, TUBE, body, lab, member, node, on_cables, springs_above, structure
 
 ROOT = Path(__file__).parents[2]
 UP = np.array([0.0, 1.0, 0.0])
@@ -292,6 +292,22 @@ def boom(section):
     members = [member("a", "m", section, 2), member("m", "z", section, 4)]
     points = [AttachPoint(n, n, np.array([0.0, 0.02, 0.0])) for n in ("a", "m")]
     return structure(nodes, members, attach=points)
+
+
+def test_what_turns_over_is_said_to():
+    """A bar that was drawn above its two points falls over; it bends by nothing."""
+    section = dataclasses.replace(TUBE, rho_A=0.1)
+    high = node("top", (0.3, 0.5, 0.01), body(5.0, inertia=(0.1, 0.1, 0.1)))
+    nodes = [node("a", (0, 0, 0), body(0.1)), node("m", (0.5, 0, 0), body(0.1)), high]
+    points = [AttachPoint(n, n, np.array([0.0, 0.02, 0.0])) for n in ("a", "m")]
+    parts = structure(nodes, [member("a", "top", section, 2), member("m", "top", section, 2)], attach=points)
+    environment = lab(*springs_above({"a": (0, 0, 0), "m": (0.5, 0, 0)}, 3.0, 100.0, 2.5))
+    hung = estimate_attitude(solve_equilibrium(parts, environment))
+    assert np.linalg.norm(hung.tilt) > np.radians(170.0)
+    assert not sag(hung)
+    (doubt,) = doubt_attitude(hung, environment)
+    assert "turned over" in doubt.what
+    assert "above its centre of mass" in doubt.hint
 
 
 def test_what_sags_is_not_said_to_hang_tilted():

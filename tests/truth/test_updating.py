@@ -20,8 +20,9 @@ from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
+from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
 from middeck.updating.refinement.posterior import (
@@ -33,7 +34,7 @@ from middeck.updating.refinement.posterior import (
     unseen_deviations,
 )
 from middeck.updating.refinement.refine import Refined, off_the_rest, refine
-from middeck.updating.residuals.surveys import Survey, compare
+from middeck.updating.residuals.surveys import Survey, compare, set_up
 from middeck.updating.unknowns.unknowns import Unknown, bind, change
 from repeats import repeats
 
@@ -335,6 +336,41 @@ def test_the_sheet_is_refined_far_below_its_errors(seed: int):
     before = case.log_errors(sheet, sheet.frequency_hz[ten], ten, true)
     assert np.mean(before**2) > 25.0**2 * np.mean(error**2)
     assert np.max(np.abs(error / predicted.log_std)) < 3.5
+
+
+def test_a_cable_that_no_model_has_is_in_the_intervals_of_orbit_alone():
+    """Its rms over all frequencies to 0.03 Hz, by three tied articles (Gauss-Legendre): of two modes."""
+    article, lab = case.sheet()
+    found = refine(article, [case.survey(0, 0, case.STRAIGHT, range(12))], case.sheet_unknowns(article)[:1])
+    orbit = Environment.orbit()
+    told, without = (predict_modes(found, orbit, umbilical_hz=hz) for hz in (CABLE_HZ, 0.0))
+    free, (node, weight) = set_up(article, orbit, (), found.unknowns), np.polynomial.legendre.leggauss(3)
+    tied = [
+        free._replace(environment=tie_umbilical(article, orbit, hz)).solve(found.x).frequency_hz[told.index]
+        for hz in CABLE_HZ * 0.5 * (node + 1.0)
+    ]
+    rms = np.sqrt(0.5 * weight @ np.log(tied / told.modes.frequency_hz[told.index]) ** 2)
+    by_cable = np.sqrt(told.log_rest**2 - without.log_rest**2)
+    assert np.flatnonzero(rms > 2e-5).tolist() == [0, 1]
+    np.testing.assert_allclose(by_cable[:2], rms[:2], rtol=0.1)
+    assert np.max(by_cable[2:]) < 2e-6
+    held = [predict_modes(found, lab, umbilical_hz=hz).log_rest for hz in (CABLE_HZ, 0.0)]
+    np.testing.assert_array_equal(*held)
+
+
+def test_deviations_in_orbit_are_as_large_as_the_errors():
+    """Frequencies measured to 1e-5: of the modes that no cable moves, neither too wide nor too narrow."""
+    article, _ = case.sheet()
+    off: list[np.ndarray] = []
+    for seed in repeats(range(200, 220), 2):
+        seen = [
+            case.survey(seed, k, angles, range(18), MeasurementNoise(1e-5, 0.02))
+            for k, angles in enumerate((case.STRAIGHT, case.TURNED))
+        ]
+        told = predict_modes(refine(article, seen, case.sheet_unknowns(article)), Environment.orbit())
+        error = case.log_errors(told.modes, told.frequency_hz, told.index, case.ten_in_orbit(seed))
+        off.append((error / told.log_std)[2:])
+    assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.6
 
 
 def test_what_an_estimate_leaves_is_as_large_as_it_is_let_expect():

@@ -81,11 +81,17 @@ def placed(article: Structure, settings: Sequence[tuple[str, float]]) -> Structu
     return both[0]
 
 
-def survey(seed: int, number: int, settings: Sequence[tuple[str, float]], chosen: Sequence[int]) -> Survey:
+def survey(
+    seed: int,
+    number: int,
+    settings: Sequence[tuple[str, float]],
+    chosen: Sequence[int],
+    noise: MeasurementNoise = NOISE,
+) -> Survey:
     """What a modal test of the truth in the laboratory gives."""
     _, lab = sheet()
     modes, rng = true_modes(seed, lab, settings), np.random.default_rng([seed, number])
-    seen = measure_modes(modes, chosen=chosen, noise=NOISE, rng=rng)
+    seen = measure_modes(modes, chosen=chosen, noise=noise, rng=rng)
     zeta = true_damping(seed, modes, max(chosen) + 1)[list(chosen)]
     seen = dataclasses.replace(
         seen,

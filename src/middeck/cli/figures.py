@@ -155,8 +155,10 @@ def _upright(drawing: Drawing, up: str | None) -> Drawing:
 
 def _pair_rows(comparison: ModeComparison, alone: int) -> tuple[tuple[Shown | None, Shown], ...]:
     from middeck.plot.shapes import Shown
+    from middeck.structure.gravity.turned_modes import modes_at_rest
 
-    orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
+    lab, pairs = comparison.lab, comparison.pairs
+    orbit, _ = modes_at_rest(comparison.orbit, lab)
     alike = [float(orbit.shapes[:, i] @ (orbit.mass @ lab.shapes[:, j])) for i, j in pairs]
     held = [(None, Shown(1, len(pairs) + k)) for k in range(alone)]
     paired = [(Shown(0, p), Shown(1, p, -1.0 if value < 0.0 else 1.0)) for p, value in enumerate(alike)]

@@ -138,7 +138,7 @@ def verb(
     from middeck.files.laws.blacklists import add_to_blacklist, load_blacklist
     from middeck.files.laws.packages import load_package
     from middeck.realtime.gate.gate import examine_package
-    from middeck.realtime.gate.linear_law import sum_of_laws
+    from middeck.realtime.gate.linear_law import faded_laws
     from middeck.realtime.gate.steps_on_paper import GateMargins
     from middeck.realtime.gate.steps_on_rig import GateTrials
 
@@ -148,7 +148,7 @@ def verb(
     beside = [package] if engaged is None else [package, engaged]
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
-    linear = sum_of_laws(beside, [1.0] * len(beside))
+    linear = faded_laws(beside)([1.0] * len(beside))
     gathered = gather_plants(tried, linear)
     closed = [(output, "--hold") for _, output, _ in given["paths"]]
     closed += [(p.outputs[path.output].name, f"package {p.name}") for p in beside for path in p.paths]

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.gate.linear_law import sum_of_laws
+from middeck.realtime.gate.linear_law import faded_laws
 from middeck.realtime.gate.package_with_hold import with_hold
 from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, GateStep, Tried, check_loops
 from middeck.realtime.gate.steps_on_rig import package_settings
@@ -39,10 +39,11 @@ def check_cross_fade(
         fits = dataclasses.replace(package_settings(engaged), period_s=plain.period_s)
         first = with_hold(engaged, fits if engine is None else dataclasses.replace(engine, hold=()))
         second = with_hold(package, plain)
+        faded = faded_laws([first, second])
         tried = [
             Tried(
                 f"{engaged.name} at {g * leaves:.3g}, {package.name} at {g * rises:.3g}",
-                sum_of_laws([first, second], [g * leaves, g * rises]),
+                faded([g * leaves, g * rises]),
             )
             for g in sorted(gains)
             for top in sorted({share, 1.0})

@@ -32,7 +32,7 @@ def linear_law(package: ControllerPackage, fade: float = 1.0) -> Compensator:
     """
     if not 0.0 <= fade <= 1.0:
         raise ConfigError(f"a fade of {fade}", hint="0 to 1")
-    return sum_of_laws([package], [fade])
+    return faded_laws([package])([fade])
 
 
 def limited_law(
@@ -59,39 +59,34 @@ def limited_law(
     return limited
 
 
-def sum_of_laws(packages: Sequence[ControllerPackage], fades: Sequence[float]) -> Compensator:
-    """u = sum of p + f c of ``packages`` that run at once, on the ports of all; f is a fade, times a gain.
+def faded_laws(packages: Sequence[ControllerPackage]) -> Callable[[Sequence[float]], Compensator]:
+    """u = sum of p + f c of ``packages`` that run at once, on the ports of all, of their fades f.
 
-    Each compensator learns what all of them apply at its outputs, as in the engine. Raises `ConfigError` for
-    one name with two units.
+    A fade may be one times a gain. Each compensator learns what all of them apply at its outputs, as in the
+    engine. Raises `ConfigError` for one name with two units.
     """
     laws = [unfold_law(package, single=False) for package in packages]
     reads, inputs = _places([package.inputs for package in packages])
     seen, outputs = _places([package.outputs for package in packages])
     drives = seen.T
-    faded = drives * np.repeat(fades, [len(package.outputs) for package in packages])
     m = [len(package.inputs) for package in packages]
     F = _along([law.F for law in laws])
     by_y = _along([law.G[:, :k] for law, k in zip(laws, m, strict=True)]) @ reads
     by_e = _along([law.G[:, k : k + len(law.law)] for law, k in zip(laws, m, strict=True)])
     C = _along([law.H[list(law.law)] for law in laws])
     D = _along([law.J[list(law.law), :k] for law, k in zip(laws, m, strict=True)]) @ reads
-    loop_C = _along([law.H[list(law.loop)] for law in laws])
-    loop_D = _along([law.J[list(law.loop), :k] for law, k in zip(laws, m, strict=True)]) @ reads
-    missing = by_e @ (seen @ faded - np.eye(len(seen)))
-    first = packages[0]
-    return Compensator(
-        SampledStateSpace(
-            F + missing @ C,
-            by_y + missing @ D,
-            drives @ loop_C + faded @ C,
-            drives @ loop_D + faded @ D,
-            period_s=first.period_s,
-        ),
-        inputs,
-        outputs,
-        method=f"package {' and '.join(package.name for package in packages)}",
-    )
+    held_C = drives @ _along([law.H[list(law.loop)] for law in laws])
+    held_D = drives @ _along([law.J[list(law.loop), :k] for law, k in zip(laws, m, strict=True)]) @ reads
+    method = f"package {' and '.join(package.name for package in packages)}"
+
+    def at(fades: Sequence[float]) -> Compensator:
+        faded = drives * np.repeat(fades, [len(package.outputs) for package in packages])
+        missing = by_e @ (seen @ faded - np.eye(len(seen)))
+        A, B = F + missing @ C, by_y + missing @ D
+        made = SampledStateSpace(A, B, held_C + faded @ C, held_D + faded @ D, period_s=packages[0].period_s)
+        return Compensator(made, inputs, outputs, method=method)
+
+    return at
 
 
 def _along(blocks: Sequence[np.ndarray]) -> np.ndarray:

@@ -15,7 +15,7 @@ from middeck.control.analysis.stability.stability import LoopStability, decide_l
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.gate.linear_law import limited_law, linear_law
+from middeck.realtime.gate.linear_law import faded_laws, limited_law, linear_law
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single_precision import bound_error
 from middeck.realtime.package.vectors import run_vectors
@@ -82,12 +82,13 @@ def check_interface(package: ControllerPackage, models: Mapping[str, Plant]) -> 
     limits = np.maximum(package.upper, -package.lower)
     faults += [f"output {p.name} has no limit" for p, r in zip(package.outputs, limits, strict=True)
                if not np.isfinite(r)]  # fmt: skip
+    law = linear_law(package)
     for name, plant in models.items():
         numbers = [value for value in vars(plant.dynamics).values() if isinstance(value, np.ndarray)]
         if not all(np.isfinite(value).all() for value in numbers):
             faults.append(f"{name} has a number that is not finite")
         try:
-            locate_ports(linear_law(package), plant.inputs, plant.outputs)
+            locate_ports(law, plant.inputs, plant.outputs)
         except ConfigError as error:
             faults.append(f"{name}: {error.what}")
         if plant.period_s is not None and not same_period(plant.period_s, package.period_s):
@@ -150,7 +151,8 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
 
     A mode that the compensator neither reaches nor sees is none of its loop.
     """
-    fades = [Tried(f"at a fade of {fade:g}", linear_law(package, fade), off=fade == 0.0) for fade in FADES]
+    faded = faded_laws([package])
+    fades = [Tried(f"at a fade of {fade:g}", faded([fade]), off=fade == 0.0) for fade in FADES]
     return check_loops(f"model {name}", plant, fades, least)
 
 

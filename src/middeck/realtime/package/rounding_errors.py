@@ -90,7 +90,7 @@ class _Unfolding:
         self.states = n + 2 * len(self.sections)
         self.first = self.states + m + p
         most = 3 * len(self.sections) + n + 4 * p + len(package.paths) + m
-        self.rows = [np.eye(self.first + most)[i] for i in range(self.first)]
+        self.rows = list(np.eye(self.first, self.first + most))
         self.sums: list[Sum] = []
 
     def done(self) -> LinearLaw:

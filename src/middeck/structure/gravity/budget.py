@@ -130,13 +130,13 @@ def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     check_beside_modes(lab, "shares of gravity")
     model = lab.equilibrium.model
     count = min(count, len(orbit.omega), len(lab.omega))
-    start_at, start, end = pair_modes(orbit, lab, count)
+    start_at, start, at_rest, end = pair_modes(orbit, lab, count)
     corner, match = np.zeros((count, 2, 2, 2)), np.ones((count, 2, 2, 2))
     corner[:, 0, 0, 0] = start.lam
     for on in CORNERS[1:-1]:
         K, M = corner_matrices(start_at, lab.equilibrium, on)
         at = lab.equilibrium.config if on[-1] else start_at.config
-        found = track(start, solve_spectrum(model, at, K, M, count))
+        found = track(at_rest if on[-1] else start, solve_spectrum(model, at, K, M, count))
         corner[:, *on], match[:, *on] = found.spectrum.lam, found.match
     corner[:, 1, 1, 1], match[:, 1, 1, 1] = end.spectrum.lam, end.match
     rows = np.argsort(end.found, kind="stable")

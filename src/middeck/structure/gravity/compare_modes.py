@@ -13,7 +13,8 @@ from scipy.linalg import lapack
 from middeck.errors import ConfigError
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.gravity.orbit_lab_pairs import pair_modes, shares_of
-from middeck.structure.gravity.tracking import align_repeated, spectrum_of
+from middeck.structure.gravity.tracking import Spectrum, align_repeated, spectrum_of
+from middeck.structure.gravity.turned_modes import modes_at_rest
 from middeck.structure.modes.names.kind_warnings import CURE
 from middeck.structure.modes.names.kinds import HELD
 from middeck.structure.modes.solve import Modes
@@ -69,19 +70,21 @@ class ModeComparison:
 def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     """Compare the lowest ``count`` modes; both sides must share the structure, hence the coordinates.
 
-    Lab shapes enter as displacements and small rotations in fixed world axes and relative joint angles,
-    which are the coordinates of `Modes.shapes`; the mass is that of the orbit state. Raises `ConfigError` for
+    Shapes enter as displacements and small rotations in fixed world axes and relative joint angles, the
+    coordinates of `Modes.shapes`; those in orbit, and their mass, are first turned with the article to how it
+    rests in the laboratory (`modes_at_rest`). Raises `ConfigError` for
     two different meshes or articles, whose modes `correlate_modes` compares at common nodes.
     """
     _check_mesh(orbit, lab)
     count = min(count, len(orbit.omega), len(lab.omega))
-    phi_0 = _nearest_basis(orbit, lab.shapes)
-    phi_0, phi_1 = phi_0[:, :count], _nearest_basis(lab, phi_0)[:, :count]
-    cross = np.abs(phi_0.T @ (orbit.mass @ phi_1))
+    free = modes_at_rest(orbit, lab)[0]
+    phi_0 = _nearest_basis(free, lab.shapes)
+    phi_0, phi_1 = phi_0[:, :count], _nearest_basis(spectrum_of(lab), phi_0)[:, :count]
+    cross = np.abs(phi_0.T @ (free.mass @ phi_1))
     paired = pair_modes(orbit, lab, count)
     found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
     pairs = np.array(found, dtype=int).reshape(-1, 2)
-    shares = shares_of(paired.start, lab)
+    shares = shares_of(paired.at_rest, lab)
     told = tuple(_disputed(orbit, lab, pairs, shares))
     pairs = pairs[[_in_common(lab, pair, shares)[0] >= COMMON for pair in pairs.tolist()]]
     return ModeComparison(
@@ -92,7 +95,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
         mac=_mac(orbit, phi_0, phi_1),
         pairs=pairs,
         ratio=lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
-        subspace_angle=_subspace_angles(orbit, lab),
+        subspace_angle=_subspace_angles(orbit, lab, free),
         warnings=told,
     )
 
@@ -108,13 +111,12 @@ def _check_mesh(orbit: Modes, lab: Modes) -> None:
         )
 
 
-def _nearest_basis(modes: Modes, others: np.ndarray) -> np.ndarray:
+def _nearest_basis(modes: Spectrum, others: np.ndarray) -> np.ndarray:
     """Shapes of ``modes``, those of one frequency in the basis nearest to ``others``: any is as good.
 
     The basis of rigid modes has names, and stays.
     """
-    nearest = align_repeated(spectrum_of(modes), others).shapes
-    return np.where(modes.omega > 0.0, nearest, modes.shapes)
+    return np.where(modes.lam > 0.0, align_repeated(modes, others).shapes, modes.shapes)
 
 
 def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -> Iterator[str]:
@@ -161,14 +163,14 @@ def _mac(modes: Modes, phi_0: np.ndarray, phi_1: np.ndarray) -> np.ndarray:
     return modal_assurance(phi_0[seen], phi_1[seen])
 
 
-def _subspace_angles(orbit: Modes, lab: Modes) -> np.ndarray:
+def _subspace_angles(orbit: Modes, lab: Modes, free: Spectrum) -> np.ndarray:
     """Principal angles in the metric of the orbit mass (Björck and Golub 1973), sine and cosine form."""
     rigid = [i for i, k in enumerate(orbit.kind) if k == "rigid"]
     hung = [i for i, k in enumerate(lab.kind) if k in HELD]
     if not rigid or not hung:
         return np.zeros(0)
     # Some coordinates have no mass: turns of a thin member about its own axis.
-    factor, order, rank, _ = cast("Any", lapack).dpstrf(orbit.mass.toarray())
+    factor, order, rank, _ = cast("Any", lapack).dpstrf(free.mass.toarray())
     root = np.triu(factor)[:rank]
-    a, b = (root @ shapes[order - 1] for shapes in (orbit.shapes[:, rigid], lab.shapes[:, hung]))
+    a, b = (root @ shapes[order - 1] for shapes in (free.shapes[:, rigid], lab.shapes[:, hung]))
     return np.sort(sla.subspace_angles(a, b))

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.gravity.tracking import Spectrum, TrackedShapes, align_repeated, spectrum_of, track
-from middeck.structure.gravity.undeformed import carry_along, turn_shapes
+from middeck.structure.gravity.turned_modes import modes_at_rest, turn_modes
+from middeck.structure.gravity.undeformed import carry_along
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 
@@ -22,12 +22,14 @@ class PairedModes(NamedTuple):
     """The lowest modes in orbit, and where each of them is in the laboratory.
 
     ``carried`` is the rest state in orbit moved to where the laboratory has the article, ``start`` its modes,
-    those of one frequency (rigid-body modes above all) in the basis nearest to the laboratory's. ``end`` has
-    one mode of the laboratory for each of them.
+    those of one frequency (rigid-body modes above all) in the basis nearest to the laboratory's. ``at_rest``
+    are the same, tilted too as the article rests (`modes_at_rest`): shapes in world axes have more in common
+    with the article's there. ``end`` has one mode of the laboratory for each of them.
     """
 
     carried: Equilibrium
     start: Spectrum
+    at_rest: Spectrum
     end: TrackedShapes
 
 
@@ -35,18 +37,15 @@ def pair_modes(orbit: Modes, lab: Modes, count: int) -> PairedModes:
     """The ``count`` lowest of ``orbit`` with all of ``lab``, one to one, by the largest cross-orthogonality.
 
     All modes of the laboratory are candidates, suspension modes too; rigid-body modes take flexible ones
-    last, for what a clamp or a stiff mount holds has no others. The article is first turned to its heading at
-    rest, which changes none of its own modes.
+    last, for what a clamp or a stiff mount holds has no others. The article is first turned to how it rests,
+    which changes none of its own modes.
     """
-    carried, turn = carry_along(orbit.equilibrium, lab.equilibrium)
-    model = carried.model
-    free = Spectrum(
-        orbit.omega**2, turn_shapes(orbit.shapes, model.tree.roots, turn), mass_matrix(model, carried.config)
-    )
-    hung = spectrum_of(lab)
-    start = align_repeated(free, hung.shapes)
-    start = Spectrum(start.lam[:count], start.shapes[:, :count], start.mass)
-    return PairedModes(carried, start, track(start, hung, _weight(orbit, lab, count)))
+    carried, heading = carry_along(orbit.equilibrium, lab.equilibrium)
+    hung, (free, turn) = spectrum_of(lab), modes_at_rest(orbit, lab)
+    free = align_repeated(free, hung.shapes)
+    at_rest = Spectrum(free.lam[:count], free.shapes[:, :count], free.mass)
+    start = turn_modes(at_rest, carried.model.tree.roots, heading @ turn.T)
+    return PairedModes(carried, start, at_rest, track(at_rest, hung, _weight(orbit, lab, count)))
 
 
 def _weight(orbit: Modes, lab: Modes, count: int) -> Float[np.ndarray, "orbit lab"]:

@@ -27,6 +27,7 @@ from middeck.structure.gravity.crossings_and_veerings import Advance, Course, re
 from middeck.structure.gravity.gravity_levels import DeviceRule, GravityLevel, gravity_between, loads_in
 from middeck.structure.gravity.path_events import EventKind, GravityEvent, PathState
 from middeck.structure.gravity.tracking import HALF_SHAPE, spectrum_at, spectrum_of, track
+from middeck.structure.gravity.turned_modes import turn_along
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
@@ -340,7 +341,7 @@ def _station(
 ) -> PathState:
     model = leg.full.model
     spectrum = spectrum_at(model, config, loads, len(before.match), at)
-    found = track(before.spectrum, spectrum)
+    found = track(turn_along(before.spectrum, model, before.config, config)[0], spectrum)
     least = float(spectrum.lam.min(initial=0.0))
     return PathState(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)
 

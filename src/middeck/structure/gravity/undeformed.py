@@ -34,16 +34,6 @@ def carry_along(orbit: Equilibrium, lab: Equilibrium) -> tuple[Equilibrium, Floa
     return dataclasses.replace(orbit, config=moved), R
 
 
-def turn_shapes(
-    shapes: Float[np.ndarray, "coordinate mode"], roots: int, R: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, "coordinate mode"]:
-    """Shapes of the article turned by ``R``: displacements and rotation vectors turn, joint angles do not."""
-    turned = shapes.copy()
-    vectors = shapes[: 6 * roots].reshape(2 * roots, 3, -1)
-    turned[: 6 * roots] = np.einsum("ij,njm->nim", R, vectors).reshape(6 * roots, -1)
-    return turned
-
-
 def _feet(lab: Equilibrium, config: Configuration) -> Float[np.ndarray, "device 3"]:
     world = points_in_world(lab.model.points, frame_poses(lab.model.tree, config))
     return world[lab.loads.attach_point]

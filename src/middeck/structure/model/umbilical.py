@@ -7,10 +7,15 @@ import dataclasses
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.structure.model.article import Structure
+from middeck.structure.model.article import AttachPoint, Structure
 from middeck.structure.model.environment import AnchoredSpring, Environment
 
 LENGTH = 1.0  # m, of the springs that stand for it
+
+
+def umbilical_point(structure: Structure) -> AttachPoint:
+    """The middle attach point, of one that has any."""
+    return structure.attach_points[len(structure.attach_points) // 2]
 
 
 def tie_umbilical(structure: Structure, environment: Environment, frequency_hz: float) -> Environment:
@@ -23,7 +28,7 @@ def tie_umbilical(structure: Structure, environment: Environment, frequency_hz: 
         return environment
     if not structure.attach_points:
         raise ConfigError("an umbilical needs an attach point", where=f"structure {structure.title!r}")
-    point = structure.attach_points[len(structure.attach_points) // 2]
+    point = umbilical_point(structure)
     frame = next(n for n in structure.nodes if n.name == point.frame)
     at = frame.position + point.offset
     stiffness = structure.mass * (2.0 * np.pi * frequency_hz) ** 2

@@ -31,8 +31,9 @@ class Attitude:
     Attributes:
         tilt, heading: Of the rigid body that fits the hung article best by mass: tilt [rad], and turn about
             the vertical.
-        node, node_tilt: Name and tilt of every node; what differs from
-            ``tilt`` is the article's own bending.
+        node, node_tilt: Name and tilt of every node.
+        node_bending: Angle [rad] between the verticals of each node and of the rigid body: the article's own
+            bending.
         device, tension: Name and pull [N] of every device and spring.
         hangs_from: What the attach points in use, and clamped nodes, span as drawn: a "point", a "line", a
             "plane" or "space".
@@ -45,6 +46,7 @@ class Attitude:
     heading: float
     node: tuple[str, ...]
     node_tilt: Float[np.ndarray, "node 3"]
+    node_bending: Float[np.ndarray, " node"]
     device: tuple[str, ...]
     tension: Float[np.ndarray, " device"]
     hangs_from: str
@@ -62,9 +64,10 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
         )
     up = -gravity / np.linalg.norm(gravity)
     model = equilibrium.model
-    tilt, heading = split_rotation(fit_rotation(model, model.rest, equilibrium.config), up)
-    turned = node_rotations(equilibrium)
-    tilts = np.array([split_rotation(rotation_exp(v), up)[0] for v in turned.values()])
+    whole, turned = fit_rotation(model, model.rest, equilibrium.config), node_rotations(equilibrium)
+    tilt, heading = split_rotation(whole, up)
+    nodes = [rotation_exp(v) for v in turned.values()]
+    tilts = np.array([split_rotation(R, up)[0] for R in nodes])
     T = rigid_columns(model.tree, model.rest, np.zeros(3))
     span, lies_off = _span(equilibrium, centre_of_mass(T, mass_matrix(model, model.rest)))
     return Attitude(
@@ -72,6 +75,7 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
         heading=heading,
         node=tuple(turned),
         node_tilt=tilts,
+        node_bending=np.array([_angle(up @ R, up @ whole) for R in nodes]),
         device=equilibrium.devices,
         tension=equilibrium.tension,
         hangs_from=span,
@@ -93,6 +97,10 @@ def split_rotation(
     sine = float(np.linalg.norm(across))
     tilt = across * (np.arctan2(sine, up @ R @ up) / sine) if sine > 0.0 else across
     return tilt, float(rotation_log(R @ rotation_exp(tilt).T) @ up)
+
+
+def _angle(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
 def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Float[np.ndarray, "3 3"]:

@@ -13,6 +13,7 @@ from middeck.structure.suspension.attitude import Attitude
 
 # A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
 LARGE_TILT = np.radians(1.0)
+OVER = np.radians(90.0)
 SAGS = 0.5  # of the tilt: more bending than this is most of what nodes tilt by
 ASIDE = 0.1  # of the larger tilt: a smaller one is left alone
 AXES = "xyz"
@@ -50,9 +51,14 @@ def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Do
 
 
 def doubt_attitude(attitude: Attitude, environment: Environment) -> Iterator[Doubt]:
-    """A tilt beyond `LARGE_TILT`, and the offsets that would level it."""
+    """A tilt beyond `LARGE_TILT`, and the offsets that would level it; or what has turned over."""
     tilt = float(np.linalg.norm(attitude.tilt))
     if tilt <= LARGE_TILT:
+        return
+    if tilt > OVER:
+        yield Doubt(
+            "", f"the article has turned over: it hangs tilted by {np.degrees(tilt):.0f} deg", OVER_HINT
+        )
         return
     if said := sag(attitude):
         yield Doubt("", said, SAG_HINT)
@@ -64,6 +70,10 @@ def doubt_attitude(attitude: Attitude, environment: Environment) -> Iterator[Dou
     )
 
 
+OVER_HINT = (
+    "its weight was drawn above what it hangs from: attach it above its centre of mass ([suspension] of the "
+    "article), or draw it as it hangs"
+)
 SAG_HINT = (
     "hang it at more points, near what sags most, or measure it as it hangs: moving the attach points turns "
     "all of it alike and leaves its bending"
@@ -73,8 +83,7 @@ SAG_HINT = (
 def sag(attitude: Attitude) -> str:
     """What nodes tilt by where that is bending rather than the tilt of the whole; else nothing."""
     whole, tilts = np.linalg.norm(attitude.tilt), np.linalg.norm(attitude.node_tilt, axis=1)
-    bent = np.linalg.norm(attitude.node_tilt - attitude.tilt, axis=1)
-    if not bent.max(initial=0.0) > SAGS * whole:
+    if not attitude.node_bending.max(initial=0.0) > SAGS * whole:
         return ""
     least, most = int(np.argmin(tilts)), int(np.argmax(tilts))
     return (

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.structure.correlation.measured_modes import seen, sensor_rows
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.umbilical import umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.refinement.mesh_and_shear import left_out
@@ -20,8 +22,8 @@ from middeck.updating.residuals.surveys import Compared, set_up
 from middeck.updating.unknowns.unknowns import product_slopes
 from middeck.values import record
 
-# Of ln f: what a model's own error in a mode changes when gravity goes, over and above what shapes say.
-CARRIED = 1e-4
+# Hz: of a cable that no model has, by which an article that floats may hang.
+CABLE_HZ = 0.03
 # Of a measured damping ratio whose deviation the test does not state, relative.
 DAMPING_STD = 0.1
 # Part of a mode that need not have been seen.
@@ -110,13 +112,21 @@ def solve_there(
 
 
 def predict_modes(
-    refined: Refined, environment: Environment, settings: Sequence[tuple[str, float]] = (), count: int = 10
+    refined: Refined,
+    environment: Environment,
+    settings: Sequence[tuple[str, float]] = (),
+    count: int = 10,
+    umbilical_hz: float = CABLE_HZ,
 ) -> Prediction:
-    """The lowest ``count`` modes that are not rigid, in ``environment``."""
-    return predict_at(refined, solve_there(refined, environment, settings, count))
+    """The lowest ``count`` modes that are not rigid, in ``environment``.
+
+    Without gravity a weak cable may hold the article, with any frequency up to ``umbilical_hz``
+    (`tie_umbilical`): intervals have what it changes.
+    """
+    return predict_at(refined, solve_there(refined, environment, settings, count), umbilical_hz)
 
 
-def predict_at(refined: Refined, there: There) -> Prediction:
+def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
     """What the tests of ``refined`` say of modes that are solved already."""
     modes, index, slope, finer = there
     found, compared = refined.estimate, refined.compared
@@ -133,11 +143,23 @@ def predict_at(refined: Refined, there: There) -> Prediction:
         index=index,
         log_shift=shared @ found.d[: shared.shape[1]],
         log_root=np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]],
-        log_rest=np.sqrt(rest + CARRIED**2),
+        log_rest=np.hypot(np.sqrt(rest), _by_a_cable(modes, index, umbilical_hz)),
         **_damping(modes, index, share, errors, compared),
         seen=share.sum(axis=1),
         ground_hz=_on_the_ground(share, errors, compared),
     )
+
+
+def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> np.ndarray:
+    """Deviation of ln f by an umbilical of which all frequencies to ``umbilical_hz`` are as likely."""
+    structure = modes.equilibrium.model.structure
+    if not structure.attach_points or np.any(modes.equilibrium.environment.gravity):
+        return np.zeros(len(index))
+    point = umbilical_point(structure).name
+    motion = seen(sensor_rows(modes, [point] * 3, ("x", "y", "z")), modes)[:, index]
+    stiffer = structure.mass * np.sum(motion**2, axis=0) * (umbilical_hz / modes.frequency_hz[index]) ** 2
+    # The rms of the square of a number up to one.
+    return np.sqrt(0.2) * 0.5 * stiffer
 
 
 def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequence[Compared]) -> np.ndarray:

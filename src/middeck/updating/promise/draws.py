@@ -23,7 +23,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.state_space.modal_system import ModalSystem
-from middeck.updating.orbit.frequencies import Prediction, predict_modes
+from middeck.updating.orbit.frequencies import CABLE_HZ, Prediction, predict_modes
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import SetUp, set_up
 from middeck.values import record
@@ -39,7 +39,7 @@ class LoopSpread:
         gain_tolerance: Of each sensor's gain, relative, likewise; an angle and its rate share one.
         damping_std: Of the logarithm of a damping ratio that no survey measured.
         umbilical_hz: Frequency that a weak cable may give the article where there is no gravity, all from
-            zero to this as likely (`tie_umbilical`).
+            zero to this as likely (`tie_umbilical`). Frequencies of flexible modes allow for 0.03 Hz.
     """
 
     delay_s: float = 0.0
@@ -64,6 +64,11 @@ class LoopSpread:
                 where="spread of the loop",
                 hint="zero or positive; a tolerance of the delay within it, of the gain below 1",
             )
+
+    @property
+    def most_cable_hz(self) -> float:
+        """Of the cable that frequencies of flexible modes may have, stated or not."""
+        return max(self.umbilical_hz, CABLE_HZ)
 
 
 @record
@@ -98,7 +103,7 @@ def draw_plants(
     """
     there = set_up(refined.structure, environment, (), refined.unknowns)
     count = len(require_modal(build(there.solve(refined.x))).omega)
-    mean = predict_modes(refined, environment, count=count)
+    mean = predict_modes(refined, environment, count=count, umbilical_hz=loop.most_cable_hz)
     # A stream of its own: with a cable or without, all else is drawn alike.
     pulls = rng.spawn(1)[0].uniform(0.0, 1.0, draws)
     plants, drawn = [], []

@@ -105,7 +105,7 @@ def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
 
 
 def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str, LQGCompensator]) -> Promise:
-    predicted = predict_modes(refined, place, count=plan.modes)
+    predicted = predict_modes(refined, place, count=plan.modes, umbilical_hz=plan.loop.most_cable_hz)
     _require_flexible(predicted.modes, plan, place)
     drawn = draw_plants(
         refined,

@@ -2,7 +2,8 @@
 
 An error belongs to the shape of a mode that a survey saw: every paired mode of the first survey, and one of a
 later survey that has less than half of its shape in those before. Shapes are orthonormal in mass, so that
-what a mode has of them adds up to no more than the whole of it.
+what a mode has of them adds up to no more than the whole of it. All are turned with the article to how it was
+drawn, however it hung.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
+from middeck.structure.gravity.turned_modes import modes_as_drawn
 from middeck.structure.modes.solve import Modes
 from middeck.updating.residuals.surveys import Compared
 
@@ -35,11 +37,12 @@ class OwnErrors(NamedTuple):
     def of(compared: Sequence[Compared]) -> OwnErrors:
         """Those of all surveys, in their order; of a later one the rest of a shape without those before."""
         first = compared[0]
-        mass, shapes = first.modes.mass, first.modes.shapes[:, first.pairs[:, 0]]
+        drawn = modes_as_drawn(first.modes)
+        mass, shapes = drawn.mass, drawn.shapes[:, first.pairs[:, 0]]
         place = [(0, k) for k in range(len(first.pairs))]
         for number, later in enumerate(compared[1:], start=1):
-            for k, mode in enumerate(later.pairs[:, 0]):
-                shape = later.modes.shapes[:, mode]
+            seen = modes_as_drawn(later.modes).shapes[:, later.pairs[:, 0]]
+            for k, shape in enumerate(seen.T):
                 part = shapes.T @ (mass @ shape)
                 if part @ part < HALF * (shape @ (mass @ shape)):
                     left = shape - shapes @ part
@@ -54,8 +57,9 @@ class OwnErrors(NamedTuple):
         For a small error of the model d ln f of a mode is the sum of those of the modes that it is made of,
         each by its share, and of cross terms that nobody knows.
         """
-        weighted = self.mass @ others.shapes
-        size = np.einsum("im,im->m", others.shapes, weighted)
+        shapes = modes_as_drawn(others).shapes
+        weighted = self.mass @ shapes
+        size = np.einsum("im,im->m", shapes, weighted)
         return ((self.shapes.T @ weighted) ** 2 / size).T
 
     def sorts(self, compared: Sequence[Compared]) -> Int[np.ndarray, " error"]:

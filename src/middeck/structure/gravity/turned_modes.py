@@ -1,0 +1,47 @@
+"""Modes turned with their article: two that hang in two ways are compared in the same axes of the article.
+
+A turn of the whole article changes none of its own modes, only the world axes in which shapes and mass are
+written.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration
+from middeck.structure.gravity.tracking import Spectrum, spectrum_of
+from middeck.structure.modes.solve import Modes
+from middeck.structure.suspension.attitude import fit_rotation
+
+
+def turn_modes(modes: Spectrum, roots: int, R: Float[np.ndarray, "3 3"]) -> Spectrum:
+    """Of the article turned by ``R``: displacements and rotation vectors turn, joint angles do not."""
+    joints = modes.mass.shape[0] - 6 * roots
+    T = sp.block_diag([sp.kron(sp.eye_array(2 * roots), R), sp.eye_array(joints)], format="csr")
+    return Spectrum(modes.lam, T @ modes.shapes, sp.csr_array(T @ modes.mass @ T.T))
+
+
+def turn_along(
+    modes: Spectrum, model: Model, start: Configuration, end: Configuration
+) -> tuple[Spectrum, Float[np.ndarray, "3 3"]]:
+    """Modes at ``start`` turned with the article to how it is at ``end``; and that rotation.
+
+    It is the rotation of the rigid body that fits best by mass.
+    """
+    R = fit_rotation(model, start, end)
+    return turn_modes(modes, model.tree.roots, R), R
+
+
+def modes_at_rest(orbit: Modes, lab: Modes) -> tuple[Spectrum, Float[np.ndarray, "3 3"]]:
+    """``orbit`` turned to how its article rests in ``lab``, tilt and heading; and that rotation."""
+    start = orbit.equilibrium
+    return turn_along(spectrum_of(orbit), start.model, start.config, lab.equilibrium.config)
+
+
+def modes_as_drawn(modes: Modes) -> Spectrum:
+    """``modes`` turned back with the article to how it was drawn."""
+    model = modes.equilibrium.model
+    return turn_along(spectrum_of(modes), model, modes.equilibrium.config, model.rest)[0]
