@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
@@ -38,8 +39,6 @@ def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool)
     import numpy as np
 
     from middeck.cli.given.cases import read_case, solve_in
-    from middeck.structure.gravity.budget import build_budget
-    from middeck.structure.model.environment import Environment
 
     structure, surroundings, *files = read_case(case)
     if not np.any(surroundings.gravity) and not surroundings.hung and not surroundings.springs:
@@ -49,9 +48,9 @@ def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool)
             hint="give a laboratory, or an environment file with gravity or springs",
         )
     title = f"{surroundings.title} without gravity" if surroundings.clamps else "orbit"
-    floating = dataclasses.replace(Environment.orbit(), clamps=surroundings.clamps, title=title)
+    floating = dataclasses.replace(md.Environment.orbit(), clamps=surroundings.clamps, title=title)
     orbit = solve_in(structure, floating, files[0], count=count)
-    found = build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
+    found = md.build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
     document = describe(found)
     if figure_file is not None:
         from middeck.plot.budget import budget_figure

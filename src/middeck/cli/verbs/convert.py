@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from middeck.files.nastran.article.convert import Conversion
     from middeck.files.nastran.deck.deck import Deck
     from middeck.files.nastran.deck.units import Units
-    from middeck.structure.model.component import Component
 
 EPILOG = """\
 \b
@@ -113,7 +113,7 @@ def verb(
 
 def _read(
     deck: str, units: str | None, subcase: int | None, target: str | None
-) -> tuple[Deck, Units, str, dict[str, Component]]:
+) -> tuple[Deck, Units, str, dict[str, md.structure.Component]]:
     """The deck, its units, the name of the article, and the components of its superelements."""
     from middeck.files.nastran.components.assembly import has_superelements, read_assembly
     from middeck.files.nastran.deck.deck import read_deck
@@ -185,7 +185,6 @@ def _written(
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import write_text
-    from middeck.files.setups import load_setup
     from middeck.structure.assembly.mesh import mesh_structure
     from middeck.structure.summary.summary import summarise
 
@@ -204,7 +203,7 @@ def _written(
         held = Path(folder) / "environment.toml"
         held.write_text(around, encoding="utf-8")
         with reading(source.path):
-            article, _ = load_setup(trial, held)
+            article, _ = md.load_setup(trial, held)
             summary = summarise(article)
             if made.components:  # their grids stand where the deck has them
                 mesh_structure(article)

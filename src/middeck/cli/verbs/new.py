@@ -6,16 +6,13 @@ import re
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING
 
 import click
 
+import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import show
 from middeck.errors import ConfigError
-
-if TYPE_CHECKING:
-    from middeck.signals.record import Record
 
 EPILOG = """\
 \b
@@ -59,12 +56,11 @@ def verb(folder: Path, as_json: bool) -> None:
     show(as_json, document, *lines, "", f"next: cd {folder}; README.md says how to go on")
 
 
-def simulate_test(folder: Path) -> Record:
+def simulate_test(folder: Path) -> md.Record:
     """The article in the laboratory, driven by the paddle's motor with a multisine that fills the band."""
     import numpy as np
 
     import middeck as md
-    from middeck.laboratory.rig.parts.sensors import Sampler
     from middeck.signals.excitation.multisine import random_multisine
 
     hung = md.solve_modes(md.solve_equilibrium(*md.load_setup(folder / "article.toml", folder / "lab.toml")))
@@ -72,7 +68,7 @@ def simulate_test(folder: Path) -> Record:
     plant = md.build_plant(hung, inputs=u, outputs=y, count=19, u=u, y=y)
     rng = np.random.default_rng(1)
     torque = random_multisine(BAND_HZ, PERIOD_S, RATE_HZ, TORQUE_NM, rng)
-    sensors = {name: Sampler(noise) for name, noise in zip(y, NOISE, strict=True)}
+    sensors = {name: md.laboratory.Sampler(noise) for name, noise in zip(y, NOISE, strict=True)}
     rig = md.build_rig(plant, sample_hz=RATE_HZ, delay_s=0.01, sensors=sensors)
     run = md.run_open_loop(rig, torque[:, None], periods=PERIODS, rng=rng, settle=0, steady=True)
     assert run.record is not None, run.cause

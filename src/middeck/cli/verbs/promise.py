@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
@@ -89,15 +90,13 @@ def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[
     from middeck.files.promises.documents import hash_files, promise_document
     from middeck.files.promises.plans import load_plan
     from middeck.files.promises.plants import plants_document
-    from middeck.updating.promise.promise import promise
-    from middeck.updating.refinement.refine import refine
 
     with reading(plan):
         loaded = load_plan(plan, body)
     files = hash_files(loaded.files)
     with reading(body, plan):
-        refined = refine(loaded.structure, *loaded.refinement.of_refine)
-        promised = promise(refined, loaded.plan)
+        refined = md.refine(loaded.structure, *loaded.refinement.of_refine)
+        promised = md.promise(refined, loaded.plan)
     plants = None
     if plants_file is not None:
         drawn = plants_document(promised, loaded.plan)
@@ -109,15 +108,13 @@ def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     from middeck.files.promises.documents import hash_files, loads_document
     from middeck.files.refinements.promised_loads import load_promised_loads
-    from middeck.updating.orbit.frequencies import predict_modes
-    from middeck.updating.refinement.refine import refine
 
     asked = load_promised_loads(load_cases, body)
     files = hash_files(asked.files)
     with reading(body, load_cases):
-        refined = refine(asked.structure, *asked.refinement.of_refine)
+        refined = md.refine(asked.structure, *asked.refinement.of_refine)
         deflections = asked.of(refined)
-        modes = predict_modes(refined, asked.environment, count=asked.modes) if asked.modes else None
+        modes = md.predict_modes(refined, asked.environment, count=asked.modes) if asked.modes else None
     return loads_document(refined, asked.environment_name, deflections, modes, files=files, date=day)
 
 
