@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli.options import FIGURES, written
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from matplotlib.figure import Figure
 
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
     from middeck.structure.gravity.compare_modes import ModeComparison
-    from middeck.structure.modes.results.drawing import Drawing
-    from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.whirl_modes import GyroscopicModes
 
 SHAPES = (*FIGURES, ".html")
@@ -70,23 +68,21 @@ def write_figure(drawn: Figure, file: str, *, key: str, title: str, description:
 
 
 def draw_modes_to(
-    modes: Modes, count: int, file: str, table: Sequence[Sequence[str]], up: str | None
+    modes: md.Modes, count: int, file: str, table: Sequence[Sequence[str]], up: str | None
 ) -> None:
     """The lowest ``count`` shapes, those of rigid-body modes only where there are no others."""
-    from middeck.structure.modes.results.drawing import build_mode_drawing
-
     lowest = range(min(count, len(modes.omega)))
     shown = [i for i in lowest if modes.kind[i] != "rigid"] or lowest
-    drawing = _upright(build_mode_drawing(modes, shown), up)
+    drawing = _upright(md.structure.build_mode_drawing(modes, shown), up)
     _draw_listed(drawing, len(shown), file, table, modes.warnings)
 
 
 def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]], up: str | None) -> None:
     """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real one."""
-    from middeck.structure.modes.results.drawing import build_mode_drawing
-
     moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
-    drawing = _upright(build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)]), up)
+    drawing = _upright(
+        md.structure.build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)]), up
+    )
     drawing = dataclasses.replace(drawing, alike=(1,) * len(drawing.number))
     _draw_listed(
         drawing, len(moving), file, table, (*found.standstill.warnings, *found.warnings), spinning=True
@@ -94,7 +90,7 @@ def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[s
 
 
 def _draw_listed(
-    drawing: Drawing,
+    drawing: md.structure.Drawing,
     count: int,
     file: str,
     table: Sequence[Sequence[str]],
@@ -128,14 +124,13 @@ def draw_comparison_to(
 ) -> None:
     """Pairs of flexible modes side by side with the sign that makes them alike; then modes without a pair."""
     from middeck.report.shape_page import ShapePage
-    from middeck.structure.modes.results.drawing import build_mode_drawing
 
     orbit, lab, pairs = comparison.orbit, comparison.lab, comparison.pairs
     alone = [j for j in range(comparison.count) if j not in pairs[:, 1] and lab.kind[j] != "rigid"]
     place = lab.equilibrium.environment.title
     sides = (
-        build_mode_drawing(orbit, pairs[:, 0].tolist()),
-        build_mode_drawing(lab, [*pairs[:, 1].tolist(), *alone]),
+        md.structure.build_mode_drawing(orbit, pairs[:, 0].tolist()),
+        md.structure.build_mode_drawing(lab, [*pairs[:, 1].tolist(), *alone]),
     )
     page = ShapePage(
         title=f"Modes of {orbit.equilibrium.model.structure.title} in 0-g and in {place}",
@@ -147,7 +142,7 @@ def draw_comparison_to(
     _write_shapes(page, file)
 
 
-def _upright(drawing: Drawing, up: str | None) -> Drawing:
+def _upright(drawing: md.structure.Drawing, up: str | None) -> md.structure.Drawing:
     """The drawing with a world axis upwards, by its letter, if one is given."""
     import numpy as np
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import functools
 import os
 import sys
@@ -192,8 +193,6 @@ def common(command: F) -> F:
 
 def day(given: str | None) -> str:
     """A date as it was given, else today's. Raises `ConfigError` for another form than 2026-11-23."""
-    import datetime
-
     if given is None:
         return datetime.datetime.now(datetime.UTC).date().isoformat()
     try:

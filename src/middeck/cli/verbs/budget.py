@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.budget import GravityBudget
@@ -33,14 +36,9 @@ def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool)
     contribution of each to the frequency, and how far it depends on the order. Clamps, and the
     masses of a load case, are there in orbit too.
     """
-    import dataclasses
-
     import numpy as np
 
     from middeck.cli.given.cases import read_case, solve_in
-    from middeck.errors import ConfigError
-    from middeck.structure.gravity.budget import build_budget
-    from middeck.structure.model.environment import Environment
 
     structure, surroundings, *files = read_case(case)
     if not np.any(surroundings.gravity) and not surroundings.hung and not surroundings.springs:
@@ -50,9 +48,9 @@ def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool)
             hint="give a laboratory, or an environment file with gravity or springs",
         )
     title = f"{surroundings.title} without gravity" if surroundings.clamps else "orbit"
-    floating = dataclasses.replace(Environment.orbit(), clamps=surroundings.clamps, title=title)
+    floating = dataclasses.replace(md.Environment.orbit(), clamps=surroundings.clamps, title=title)
     orbit = solve_in(structure, floating, files[0], count=count)
-    found = build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
+    found = md.build_budget(orbit, solve_in(structure, surroundings, *files, count=count), count)
     document = describe(found)
     if figure_file is not None:
         from middeck.plot.budget import budget_figure

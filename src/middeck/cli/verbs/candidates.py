@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
@@ -35,18 +37,17 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
     is optimised.
     """
-    from middeck.cli.shown.blame import reading
     from middeck.files.refinements.candidates import load_candidates
     from middeck.files.setups import find_document
-    from middeck.updating.candidates.candidates import rank_tests
-    from middeck.updating.refinement.refine import refine
 
     body = find_document(article, "article")
     asked = load_candidates(candidates, body)
     with reading(body, candidates):
-        refined = refine(asked.structure, *asked.refinement.of_refine)
+        refined = md.refine(asked.structure, *asked.refinement.of_refine)
         readings = None if asked.loads is None else asked.loads.of
-        ranking = rank_tests(refined, asked.tests, asked.environments, count=asked.modes, readings=readings)
+        ranking = md.updating.rank_tests(
+            refined, asked.tests, asked.environments, count=asked.modes, readings=readings
+        )
     document = describe(refined, ranking)
     show(as_json, document, *_blocks(document))
 

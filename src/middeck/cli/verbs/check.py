@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import show
-
-if TYPE_CHECKING:
-    from middeck.structure.model.article import Structure
-    from middeck.structure.model.environment import Environment
+from middeck.errors import NumericalError
 
 EPILOG = """\
 \b
@@ -45,7 +44,6 @@ def verb(
     nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
     from middeck.cli.given.cases import apply_case, read_case
-    from middeck.cli.shown.blame import reading
     from middeck.cli.shown.mass_and_attitude import (
         attitude_lines,
         measure_lines,
@@ -55,13 +53,12 @@ def verb(
     from middeck.files.setups import find_document, load_structure
     from middeck.structure.assembly.linked import check_links
     from middeck.structure.assembly.mesh import mesh_structure
-    from middeck.structure.model.environment import Environment
     from middeck.structure.summary.summary import summarise
 
     if environment is None:
         files = [find_document(article, "article")]
         structure, surroundings = load_structure(files[0], overrides), None
-        structure, _ = apply_case(structure, Environment.orbit(), load_case, *files)
+        structure, _ = apply_case(structure, md.Environment.orbit(), load_case, *files)
     else:
         structure, surroundings, *files = read_case(options.Case(article, environment, overrides, load_case))
     with reading(*files):
@@ -90,30 +87,26 @@ def verb(
 
 
 def _in_environment(
-    structure: Structure, environment: Environment
+    structure: md.Structure, environment: md.Environment
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
     """How the article hangs (None in orbit, clamped, or without a rest state), and the findings."""
     import numpy as np
 
     from middeck.cli.shown.mass_and_attitude import attitude_numbers
-    from middeck.errors import NumericalError
     from middeck.structure.modes.doubts.mesh_error import mesh_warnings
-    from middeck.structure.modes.solve import solve_modes
-    from middeck.structure.rest.equilibrium import solve_equilibrium
     from middeck.structure.summary.environment_plausibility import doubt_environment
-    from middeck.structure.suspension.attitude import estimate_attitude
     from middeck.structure.suspension.hanging import doubt_attitude, doubt_devices
 
     numbers = None
     found = [_doubt(text) for text in doubt_environment(structure, environment)]
     found += [_doubt(d.what, d.where, d.hint) for d in doubt_devices(structure, environment)]
     try:
-        rest = solve_equilibrium(structure, environment)
+        rest = md.solve_equilibrium(structure, environment)
         if rest.converged and np.any(environment.gravity) and not environment.clamps:
-            attitude = estimate_attitude(rest)
+            attitude = md.structure.estimate_attitude(rest)
             numbers = attitude_numbers(attitude)
             found += [_doubt(d.what, d.where, d.hint) for d in doubt_attitude(attitude, environment)]
-        modes = solve_modes(rest, COUNT, standstill=True)
+        modes = md.solve_modes(rest, COUNT, standstill=True)
         found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
     except NumericalError as error:
         found.append({"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint})

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, show
 
@@ -34,14 +35,12 @@ def verb(case: options.Case, count: int, figure_file: str | None, up: str | None
     neither its loads nor its masses.
     """
     from middeck.cli.given.cases import apply_case, read_case, solve_in
-    from middeck.structure.gravity.compare_modes import compare_modes
-    from middeck.structure.model.environment import Environment
 
     figures.check_up(up, figure_file)
     structure, surroundings, *files = read_case(case._replace(load_case=None))
-    orbit = solve_in(structure, Environment.orbit(), files[0], count=count)
+    orbit = solve_in(structure, md.Environment.orbit(), files[0], count=count)
     lab = solve_in(*apply_case(structure, surroundings, case.load_case, *files), *files, count=count)
-    found = compare_modes(orbit, lab, count)
+    found = md.compare_modes(orbit, lab, count)
     document = describe(found)
     show(as_json, document, *_tables(document))
     if figure_file is not None:

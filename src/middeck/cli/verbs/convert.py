@@ -5,18 +5,21 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.files.nastran.article.convert import Conversion
     from middeck.files.nastran.deck.deck import Deck
     from middeck.files.nastran.deck.units import Units
-    from middeck.structure.model.component import Component
 
 EPILOG = """\
 \b
@@ -110,7 +113,7 @@ def verb(
 
 def _read(
     deck: str, units: str | None, subcase: int | None, target: str | None
-) -> tuple[Deck, Units, str, dict[str, Component]]:
+) -> tuple[Deck, Units, str, dict[str, md.structure.Component]]:
     """The deck, its units, the name of the article, and the components of its superelements."""
     from middeck.files.nastran.components.assembly import has_superelements, read_assembly
     from middeck.files.nastran.deck.deck import read_deck
@@ -132,8 +135,6 @@ def _read(
 
 
 def _not_held(path: str) -> Exception:
-    from middeck.errors import ConfigError
-
     return ConfigError(
         "this deck has SPC or springs to the ground; an article has no place for them, and without them its "
         "modes are those of the free structure",
@@ -150,14 +151,11 @@ def article_name(deck: str) -> str:
 
 
 def _no_units_of_superelements(deck: str) -> Exception:
-    from middeck.errors import ConfigError
-
     what = "a deck of superelements does not state its units"
     return ConfigError(what, where=deck, hint="--units, such as mm-kg-s-mN")
 
 
 def _no_units(source: Deck) -> Exception:
-    from middeck.errors import ConfigError
     from middeck.files.nastran.article.convert import likely_units
 
     found = [units.name for units in likely_units(source)]
@@ -184,13 +182,9 @@ def _written(
     held_target: str | None,
 ) -> Any:
     """What the article is, read back and meshed; nothing is written where that fails."""
-    from tempfile import TemporaryDirectory
-
-    from middeck.cli.shown.blame import reading
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import write_text
-    from middeck.files.setups import load_setup
     from middeck.structure.assembly.mesh import mesh_structure
     from middeck.structure.summary.summary import summarise
 
@@ -209,7 +203,7 @@ def _written(
         held = Path(folder) / "environment.toml"
         held.write_text(around, encoding="utf-8")
         with reading(source.path):
-            article, _ = load_setup(trial, held)
+            article, _ = md.load_setup(trial, held)
             summary = summarise(article)
             if made.components:  # their grids stand where the deck has them
                 mesh_structure(article)

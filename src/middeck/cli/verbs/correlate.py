@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
@@ -108,29 +110,23 @@ def verb(
     import numpy as np
 
     from middeck.cli.given.cases import solve_case
-    from middeck.cli.shown.blame import reading
-    from middeck.files.measured.modes import load_measured_modes
-    from middeck.structure.correlation.correlate import correlate_modes
-    from middeck.structure.correlation.frequencies import compare_frequencies
-    from middeck.structure.correlation.measured_modes import MeasurementNoise
-    from middeck.structure.correlation.reduction import Reduction
 
-    measured = load_measured_modes(test)
+    measured = md.load_measured_modes(test)
     if figure_file is not None and not measured.node:
         raise click.UsageError("--figure draws shapes, and a survey of frequencies alone has none")
-    given = None if noise is None else MeasurementNoise(*noise)
+    given = None if noise is None else md.structure.MeasurementNoise(*noise)
     criteria = _criteria(profile, limits)
     top = NEAR * float(measured.frequency_hz.max())
     modes = solve_case(case, top_hz=top)
     with reading(test):
         if not measured.node:
-            found = compare_frequencies(modes, measured, criteria)
+            found = md.structure.compare_frequencies(modes, measured, criteria)
             document = {**describe_frequencies(found), "test": test}
             blocks = _frequency_tables(document)
         else:
-            found = correlate_modes(
+            found = md.correlate_modes(
                 modes, measured, criteria, rng=np.random.default_rng(seed), noise=given,
-                reduction=Reduction(reduction), runs=runs,
+                reduction=md.structure.Reduction(reduction), runs=runs,
             )  # fmt: skip
             document = {**describe(found), "seed": seed, "test": test}
             blocks = _tables(document)
@@ -143,12 +139,10 @@ def verb(
 
 def _criteria(profile: str, limits: tuple[tuple[str, float], ...]) -> Profile:
     """The profile with the limits of ``--limit``."""
-    from middeck.structure.correlation.review_criteria import Quantity, change_limit, find_profile
-
-    criteria = find_profile(profile)
+    criteria = md.structure.find_profile(profile)
     for name, limit in limits:
-        quantity = Quantity[name.replace("-", "_").upper()]
-        criteria = change_limit(criteria, quantity, limit, "--limit of the command line")
+        quantity = md.structure.Quantity[name.replace("-", "_").upper()]
+        criteria = md.structure.change_limit(criteria, quantity, limit, "--limit of the command line")
     return criteria
 
 

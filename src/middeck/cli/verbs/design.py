@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -15,7 +18,6 @@ if TYPE_CHECKING:
     from middeck.cli.given.design_plants import FittedPlant, Wanted
     from middeck.cli.given.option_settings import LoopSettings
     from middeck.cli.work.design_loop import DesignedLoop
-    from middeck.systems.plants.plant import Plant
 
 EPILOG = """\
 \b
@@ -87,9 +89,7 @@ def verb(
     """
     from middeck.cli.given.design_plants import Wanted
     from middeck.cli.given.option_settings import LoopSettings, settle
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.design_loop import design_loop
-    from middeck.files.any_value import write
 
     measured = (".json", ".npy", *options.RECORDS)
     from_article = len(sources) == 1 and Path(sources[0]).suffix.lower() not in measured
@@ -118,22 +118,18 @@ def verb(
         designed = design_loop(plant, settings, settings.band_hz or band_hz)
     document = describe(designed, plant, settings, warnings)
     if law_file is not None:
-        write(law_file, designed.compensator)
+        md.write(law_file, designed.compensator)
     if figure_file is not None:
         with reading(*sources):
             _draw(plant, designed, settings, figure_file)
     show(as_json, document, *_tables(document))
 
 
-def _draw(plant: Plant, designed: DesignedLoop, settings: LoopSettings, file: str) -> None:
+def _draw(plant: md.Plant, designed: DesignedLoop, settings: LoopSettings, file: str) -> None:
     """Nyquist's plot of each loop, broken at the plant's inputs."""
-    from middeck.control.analysis.margins.margins import measure_margins
-    from middeck.control.analysis.margins.return_ratio import trace_return_ratio
-    from middeck.plot.nyquist import draw_nyquist
-
     law = designed.compensator
     figures.write_figure(
-        draw_nyquist(trace_return_ratio(plant, law), measure_margins(plant, law)),
+        md.plot.draw_nyquist(md.control.trace_return_ratio(plant, law), md.measure_margins(plant, law)),
         file,
         key="design",
         title=f"Return ratio at log10 authority {settings.log10_authority:g}",
@@ -142,8 +138,6 @@ def _draw(plant: Plant, designed: DesignedLoop, settings: LoopSettings, file: st
 
 
 def _log10_authority(authority: float | None, log10_authority: float | None) -> float:
-    import math
-
     if authority is not None and log10_authority is not None:
         raise click.UsageError("--authority and --log10-authority are the same: give one")
     if log10_authority is not None:
@@ -154,7 +148,6 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
     from middeck.cli.given.design_plants import model_plant
     from middeck.cli.given.option_settings import FitSettings, settle
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import identify
     from middeck.files.measured.models import load_fitted
 
@@ -174,7 +167,7 @@ def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Want
 
 
 def describe(
-    designed: DesignedLoop, plant: Plant, settings: LoopSettings, warnings: tuple[str, ...]
+    designed: DesignedLoop, plant: md.Plant, settings: LoopSettings, warnings: tuple[str, ...]
 ) -> dict[str, Any]:
     """The JSON document; rms and decibels are null where there is none."""
     import numpy as np
@@ -222,7 +215,7 @@ def describe(
     }
 
 
-def _rigid_below(plant: Plant, low_hz: float) -> list[str]:
+def _rigid_below(plant: md.Plant, low_hz: float) -> list[str]:
     """Warning of rigid modes that the loop moves and that the band of the rms leaves out by default."""
     from middeck.control.law.partition import partition_modes
 

@@ -8,6 +8,7 @@ import click
 
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.realtime.engine.trials.timing import TimingReport
@@ -56,8 +57,6 @@ def verb(
     period, time of a step beside its operations and bytes, what the system granted, and the machine. It
     judges nothing. --set takes no keys.
     """
-    from middeck.errors import ConfigError
-
     if not realtime:
         raise ConfigError("nothing to examine", hint="middeck doctor --realtime")
     if overrides:

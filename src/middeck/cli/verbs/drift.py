@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.cli.given.option_settings import FitSettings
-    from middeck.identification.model.measurement_model import MeasurementModel
     from middeck.identification.uncertainty.fit_drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
-    from middeck.systems.plants.response import FrequencyResponse
 
 EPILOG = """\
 \b
@@ -84,14 +85,11 @@ def verb(
 
 def compare(before: str, after: str, settings: FitSettings, level: float) -> dict[str, Any]:
     """The JSON document of a comparison."""
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import alike, identify
-    from middeck.errors import ConfigError
     from middeck.files.disk.looks import SCHEMAS, looks_like
     from middeck.files.measured.models import load_fitted
     from middeck.files.records import require_record
     from middeck.identification.uncertainty.covariance import as_exact
-    from middeck.identification.uncertainty.fit_drift import compare_fits
 
     if looks_like(after) == SCHEMAS["model"]:
         raise ConfigError(
@@ -102,7 +100,7 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
         model, covariance = load_fitted(before)
         second = identify([after], alike(settings, model, covariance))
         with reading(before, after):
-            found = compare_fits(covariance or as_exact(model), second.fit.covariance, level=level)
+            found = md.compare_fits(covariance or as_exact(model), second.fit.covariance, level=level)
         warnings = [*second.warnings, *_unlike_holds(model, second.fit.model)]
         warnings += [] if covariance is not None else [f"{before}: {EXACT}"]
         return describe(before, after, found, None, warnings)
@@ -110,14 +108,14 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
     same = {"sampled": first.fit.model.sample_hz is not None, "states": first.fit.model.states}
     second = identify([after], settings.model_copy(update=same))
     with reading(before, after):
-        found = compare_fits(first.fit.covariance, second.fit.covariance, level=level)
+        found = md.compare_fits(first.fit.covariance, second.fit.covariance, level=level)
         lines = _compare_lines(first.measured, second.measured, level)
     warnings = [f"{file}: {w}" for file, of in ((before, first), (after, second)) for w in of.warnings]
     warnings += _unlike_holds(first.fit.model, second.fit.model)
     return describe(before, after, found, lines, warnings)
 
 
-def _unlike_holds(before: MeasurementModel, after: MeasurementModel) -> list[str]:
+def _unlike_holds(before: md.MeasurementModel, after: md.MeasurementModel) -> list[str]:
     """A hold taken out of one model may be in the delays of another."""
     known = {before.hold_s, after.hold_s} - {None}
     if None not in (before.hold_s, after.hold_s) or not any(known):
@@ -129,7 +127,7 @@ def _unlike_holds(before: MeasurementModel, after: MeasurementModel) -> list[str
 
 
 def _compare_lines(
-    before: FrequencyResponse | None, after: FrequencyResponse | None, level: float
+    before: md.FrequencyResponse | None, after: md.FrequencyResponse | None, level: float
 ) -> ResponseDrift | None:
     """None where a record itself was fitted, or nothing says how uncertain its response is."""
     from middeck.identification.uncertainty.response_drift import compare_responses

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.cli.work.design_excitation import ExciteSettings
@@ -77,9 +79,7 @@ def verb(
     """
     from middeck.cli.given.option_settings import settle
     from middeck.cli.work.design_excitation import ExciteSettings, design, expect
-    from middeck.errors import ConfigError
     from middeck.files.records.commands import write_command
-    from middeck.signals.ports import Port
 
     settings = settle(ExciteSettings, given, overrides)
     if (model_file is None) != (noise_rms is None):
@@ -97,7 +97,7 @@ def verb(
                 where="--name",
                 hint="one for each: --name a --name b, or --name a,b",
             )
-        ports = [Port(name, unit) for name in named]
+        ports = [md.Port(name, unit) for name in named]
         written = write_command(command_file, made, settings.periods, ports)
     document = describe(made, settings, expected) | {"unit": unit, "files": [str(p) for p in written]}
     show(as_json, document, *_tables(document), *(f"wrote {path}" for path in written))

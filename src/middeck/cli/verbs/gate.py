@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
-    from middeck.realtime.engine.interface.settings import EngineSettings
     from middeck.realtime.gate.gate import GateVerdict
     from middeck.realtime.gate.steps_on_rig import GateRig
-    from middeck.realtime.package.package import ControllerPackage
 
 EPILOG = """\
 \b
@@ -134,19 +133,14 @@ def verb(
     from middeck.cli.given.shifted_plants import all_plants
     from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
-    from middeck.files.laws.blacklists import add_to_blacklist, load_blacklist
-    from middeck.files.laws.packages import load_package
-    from middeck.realtime.gate.gate import examine_package
     from middeck.realtime.gate.linear_law import faded_laws
-    from middeck.realtime.gate.steps_on_paper import GateMargins
-    from middeck.realtime.gate.steps_on_rig import GateTrials
 
     gain = _adaptive_gain(given)
-    package = load_package(package_file)
-    engaged = None if relieved is None else load_package(relieved)
+    package = md.load_package(package_file)
+    engaged = None if relieved is None else md.load_package(relieved)
     beside = [package] if engaged is None else [package, engaged]
     engine = _held(beside, given["paths"]) if given["paths"] else None
-    blacklist = {} if blacklist_file is None else load_blacklist(blacklist_file)
+    blacklist = {} if blacklist_file is None else md.files.load_blacklist(blacklist_file)
     linear = faded_laws(beside)([1.0] * len(beside))
     gathered = gather_plants(tried, linear)
     closed = [(output, "--hold") for _, output, _ in given["paths"]]
@@ -156,11 +150,13 @@ def verb(
             what = f"the plants of the promise have an inner loop at {output}"
             raise ConfigError(what, where=where, hint="a plan without [inner], or no second loop there")
     models = all_plants(gathered, linear, tried)
-    margins = GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
-    trials = GateTrials(disturbance=given["disturbance"], noise=given["noise"], share=given["share"])
+    margins = md.realtime.GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
+    trials = md.realtime.GateTrials(
+        disturbance=given["disturbance"], noise=given["noise"], share=given["share"]
+    )
     trials = None if given["paper"] else trials
     rig = _rig(package, engine, given["rig_port"], given["driver"], given["paper"])
-    verdict = examine_package(
+    verdict = md.examine_package(
         package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine,
         engaged=engaged,
     )  # fmt: skip
@@ -170,16 +166,16 @@ def verb(
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
     if blacklist_file is not None and verdict.tripped:
-        add_to_blacklist(blacklist_file, {verdict.law: verdict.tripped})
+        md.files.add_to_blacklist(blacklist_file, {verdict.law: verdict.tripped})
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)
 
 
-def _held(packages: list[ControllerPackage], paths: tuple[tuple[str, str, float], ...]) -> EngineSettings:
+def _held(
+    packages: list[md.ControllerPackage], paths: tuple[tuple[str, str, float], ...]
+) -> md.realtime.EngineSettings:
     """An engine with the packages' ports, ranges and limits, and the hold that was named."""
-    import dataclasses
-
     from middeck.realtime.gate.steps_on_rig import package_settings
     from middeck.realtime.package.filter_sections import LoopPath, static_gain
 
@@ -196,15 +192,13 @@ def _held(packages: list[ControllerPackage], paths: tuple[tuple[str, str, float]
 
 
 def _rig(
-    package: ControllerPackage,
-    engine: EngineSettings | None,
+    package: md.ControllerPackage,
+    engine: md.realtime.EngineSettings | None,
     port: int | None,
     driver: str | None,
     paper: bool,
 ) -> GateRig | None:
     """The rig that was named, behind this engine, or one with the ports, ranges and limits of the package."""
-    from middeck.realtime.engine.process.compile import build_engine
-    from middeck.realtime.engine.process.launch import DriverRig, UdpRig
     from middeck.realtime.gate.steps_on_rig import GateRig, package_settings
 
     if port is not None and driver is not None:
@@ -215,14 +209,12 @@ def _rig(
         return None
     settings = package_settings(package) if engine is None else engine
     if port is not None:
-        return GateRig(UdpRig(port), settings)
-    program = build_engine(driver=driver)
-    return GateRig(DriverRig(), settings, real_time=True, program=program)
+        return GateRig(md.realtime.UdpRig(port), settings)
+    program = md.realtime.build_engine(driver=driver)
+    return GateRig(md.realtime.DriverRig(), settings, real_time=True, program=program)
 
 
-def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
-    from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
-
+def _adaptive_gain(given: dict[str, Any]) -> md.realtime.AdaptiveGain | None:
     rest = {"--adaptive-band": given["band_hz"], "--adaptive-rms": given["rms"]}
     if given["adaptive"] is None:
         alone = [
@@ -236,7 +228,7 @@ def _adaptive_gain(given: dict[str, Any]) -> AdaptiveGain | None:
         raise click.UsageError(f"--adaptive needs {' and '.join(missing)}")
     sensor, maximum, rate = given["adaptive"]
     quiet, loud = given["rms"]
-    return AdaptiveGain(
+    return md.realtime.AdaptiveGain(
         maximum=maximum, rate=rate, sensor=sensor, band_hz=given["band_hz"], quiet_rms=quiet, loud_rms=loud,
         minimum=given["least"] or 0.0,
     )  # fmt: skip

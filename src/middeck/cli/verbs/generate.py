@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from middeck.realtime.package.package import ControllerPackage
+from middeck.errors import ConfigError
 
 EPILOG = """\
 \b
@@ -80,7 +79,6 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     of the C here, on a small processor and in the reference. LAW is a compensator (at --rate, if it is
     continuous), or a package, which is written anew or in single precision.
     """
-    from middeck.cli.shown.blame import reading
     from middeck.files.laws.packages import write_package
 
     _require_consistent(law_file, target, given)
@@ -92,10 +90,6 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
 
 
 def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str, Any]) -> None:
-    from pathlib import Path
-
-    from middeck.cli.shown.blame import reading
-    from middeck.errors import ConfigError
     from middeck.realtime.generate.c_source import c_name
 
     for path in map(Path, target):
@@ -107,15 +101,10 @@ def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str,
         raise ConfigError("--single with --form dense", hint="single precision is modal where it can be")
 
 
-def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
-    from pathlib import Path
-
+def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
     from middeck.cli.given.compensators import load_law
-    from middeck.control.sampled.emulation import emulate
-    from middeck.errors import ConfigError
     from middeck.files.laws.packages import is_package, load_package
     from middeck.realtime.package.package_law import package_law, without_applied
-    from middeck.realtime.package.single_precision import to_single
 
     limits = {key: given[key] for key in LIMITS if given[key] is not None}
     settings: Any = {key: v[0] if len(v) == 1 else v for key, v in limits.items()}
@@ -133,7 +122,7 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
         if law.period_s is None:
             if given["rate"] is None:
                 raise ConfigError("a continuous law", where=law_file, hint="--rate HZ, at which it is to run")
-            law = emulate(law, 1.0 / given["rate"], given["rule"] or "tustin")
+            law = md.emulate(law, 1.0 / given["rate"], given["rule"] or "tustin")
         elif given["rate"] is not None and not same_rate(law.period_s, given["rate"]):
             raise ConfigError(
                 f"--rate is {given['rate']:g} Hz, the law is sampled at {1.0 / law.period_s:g} Hz",
@@ -155,7 +144,7 @@ def _package(law_file: str, given: dict[str, Any]) -> ControllerPackage:
         )
     if given["without_applied"]:
         package = without_applied(package)
-    return to_single(package) if given["single"] else package
+    return md.realtime.to_single(package) if given["single"] else package
 
 
 def same_rate(period_s: float, rate_hz: float) -> bool:
@@ -163,7 +152,7 @@ def same_rate(period_s: float, rate_hz: float) -> bool:
     return abs(period_s * rate_hz - 1.0) < 1e-9
 
 
-def describe(package: ControllerPackage, files: list[Path]) -> dict[str, Any]:
+def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]:
     """The JSON document; null stands for a limit that is not there."""
     from middeck.files.laws.packages import package_document
     from middeck.realtime.package.package_bytes import encode_package

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, deviation_words, show
+from middeck.errors import NumericalError
 
 if TYPE_CHECKING:
     from middeck.cli.work.fit_records import Identified
     from middeck.files.records import Columns
     from middeck.identification.friction.find import JointFriction
-    from middeck.identification.model.measurement_model import MeasurementModel
 
 EPILOG = """\
 \b
@@ -119,7 +121,6 @@ def verb(
     from middeck.cli.given.option_settings import FitSettings, settle
     from middeck.cli.shown.progress import status
     from middeck.cli.work.fit_records import identify
-    from middeck.files.any_value import write
     from middeck.files.records import require_record
 
     settings = settle(FitSettings, given, overrides)
@@ -135,7 +136,7 @@ def verb(
             "records": records,
         }
         if model_file is not None:
-            write(model_file, found.fit)
+            md.write(model_file, found.fit)
         _draw(found, figure_file, stabilisation_file)
     show(as_json, document, *_tables(document))
 
@@ -154,13 +155,12 @@ def _draw(found: Identified, figure_file: str | None, stabilisation_file: str | 
             description="Magnitude of each path with the bounds of the fit",
         )
     if stabilisation_file is not None:
-        from middeck.identification.order.stabilisation import stabilisation
         from middeck.plot.stabilisation import stabilisation as stabilisation_figure
 
         model, measured = found.fit.model, response_of(found)
         figures.write_figure(
             stabilisation_figure(
-                stabilisation(measured, sample_hz=model.sample_hz), measured, states=model.states
+                md.stabilisation(measured, sample_hz=model.sample_hz), measured, states=model.states
             ),
             stabilisation_file,
             key="stabilisation",
@@ -177,9 +177,7 @@ def _validate(
     In the steady state of a periodic record; of another, from the state that its first quarter tells. Offsets
     and ramps are taken out as the fit takes them out: no model has them.
     """
-    from middeck.cli.shown.blame import reading
     from middeck.cli.work.fit_records import load_periods
-    from middeck.identification.model.steady_simulation import nrmse
     from middeck.identification.record_fit.record_spectra import as_fitted
     from middeck.identification.record_fit.simulate_record import record_nrmse
 
@@ -189,7 +187,7 @@ def _validate(
     model = found.fit.model
     with reading(*files):
         error = (
-            nrmse(model, held_out)
+            md.identification.nrmse(model, held_out)
             if held_out.periodic
             else record_nrmse(model, as_fitted(held_out, model), state_share=0.25)
         )
@@ -254,17 +252,14 @@ def _friction(found: JointFriction | None) -> dict[str, Any] | None:
     }
 
 
-def _zeros(model: MeasurementModel) -> list[dict[str, Any]]:
+def _zeros(model: md.MeasurementModel) -> list[dict[str, Any]]:
     """Those of every path; of a path whose zeros are lost in rounding, none and the reason."""
-    from middeck.errors import NumericalError
-    from middeck.identification.plants.zeros import path_zeros
-
     found: list[dict[str, Any]] = []
     for output in model.outputs:
         for input_ in model.inputs:
             path = {"output": output.name, "input": input_.name}
             try:
-                zeros = path_zeros(model, output.name, input_.name)
+                zeros = md.identification.path_zeros(model, output.name, input_.name)
             except NumericalError as error:
                 found.append({**path, "zero": [], "non_minimum_phase": [], "reason": str(error)})
                 continue

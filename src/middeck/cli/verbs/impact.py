@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, cells, deviation_words, show
 
 if TYPE_CHECKING:
-    from middeck.identification.fit.fit_response import FitResult
     from middeck.identification.impact.averaged_blows import ImpactTest
 
 EPILOG = """\
@@ -80,26 +81,24 @@ def verb(
     left out. --set takes states and band_hz.
     """
     from middeck.cli.given.option_settings import ImpactSettings, settle
-    from middeck.cli.shown.blame import reading
-    from middeck.files.any_value import write
     from middeck.files.records import load_records, write_response
-    from middeck.identification.impact.averaged_blows import average_blows
-    from middeck.identification.impact.fit_of_blows import fit_impact
 
     chosen = settle(ImpactSettings, {"states": states, "band_hz": band_hz}, overrides)
     taken = load_records(records, columns.told())
     with reading(*records):
-        test = average_blows(taken, ratio=ratio, window_s=window_s, band_hz=chosen.band_hz, blow_s=blow_s)
-        fit = fit_impact(test, of=fitted, states=chosen.states)
+        test = md.identification.average_blows(
+            taken, ratio=ratio, window_s=window_s, band_hz=chosen.band_hz, blow_s=blow_s
+        )
+        fit = md.fit_impact(test, of=fitted, states=chosen.states)
     if response_file is not None:
         write_response(response_file, test.response)
     if model_file is not None:
-        write(model_file, fit)
+        md.write(model_file, fit)
     document = describe(test, fit) | {"records": records, "fitted": fitted}
     show(as_json, document, *_blocks(document))
 
 
-def describe(test: ImpactTest, fit: FitResult) -> dict[str, Any]:
+def describe(test: ImpactTest, fit: md.identification.FitResult) -> dict[str, Any]:
     """The JSON document."""
     import numpy as np
 

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.structure.model.article import Structure
     from middeck.structure.suspension.levelling import Levelling
 
 EPILOG = """\
@@ -60,15 +62,13 @@ def verb(
     takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
     """
     from middeck.cli.given.cases import case_doubts, read_case
-    from middeck.cli.shown.blame import reading
     from middeck.files.setups import load_offset_keys
-    from middeck.structure.suspension.levelling import level
 
     structure, surroundings, *files = read_case(case)
     axes = "".join(about).replace(",", "") if about else None
     free = [split_offset(text) for text in options.separate_names(offsets)]
     with reading(*files):
-        found = level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
+        found = md.level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
     document = {
         **describe(found, load_offset_keys(*files, case.overrides)),
         "warnings": case_doubts(structure, surroundings, *files),
@@ -78,13 +78,12 @@ def verb(
     show(as_json, document, *_blocks(document))
 
 
-def _draw(structure: Structure, found: Levelling, file: str) -> None:
+def _draw(structure: md.Structure, found: Levelling, file: str) -> None:
     """How it hung and how it hangs, in one scale."""
     from middeck.plot.shapes import rest_figure
     from middeck.structure.modes.results.drawing import build_rest_drawing
-    from middeck.structure.rest.equilibrium import solve_equilibrium
 
-    before = solve_equilibrium(structure, found.equilibrium.environment)
+    before = md.solve_equilibrium(structure, found.equilibrium.environment)
     moved = ", ".join(
         f"{n}.{a} {1e3 * by:+.1f} mm" for (n, a), by in zip(found.moved, found.change, strict=True)
     )
@@ -104,8 +103,6 @@ def split_offset(text: str) -> tuple[str, str]:
     >>> split_offset("n1.z")
     ('n1', 'z')
     """
-    from middeck.errors import ConfigError
-
     name, dot, axis = text.rpartition(".")
     if not dot or not name:
         hint = "the name of an attach point and x, y or z, as in n1.z"

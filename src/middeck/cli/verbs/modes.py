@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.whirl_modes import GyroscopicModes
     from middeck.structure.summary.summary import Summary
 
@@ -59,7 +61,6 @@ def verb(
     those at standstill stand below them.
     """
     from middeck.cli.given.cases import read_case, solve_in
-    from middeck.cli.shown.blame import reading
     from middeck.cli.shown.mass_and_attitude import summary_lines, summary_numbers
     from middeck.structure.summary.summary import summarise
 
@@ -82,10 +83,8 @@ def verb(
         figures.draw_modes_to(modes, count, figure_file, _page_rows(document), up)
 
 
-def _write_shapes(modes: Modes, count: int, file: str) -> None:
+def _write_shapes(modes: md.Modes, count: int, file: str) -> None:
     """Motions of the nodes alone: a universal file has no place for the angle of a joint."""
-    from middeck.errors import ConfigError
-    from middeck.files.measured.modes import write_measured_modes
     from middeck.structure.correlation.measured_modes import AXES, measure_modes
 
     if modes.equilibrium.environment.spins:
@@ -94,10 +93,10 @@ def _write_shapes(modes: Modes, count: int, file: str) -> None:
     structure = modes.equilibrium.model.structure
     at = [(node.name, way) for node in structure.nodes for way in AXES]
     flexible = [i for i, kind in enumerate(modes.kind[:count]) if kind != "rigid"]
-    write_measured_modes(file, measure_modes(modes, at, chosen=flexible), structure)
+    md.files.write_measured_modes(file, measure_modes(modes, at, chosen=flexible), structure)
 
 
-def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
+def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
     """The JSON document; keys as in numbers.json."""
     import numpy as np
 
@@ -141,7 +140,7 @@ def describe(modes: Modes, count: int, summary: Summary) -> dict[str, Any]:
     return _at_speed(document, modes, count) if environment.spins else document
 
 
-def _at_speed(document: dict[str, Any], modes: Modes, count: int) -> dict[str, Any]:
+def _at_speed(document: dict[str, Any], modes: md.Modes, count: int) -> dict[str, Any]:
     """The document with the modes at the wheels' speeds, and apart what it said of them at standstill."""
     import numpy as np
 
@@ -164,21 +163,16 @@ def _at_speed(document: dict[str, Any], modes: Modes, count: int) -> dict[str, A
     }
 
 
-def _whirls(modes: Modes, count: int) -> tuple[GyroscopicModes, bool]:
+def _whirls(modes: md.Modes, count: int) -> tuple[GyroscopicModes, bool]:
     """Modes at the wheels' speeds, and whether the article has a damping ratio for each."""
-    from middeck.errors import ConfigError
-    from middeck.structure.model.article import Damping
-    from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
-
     try:
-        return solve_gyroscopic_modes(modes, count=count), True
+        return md.solve_gyroscopic_modes(modes, count=count), True
     except ConfigError:
-        return solve_gyroscopic_modes(modes, Damping(), count=count), False
+        return md.solve_gyroscopic_modes(modes, md.Damping(), count=count), False
 
 
-def _damping(modes: Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
+def _damping(modes: md.Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
     """Ratios of the lowest modes, and what is said of them; none where the article's damping refuses one."""
-    from middeck.errors import ConfigError
     from middeck.structure.plants.damping import estimate_damping
 
     try:

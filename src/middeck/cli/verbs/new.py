@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from string import Template
 
 import click
 
+import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import show
-
-if TYPE_CHECKING:
-    from middeck.signals.record import Record
+from middeck.errors import ConfigError
 
 EPILOG = """\
 \b
@@ -34,11 +35,6 @@ def verb(folder: Path, as_json: bool) -> None:
     It holds an article (a bus of tubes with torque wheels and a paddle), its environments, a record (a test
     of it, simulated) and a study, which all run. NAME must not exist yet.
     """
-    import re
-    from importlib.resources import files
-    from string import Template
-
-    from middeck.errors import ConfigError
     from middeck.files.disk.atomic import making_folder
     from middeck.files.records import write_record
 
@@ -60,12 +56,11 @@ def verb(folder: Path, as_json: bool) -> None:
     show(as_json, document, *lines, "", f"next: cd {folder}; README.md says how to go on")
 
 
-def simulate_test(folder: Path) -> Record:
+def simulate_test(folder: Path) -> md.Record:
     """The article in the laboratory, driven by the paddle's motor with a multisine that fills the band."""
     import numpy as np
 
     import middeck as md
-    from middeck.laboratory.rig.parts.sensors import Sampler
     from middeck.signals.excitation.multisine import random_multisine
 
     hung = md.solve_modes(md.solve_equilibrium(*md.load_setup(folder / "article.toml", folder / "lab.toml")))
@@ -73,7 +68,7 @@ def simulate_test(folder: Path) -> Record:
     plant = md.build_plant(hung, inputs=u, outputs=y, count=19, u=u, y=y)
     rng = np.random.default_rng(1)
     torque = random_multisine(BAND_HZ, PERIOD_S, RATE_HZ, TORQUE_NM, rng)
-    sensors = {name: Sampler(noise) for name, noise in zip(y, NOISE, strict=True)}
+    sensors = {name: md.laboratory.Sampler(noise) for name, noise in zip(y, NOISE, strict=True)}
     rig = md.build_rig(plant, sample_hz=RATE_HZ, delay_s=0.01, sensors=sensors)
     run = md.run_open_loop(rig, torque[:, None], periods=PERIODS, rng=rng, settle=0, steady=True)
     assert run.record is not None, run.cause

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 
 EPILOG = """\
@@ -37,7 +38,6 @@ def verb(
     said. The comparison is a document of its own, which names the promise by its hash; a promise that was
     changed is refused, and a file beside it that it was made of and that was changed is named.
     """
-    from middeck.cli.shown.blame import reading
     from middeck.files.json.output import write_json
     from middeck.files.promises.form import read_promise
     from middeck.files.promises.outcomes import comparison_document, load_outcomes

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.gravity_levels import GravityLevel
     from middeck.structure.gravity.path import GravityPath
-    from middeck.structure.model.environment import Environment
 
 EPILOG = """\
 \b
@@ -66,14 +68,12 @@ def verb(
     acts all the way.
     """
     from middeck.cli.given.cases import case_doubts, read_case
-    from middeck.cli.shown.blame import reading
     from middeck.structure.gravity.gravity_levels import DeviceRule
-    from middeck.structure.gravity.path import follow_gravity
 
     structure, surroundings, *files = read_case(case)
     places = _places(surroundings, through, tilt)
     with reading(*files):
-        found = follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
+        found = md.follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
     document = {
         **describe(found),
         "warnings": (*case_doubts(structure, surroundings, *files), *found.warnings),
@@ -94,11 +94,10 @@ def verb(
 
 
 def _places(
-    environment: Environment, through: tuple[str, ...] | None, tilt: tuple[float, ...] | None
+    environment: md.Environment, through: tuple[str, ...] | None, tilt: tuple[float, ...] | None
 ) -> tuple[GravityLevel, ...] | None:
     import numpy as np
 
-    from middeck.errors import ConfigError
     from middeck.structure.gravity.gravity_levels import GravityLevel, find_place, tilt_place
 
     if through is not None and tilt is not None:

@@ -8,7 +8,9 @@ from typing import Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -83,21 +85,18 @@ def verb(
 
 
 def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[str, Any]:
-    from middeck.cli.shown.blame import reading
     from middeck.files.json.hash_seal import SEAL
     from middeck.files.json.output import write_json
     from middeck.files.promises.documents import hash_files, promise_document
     from middeck.files.promises.plans import load_plan
     from middeck.files.promises.plants import plants_document
-    from middeck.updating.promise.promise import promise
-    from middeck.updating.refinement.refine import refine
 
     with reading(plan):
         loaded = load_plan(plan, body)
     files = hash_files(loaded.files)
     with reading(body, plan):
-        refined = refine(loaded.structure, *loaded.refinement.of_refine)
-        promised = promise(refined, loaded.plan)
+        refined = md.refine(loaded.structure, *loaded.refinement.of_refine)
+        promised = md.promise(refined, loaded.plan)
     plants = None
     if plants_file is not None:
         drawn = plants_document(promised, loaded.plan)
@@ -107,18 +106,15 @@ def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
-    from middeck.cli.shown.blame import reading
     from middeck.files.promises.documents import hash_files, loads_document
     from middeck.files.refinements.promised_loads import load_promised_loads
-    from middeck.updating.orbit.frequencies import predict_modes
-    from middeck.updating.refinement.refine import refine
 
     asked = load_promised_loads(load_cases, body)
     files = hash_files(asked.files)
     with reading(body, load_cases):
-        refined = refine(asked.structure, *asked.refinement.of_refine)
+        refined = md.refine(asked.structure, *asked.refinement.of_refine)
         deflections = asked.of(refined)
-        modes = predict_modes(refined, asked.environment, count=asked.modes) if asked.modes else None
+        modes = md.predict_modes(refined, asked.environment, count=asked.modes) if asked.modes else None
     return loads_document(refined, asked.environment_name, deflections, modes, files=files, date=day)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, cells, show
 
@@ -98,8 +99,6 @@ def _qualify(
     from middeck.cli.given.compensators import load_law
     from middeck.cli.given.plants_to_try import allowed_shifts, gather_plants, say_hold
     from middeck.cli.given.shifted_plants import all_plants
-    from middeck.control.lqg.weights import LQGWeights
-    from middeck.control.qualification import qualify_compensator
 
     law = load_law(law_file)
     gathered = gather_plants(tried, law)
@@ -108,18 +107,16 @@ def _qualify(
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     intensity = given["disturbance"] ** 2 * np.eye(len(u))
     noise = np.full(len(y), given["angle_noise"] ** 2)
-    weights = LQGWeights(
+    weights = md.LQGWeights(
         output=np.ones(len(y)), input=np.ones(len(u)), disturbed=u, process=intensity, sensor=noise
     )
     rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
-    found = qualify_compensator(law, plants, weights, rates_hz=rates)
+    found = md.qualify_compensator(law, plants, weights, rates_hz=rates)
     return law, found, allowed, say_hold(gathered, law, weights, rates, tried.delay_s)
 
 
 def _row(found: Qualified) -> dict[str, Any]:
     """Numbers of one row, the least of all its loops; still infinite where there is no limit."""
-    import math
-
     loops, unlimited, known = found.loops, math.inf if found.stable else None, found.stability
 
     def least(values: Any) -> Any:
@@ -155,8 +152,6 @@ def describe(
     said: list[str],
 ) -> dict[str, Any]:
     """The JSON document; what is infinite or unknown is null."""
-    import math
-
     from middeck.files.laws.compensators import how_made
 
     def finite(value: Any) -> Any:

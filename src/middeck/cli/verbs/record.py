@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.files.records import Columns
     from middeck.signals.excitation.recognition import Recognised
     from middeck.signals.fault import Fault
-    from middeck.signals.ports import Port
-    from middeck.signals.record import Record
-    from middeck.systems.plants.response import FrequencyResponse
 
 EPILOG = """\
 \b
@@ -86,7 +88,6 @@ def verb(
 
 
 def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | None) -> None:
-    from middeck.errors import ConfigError
     from middeck.files.records import open_record, write_stream
 
     if target is None or len(files) != 1:
@@ -98,17 +99,15 @@ def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | No
 
 def _read(
     files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
-) -> tuple[Record, Recognised | None, tuple[Fault, ...]]:
-    from middeck.cli.shown.blame import reading
+) -> tuple[md.Record, Recognised | None, tuple[Fault, ...]]:
     from middeck.files.records import join_records, read_record, split_periods
-    from middeck.identification.faults.detect import detect_faults
 
     readings = [read_record(path, told) for path in files]
     taken = join_records([r.record for r in readings], list(files))
     with reading(*files):
         taken = taken if periods is None else split_periods(taken, periods)
         expected = None if reference is None else _expected(reference, taken)
-        found = detect_faults(taken, expected)
+        found = md.detect_faults(taken, expected)
         excitation = _excitation(taken)
         found += () if excitation is None else _transients(taken, excitation)
     # What the reader mended is in the samples as a gap; what it cut is not.
@@ -116,7 +115,7 @@ def _read(
     return taken, excitation, (*mended, *found)
 
 
-def _excitation(taken: Record) -> Recognised | None:
+def _excitation(taken: md.Record) -> Recognised | None:
     """The excitation in the inputs; None where the periods are known, or samples are missing."""
     import numpy as np
 
@@ -127,11 +126,8 @@ def _excitation(taken: Record) -> Recognised | None:
     return recognise_excitation(taken)
 
 
-def _transients(taken: Record, excitation: Recognised) -> tuple[Fault, ...]:
+def _transients(taken: md.Record, excitation: Recognised) -> tuple[Fault, ...]:
     """Transients of the periods that the inputs show, as --periods would judge them."""
-    from dataclasses import replace
-
-    from middeck.identification.faults.detect import detect_faults
     from middeck.signals.excitation.repetition import blocks_of
 
     if excitation.period is None:
@@ -141,27 +137,25 @@ def _transients(taken: Record, excitation: Recognised) -> tuple[Fault, ...]:
     cut = replace(taken, u=u, y=y, periodic=True)
     return tuple(
         replace(fault, samples=tuple((a + offset, b + offset) for a, b in fault.samples))
-        for fault in detect_faults(cut)
+        for fault in md.detect_faults(cut)
         if fault.kind == "transient"
     )
 
 
-def _expected(reference: str, taken: Record) -> FrequencyResponse:
+def _expected(reference: str, taken: md.Record) -> md.FrequencyResponse:
     """The response of a model on the lines of the record, or one from a universal file."""
     import numpy as np
 
-    from middeck.files.measured.models import load_model
-    from middeck.files.records import load_response
     from middeck.identification.model.measurement_model import evaluate_model
 
     if Path(reference).suffix.lower() != ".json":
-        return load_response(reference)
-    model = load_model(reference)
+        return md.files.load_response(reference)
+    model = md.files.load_model(reference)
     lines = np.fft.rfftfreq(taken.u.shape[2], 1.0 / taken.sample_hz)[1:-1]
     return evaluate_model(model, lines)
 
 
-def describe(taken: Record, excitation: Recognised | None, faults: tuple[Fault, ...]) -> dict[str, Any]:
+def describe(taken: md.Record, excitation: Recognised | None, faults: tuple[Fault, ...]) -> dict[str, Any]:
     """The JSON document."""
     experiments, periods, samples, _ = taken.u.shape
     sides = (("input", taken.inputs, taken.u), ("output", taken.outputs, taken.y))
@@ -187,10 +181,8 @@ def _recognised(excitation: Recognised) -> dict[str, Any]:
     return {name: getattr(excitation, name) for name in names}
 
 
-def _channel(side: str, port: Port, x: Any) -> dict[str, Any]:
+def _channel(side: str, port: md.Port, x: Any) -> dict[str, Any]:
     """Port, transducer and statistics of the samples that are numbers; None where there are none."""
-    import dataclasses
-
     import numpy as np
 
     from middeck.signals.ports import Channel
@@ -219,11 +211,10 @@ def _runs(files: tuple[str, ...]) -> dict[str, Any]:
     runs = [path for path in files if Path(path).suffix.lower() == RUN]
     if not runs:
         return {}
-    from middeck.realtime.engine.recording.run_file import read_run
 
     found = []
     for path in runs:
-        run = read_run(path)
+        run = md.realtime.read_run(path)
         found.append(
             {
                 "record": path,

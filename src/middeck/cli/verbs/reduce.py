@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.structure.modes.craig_bampton import Reduced
@@ -61,12 +64,9 @@ def verb(
     Modes up to three times the frequency of interest are usual. Angles of free joints remain, ahead of the
     modal coordinates.
     """
-    from middeck.cli.shown.blame import reading
-    from middeck.errors import ConfigError
     from middeck.files.articles.components import write_component
     from middeck.files.nastran.components.external_write import write_external
     from middeck.files.setups import find_document, load_structure
-    from middeck.structure.modes.craig_bampton import reduce_structure
 
     if target is not None:
         for ending in (".op4", ".pch", ".asm"):
@@ -81,7 +81,7 @@ def verb(
         )
     name = "component" if target is None else Path(target).stem
     with reading(path):
-        made = reduce_structure(
+        made = md.reduce_structure(
             structure,
             nodes,
             count=count,

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
@@ -60,16 +62,12 @@ def verb(
     refined article is the old one with a table of factors.
     """
     from middeck.cli.given.cases import find_case
-    from middeck.cli.shown.blame import reading
     from middeck.files.disk.atomic import write_text
     from middeck.files.refinements.documents import load_refinement, refined_text
-    from middeck.files.setups import load_setup
-    from middeck.updating.orbit.frequencies import predict_modes
     from middeck.updating.refinement.findable_unknowns import weigh_unknowns
-    from middeck.updating.refinement.refine import refine
 
     files = find_case(article, environment)
-    structure, there = load_setup(*files)
+    structure, there = md.load_setup(*files)
     asked = load_refinement(refinement, files[0])
     if choose:
         with reading(files[0], refinement):
@@ -78,8 +76,8 @@ def verb(
         show(as_json, weights, _choice_table(weights))
         return
     with reading(files[0], refinement):
-        refined = refine(structure, *asked.of_refine)
-        predicted = predict_modes(refined, there, count=count)
+        refined = md.refine(structure, *asked.of_refine)
+        predicted = md.predict_modes(refined, there, count=count)
     document = describe(refined, predicted)
     if target is not None:
         write_text(target, refined_text(files[0], refined.factors))

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, cells, show
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
 
-    from middeck.structure.modes.solve import Modes
     from middeck.structure.plants.residual_flexibility import StaticGainComparison
-    from middeck.systems.plants.response import FrequencyResponse
 
 EPILOG = """\
 \b
@@ -74,19 +73,16 @@ def verb(
     import numpy as np
 
     from middeck.cli.given.cases import find_case, solve_case
-    from middeck.cli.shown.blame import reading
-    from middeck.structure.plants.modal_plant import build_plant
     from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
-    from middeck.systems.plants.response import evaluate_plant
 
     modes = solve_case(case, count, standstill=True)
     u, y = options.separate_names(inputs), options.separate_names(outputs)
     with reading(find_case(case.article, case.environment)[0]):
-        plant = build_plant(modes, inputs=u, outputs=y, count=count, static=static)
+        plant = md.build_plant(modes, inputs=u, outputs=y, count=count, static=static)
         gain = compare_static_gain(modes, inputs=u, outputs=y, count=count) if static else None
 
-    def respond(hz: np.ndarray) -> FrequencyResponse:
-        found = evaluate_plant(plant, hz)
+    def respond(hz: np.ndarray) -> md.FrequencyResponse:
+        found = md.evaluate_plant(plant, hz)
         if not static:
             return found
         return complete_response(modes, found, inputs=u, outputs=y, count=count)
@@ -107,13 +103,12 @@ def verb(
 
 
 def _draw(
-    respond: Callable[[np.ndarray], FrequencyResponse], modes: Modes, asked_hz: np.ndarray, file: str
+    respond: Callable[[np.ndarray], md.FrequencyResponse], modes: md.Modes, asked_hz: np.ndarray, file: str
 ) -> None:
     from middeck.plot.response import response_figure, response_lines
-    from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
 
     rest = modes.equilibrium
-    found = solve_gyroscopic_modes(modes)
+    found = md.solve_gyroscopic_modes(modes)
     lines = response_lines(asked_hz, found.frequency_hz, found.zeta)
     title = f"{rest.model.structure.title} in {rest.environment.title}"
     figures.write_figure(
@@ -125,7 +120,7 @@ def _draw(
     )
 
 
-def describe(response: FrequencyResponse) -> dict[str, Any]:
+def describe(response: md.FrequencyResponse) -> dict[str, Any]:
     """Every pair of ports in ``responses``; the numbers of a single pair stand beside it as well."""
     from middeck.files.json.results import response_numbers
 

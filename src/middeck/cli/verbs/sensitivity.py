@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import middeck as md
 from middeck.cli import options
+from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.structure.modes.solve import Modes
     from middeck.structure.sensitivity.frequencies import FrequencySensitivities
     from middeck.structure.sensitivity.rest import RestSensitivities
 
@@ -69,11 +71,6 @@ def verb(
     --json has all of them for every mode up to the last one printed.
     """
     from middeck.cli.given.cases import find_case, solve_case
-    from middeck.cli.shown.blame import reading
-    from middeck.errors import ConfigError
-    from middeck.structure.sensitivity.frequencies import differentiate_frequencies
-    from middeck.structure.sensitivity.parameters import find_parameters
-    from middeck.structure.sensitivity.rest import differentiate_rest
 
     modes = solve_case(case)
     rest = modes.equilibrium
@@ -82,9 +79,9 @@ def verb(
         names = options.separate_names(patterns)
         if not names:
             raise ConfigError("no parameter named", where="--parameter", hint='a name, or "*" for all')
-        parameters = find_parameters(rest.model.structure, rest.environment, names)
-        by_rest = differentiate_rest(rest, parameters)
-        by_modes = differentiate_frequencies(modes, parameters, max([count, *(m + 1 for m in chosen)]))
+        parameters = md.structure.find_parameters(rest.model.structure, rest.environment, names)
+        by_rest = md.structure.differentiate_rest(rest, parameters)
+        by_modes = md.differentiate_frequencies(modes, parameters, max([count, *(m + 1 for m in chosen)]))
     document = describe(modes, by_modes, by_rest)
     show(as_json, document, *_tables(document, chosen, top or (TOP if wanted else None)))
 
@@ -95,7 +92,6 @@ def find_modes(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     >>> find_modes(["bounce", "first torsion", "mixed", "mixed"], ["First torsion", "0", "mixed"])
     [1, 0, 2, 3]
     """
-    from middeck.errors import ConfigError
     from middeck.files.toml.faults import nearest
 
     found: dict[int, None] = {}
@@ -109,7 +105,7 @@ def find_modes(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     return list(found)
 
 
-def describe(modes: Modes, found: FrequencySensitivities, rest: RestSensitivities) -> dict[str, Any]:
+def describe(modes: md.Modes, found: FrequencySensitivities, rest: RestSensitivities) -> dict[str, Any]:
     """The JSON document; a derivative that does not exist (of omega at zero) is null."""
     import numpy as np
 

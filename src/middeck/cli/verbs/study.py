@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
 
@@ -39,10 +41,9 @@ def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) 
     Files are written whole as soon as their stage is done; an interrupted run leaves whole files only.
     """
     from middeck.files.setups import find_document
-    from middeck.files.studies.documents import load_study
 
     path = find_document(study_file, "study")
-    times = _run(load_study(path, overrides), out)
+    times = _run(md.load_study(path, overrides), out)
     files = sorted(p for p in out.rglob("*") if p.is_file())
     document = {"schema": "middeck.study/1", "study": path, "out": out, "time_s": times, "files": files}
     rows = [[name, f"{seconds:.1f}"] for name, seconds in (*times.items(), ("all", sum(times.values())))]
@@ -51,8 +52,6 @@ def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) 
 
 def _run(study: Study, out: Path) -> dict[str, float]:
     """Seconds that each stage and its figures took."""
-    import time
-
     from middeck.cli.shown.progress import follow
     from middeck.report.results_folder import StudyWriter
     from middeck.study.mission import chapters_in, run_chapters
