@@ -15,6 +15,7 @@ from middeck.values import record
 
 LINES = 600  # logarithmic, for the models' curves
 DELAY_FROM_HZ = 5.0  # the phase gap is read above this frequency
+LONGEST_S = 0.5  # delays that are tried
 ERROR_BAND_HZ = (0.3, 30.0)
 
 
@@ -62,23 +63,29 @@ def compute(study: Study, rng: np.random.Generator) -> GravityResponses:
         lab=evaluate_plant(plants["lab"], frequency_hz),
         rig=measured,
         delay_s=study.rig.delay_s,
-        phase_gap_s=_phase_gap(plants["lab"], measured),
+        phase_gap_s=phase_gap(plants["lab"], measured),
         magnitude_error=_magnitude_error(
             plants["orbit"], plants["lab"], measured, (figure.band_hz, test.band_hz)
         ),
     )
 
 
-def _phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray | None:
-    """Weighted least squares of the phase lag on omega, through the origin; lines count by their power."""
+def phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray | None:
+    """Weighted least squares of the phase lag on omega, through the origin; lines count by their power.
+
+    About the delay with which most of the power is in phase: in a deep zero the phase cannot be unwrapped.
+    """
     lines = measured.frequency_hz > DELAY_FROM_HZ
     if not lines.any():
         return None
     omega = 2.0 * np.pi * measured.frequency_hz[lines]
     H, G = measured.H[lines, :, 0], evaluate_plant(model, measured.frequency_hz[lines]).H[:, :, 0]
-    gap = np.unwrap(np.angle(H * G.conj()), axis=0)
-    weight = np.abs(H) ** 2
-    return -(weight * gap * omega[:, None]).sum(axis=0) / (weight * omega[:, None] ** 2).sum(axis=0)
+    turn, weight = np.exp(1j * np.angle(H * G.conj())), np.abs(H) ** 2
+    tried = np.arange(-LONGEST_S, LONGEST_S, 1.0 / omega[-1])
+    in_phase = np.real(np.exp(1j * np.outer(tried, omega)) @ (weight * turn))
+    near = tried[np.argmax(in_phase, axis=0)]
+    left = np.angle(turn * np.exp(1j * np.outer(omega, near)))
+    return near - (weight * left * omega[:, None]).sum(axis=0) / (weight * omega[:, None] ** 2).sum(axis=0)
 
 
 def _magnitude_error(
