@@ -24,8 +24,8 @@ from middeck.structure.model.article import Actuator, ActuatorKind, Sensor, Sens
 from middeck.structure.plants.sensors_and_actuators import RATE
 
 # Of a frequency, relative: a mode that is known worse tells an article nothing, a pole that is damped more is
-# a delay's or a filter's, and no frequency of an article is one number to better than the least.
-MOST, DAMPED, LEAST = 0.01, 0.3, 1e-5
+# a delay's or a filter's; the least is the most that pairs of tests allow beside what a fit states.
+MOST, DAMPED, LEAST = 0.01, 0.3, 3e-6
 # Of a shape's largest channel: cross-talk and axes that are not quite where they are drawn.
 CROSS = 1e-3
 # Relative, of sensors and motors: what a calibration leaves.
