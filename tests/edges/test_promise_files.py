@@ -35,9 +35,9 @@ def promised(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def promise(folder: Path, name: str, *, fresh: bool = False) -> None:
+def promise(folder: Path, name: str, *more: str, fresh: bool = False) -> None:
     """``middeck promise``, on what was refined already unless ``fresh``."""
-    asked = ["promise", str(ARTICLE), str(folder / "promise.toml"), "--date", "2026-11-23"]
+    asked = ["promise", str(ARTICLE), str(folder / "promise.toml"), "--date", "2026-11-23", *more]
     with pytest.MonkeyPatch.context() as patch:
         if not fresh:
             share_results(patch)
@@ -107,7 +107,7 @@ def test_friction_stands_beside_what_would_be_without_and_all_is_the_same_again(
     assert orbit["friction"]["joints"][0]["slip_torque_nm"] == 0.002
     assert not any("every plant is linear" in limit for limit in document["not_valid_for"])
     first = (tmp_path / "promise.json").read_bytes()
-    promise(tmp_path, "again.json", fresh=True)
+    promise(tmp_path, "again.json", "--ledger", str(tmp_path / "draws.ledger"), fresh=True)
     assert (tmp_path / "again.json").read_bytes() == first
 
 

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
+
+if TYPE_CHECKING:
+    from middeck.updating.promise.blocks import Measured
+    from middeck.updating.promise.plan import Plan
+    from middeck.updating.refinement.refine import Refined
 
 NAMED = 4
 """Lost cases of a sweep that the screen names; the document has all."""
@@ -37,6 +42,15 @@ Examples:
     metavar="PLANTS.json",
     help="Write the drawn plants beside it: `middeck gate` and `qualify` take the promise then.",
 )
+@options.written(
+    "--ledger",
+    endings=(".ledger",),
+    cls=options.Updated,
+    help="Keep draws here as they come: after a kill the same call goes on behind them.",
+)
+@click.option(
+    "--workers", type=click.IntRange(min=1), help="Processes that draw, with --ledger.  [default: 1]"
+)
 @figures.figure
 @options.printing
 def verb(
@@ -46,6 +60,8 @@ def verb(
     date: str | None,
     target: str | None,
     plants_file: str | None,
+    ledger: str | None,
+    workers: int | None,
     figure_file: str | None,
     as_json: bool,
 ) -> None:
@@ -54,8 +70,8 @@ def verb(
     ARTICLE is refined on the surveys that PLAN names; plants are then drawn from what stays open, and every
     compensator is tried on all of them: docs/reference/files.md. The document says with which probability it
     is stable, how many decibels to expect, what the risk hangs on and how far an ideal compensator is. It
-    carries the hash of its own content and of all files behind it. With --load-cases it says what gauges will
-    read of the refined article at rest.
+    carries the hash of its own content and of all files behind it; with --ledger and --workers it is the
+    same to the last byte. With --load-cases it says what gauges will read of the refined article at rest.
     """
     from middeck.files.json.output import write_json
     from middeck.files.setups import find_document
@@ -69,11 +85,15 @@ def verb(
     folder = None if plan is None or target is None else Path(target).parent
     if plants_file is not None and Path(plants_file).parent != folder:
         raise ConfigError(f"--plants {plants_file}", hint="a PLAN, and -o PROMISE.json in the same folder")
+    if workers is not None and ledger is None:
+        raise ConfigError(f"--workers {workers}", hint="--ledger FILE, in which the processes' draws meet")
+    if ledger is not None and plan is None:
+        raise ConfigError(f"--ledger {ledger}", hint="a PLAN: load cases have no draws")
     body, day = find_document(article, "article"), options.day(date)
     if plan is None:
         document = _at_rest(body, str(load_cases), day)
     else:
-        document = _of_loops(body, plan, day, plants_file)
+        document = _of_loops(body, plan, day, plants_file, (ledger, workers or 1) if ledger else None)
     if target is not None:
         write_json(target, document)
     if figure_file is not None:
@@ -82,7 +102,10 @@ def verb(
     show(as_json, document if as_json else warnings, *_blocks(document, target))
 
 
-def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[str, Any]:
+def _of_loops(
+    body: Path, plan: str, day: str, plants_file: str | None, kept: tuple[str, int] | None
+) -> dict[str, Any]:
+    """``kept`` are the ledger of the draws and the number of processes."""
     from middeck.cli.shown.blame import reading
     from middeck.files.json.hash_seal import SEAL
     from middeck.files.json.output import write_json
@@ -97,13 +120,37 @@ def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[
     files = hash_files(loaded.files)
     with reading(body, plan):
         refined = refine(loaded.structure, *loaded.refinement.of_refine)
-        promised = promise(refined, loaded.plan)
+        measured = None if kept is None else _measured(refined, loaded.plan, (body, Path(plan)), files, *kept)
+        promised = promise(refined, loaded.plan, measured)
     plants = None
     if plants_file is not None:
         drawn = plants_document(promised, loaded.plan)
         write_json(plants_file, drawn)
         plants = Path(plants_file).name, drawn[SEAL]
     return promise_document(refined, loaded.plan, promised, files=files, date=day, plants=plants)
+
+
+def _measured(
+    refined: Refined,
+    plan: Plan,
+    files: tuple[Path, Path],
+    digests: tuple[tuple[str, str], ...],
+    ledger: str,
+    workers: int,
+) -> dict[str, list[Measured]]:
+    from middeck.cli.shown.progress import left_words, status
+    from middeck.files.promises.campaign import measured_in_ledger
+
+    with status("promise") as say:
+        return measured_in_ledger(
+            refined,
+            plan,
+            files,
+            digests,
+            ledger,
+            workers=workers,
+            progress=lambda p: say(f"{p.done} of {p.total} blocks of draws, {left_words(p.remaining_s)}"),
+        )
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
