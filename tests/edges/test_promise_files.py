@@ -73,6 +73,21 @@ def test_the_sweep_stands_beside_the_draws(promised: Path):
     assert (sweep.first_bending, sweep.others) == (0.0, 0.01)
 
 
+def test_what_was_taken_out_is_the_way_from_the_ground(promised: Path):
+    """To a thousandth of the frequency; also of modes that no survey saw."""
+    orbit = read_promise(promised / "promise.json")["environments"][0]
+    removed, modes = orbit["removed"], orbit["modes"]
+    assert removed["survey"] == "virtual survey"
+    assert removed["effects"] == ["suspension", "stiffness", "deformation"]
+    for mode, shares in zip(modes, removed["share_hz"], strict=True):
+        if mode["ground_hz"] is not None:
+            way = mode["ground_hz"] - mode["frequency_hz"]
+            assert sum(shares) == pytest.approx(way, abs=1e-3 * mode["frequency_hz"])
+    largest = max(range(len(modes)), key=lambda k: sum(removed["share_hz"][k]))
+    assert modes[largest]["name"] == "first torsion"
+    assert removed["share_hz"][largest][1] > 0.9 * sum(removed["share_hz"][largest])
+
+
 JOINT = """
 [[joint]]
 name = "pri_rel_z"

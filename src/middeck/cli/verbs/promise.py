@@ -173,6 +173,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
     blocks: list[str | Table] = []
     for place in document["environments"]:
         blocks += [_modes(place)] if place["modes"] else []
+        blocks += [_removed(place)] if "removed" in place else []
         if "compensators" in place:
             blocks += [_loops(place, document), *_with_friction(place, document), _sweep(place)]
             blocks += [_highest(place, document)]
@@ -198,6 +199,20 @@ def _modes(place: dict[str, Any]) -> Table:
     headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen [%]", "on the ground [Hz]",
                "from there [%]"]  # fmt: skip
     return Table(f"promised in {place['name']}: modes", headers, rows)
+
+
+def _removed(place: dict[str, Any]) -> Table:
+    """What gravity made of each frequency on the ground; * where the effects cannot be told apart."""
+    removed = place["removed"]
+    rows = [
+        [
+            f"{mode['name']} *" if k in removed["unclear"] else mode["name"],
+            *(f"{share:+.4f}" for share in (*shares, sum(shares))),
+        ]
+        for k, (mode, shares) in enumerate(zip(place["modes"], removed["share_hz"], strict=True), start=1)
+    ]
+    title = f"promised in {place['name']}: taken out of what {removed['survey']} has [Hz]"
+    return Table(title, ["mode", *removed["effects"], "together"], rows)
 
 
 def _readings(place: dict[str, Any]) -> Table:
